@@ -9,44 +9,20 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-import gymnasium as gym
-
 import duobench
 from duobench.cli.shared.console import console
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.evaluation.rollout import Info, Observation, Step, rollout
+from duobench.evaluation.rollout import rollout
 from duobench.files import write
 from duobench.looks.look import Look
-from duobench.replay.playback import PoseCollector, SceneCache
+from duobench.replay.trajectory import SceneCache, TrajectoryRecorder
 from duobench.results.suite import Episode, find_tasks
 from duobench.tasks import catalog
-from duobench.web.page import Replay, replay_page
+from duobench.web.page import EpisodeReplay, replay_page
 
 FOLDER = Path(__file__).parent / "replays"
 EPISODE = 0
 """Index of the episode that is shown."""
-
-
-class Collector(PoseCollector):
-    """Keeps poses, the instruction, and when each stage was reached."""
-
-    def __init__(self) -> None:
-        """Begin without an episode."""
-        super().__init__(SceneCache(), Look())
-        self.instruction = ""
-        self.stage_changes: list[tuple[int, int]] = []
-
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:
-        """Keep what is to be done."""
-        self.instruction = info["instruction"]
-        super().on_episode_start(env, observation, info)
-
-    def on_step(self, step: Step) -> None:
-        """Keep a stage that was newly reached."""
-        super().on_step(step)
-        reached = self.stage_changes[-1][1] if self.stage_changes else 0
-        if (stage := step.info["stage"]) > reached:
-            self.stage_changes.append((step.number, stage))
 
 
 def page(name: str) -> str:
@@ -54,21 +30,21 @@ def page(name: str) -> str:
     (task,) = find_tasks([name])
     episode = Episode(task=task, index=EPISODE)
     env = duobench.make(name, cameras=False)
-    collector = Collector()
-    rollout(env, ExpertPolicy(env), seed=episode.seed, watchers=[collector])
+    recorder = TrajectoryRecorder(SceneCache(), Look())
+    rollout(env, ExpertPolicy(env), seed=episode.seed, watchers=[recorder])
     env.close()
-    scene, changes = collector.geometry, tuple(collector.stage_changes)
-    if scene is None or changes[-1][1] != task.max_stage:
+    shown = recorder.trajectory()
+    if shown.stage_changes[-1][1] != task.max_stage:
         raise SystemExit(f"The expert did not solve {name}.")
-    replay = Replay(
+    replay = EpisodeReplay(
         title=f"{task.title}: the scripted expert, episode {EPISODE}",
-        scene=scene.name,
-        track=collector.track(),
-        stage_changes=changes,
+        scene=shown.scene,
+        track=shown.track,
+        stage_changes=shown.stage_changes,
         stages=task.stages,
-        instruction=collector.instruction,
+        instruction=shown.instruction,
     )
-    return replay_page(task.title, {scene.name: scene.data}, [replay])
+    return replay_page(task.title, {shown.scene: shown.scene_data}, [replay])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -24,14 +24,14 @@ from duobench.objects.solid import (
     placed,
     printable,
 )
-from duobench.policy.serving.vla_eval_specs import MODES
-from duobench.results.suites.catalog import SUITES
+from duobench.policy.serving.vla_eval import MODES
+from duobench.results.suites import SUITES
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.shifts import levels
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.types import SIDES
+from duobench.types import POLICY_CAMERAS, SIDES
 
 DOCS = Path(__file__).parent
 PLACE = re.compile(
@@ -138,16 +138,22 @@ MEANINGS = {
 
 
 def modes() -> str:
-    """Action modes and how many numbers they have."""
-    rows = [(f"`{name}`", len(mode.names), MEANINGS[name]) for name, mode in ACTION_MODES.items()]
+    """Action modes and how many numbers an environment takes in them."""
+    rows = []
+    for name in ACTION_MODES:
+        env = duobench.make("bin_sort", cameras=False, action_mode=name)
+        (size,) = env.action_space.shape or ()
+        rows.append((f"`{name}`", size, MEANINGS[name]))
+        env.close()
     return table(("mode", "size", "joints or pose of one side"), rows)
 
 
 MOUNTS = {
-    "head": "the table frame",
-    "left_wrist": "the left flange",
-    "right_wrist": "the right flange",
+    "world": "the table frame",
+    "left/link7": "the left flange",
+    "right/link7": "the right flange",
 }
+"""What cameras are mounted on, by body."""
 
 
 def cameras() -> str:
@@ -156,8 +162,9 @@ def cameras() -> str:
     model = env.unwrapped.simulation.model  # pyright: ignore[reportAttributeAccessIssue]
     env.reset(seed=0)
     rows = []
-    for name, mount in MOUNTS.items():
+    for name in POLICY_CAMERAS:
         camera = model.cam(name)
+        mount = MOUNTS[model.body(int(camera.bodyid[0])).name]
         position = np.array(camera.pos)
         if camera.bodyid[0]:
             position -= model.site(f"{name.split('_')[0]}/flange").pos

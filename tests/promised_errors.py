@@ -68,7 +68,9 @@ TRIGGERS: Mapping[str, Trigger] = {
     "task: attribute that is no task": lambda: catalog.get("duobench.tasks.bin_sort:COLOURS"),
     "task: module without tasks": lambda: catalog.get("json:TASK"),
     "task: no attribute": lambda: catalog.get(":TASK"),
-    "task: placement of no prop": lambda: task(placements={"cub": TASK.placements["white_cube"]}),
+    "task: placement of no prop": lambda: task(
+        placements={"white_cub": TASK.placements["white_cube"]}
+    ),
     "task: no stages": lambda: task(stages=()),
     "task: title that cannot be written": lambda: task(title="w\udcff"),
     "task: instruction that cannot be written": lambda: task(instruction="w\udcff"),

@@ -30,9 +30,9 @@ from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.policy import PolicyMetadata
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
-from duobench.results.metrics import Results
 from duobench.results.report import write_report
-from duobench.results.run import Run
+from duobench.results.run import Candidate, Run
+from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
 from duobench.stages.progress import ProgressState
 from duobench.tasks import catalog
@@ -109,12 +109,9 @@ def make(data: DataSet) -> gym.Env:
 def play(path: Path) -> tuple[Recording, Results]:
     """Play one episode, and return what its recording and its report hold."""
     run = Run(
-        policy="creep",
+        candidates=(Candidate(policy="creep", metadata=Creep.metadata, config=CONFIG),),
         suite=Suite(tasks=find_tasks([TASK]), episodes=1),
-        videos=0,
         limits=TimeLimits(),
-        metadata=Creep.metadata,
-        config=CONFIG,
         versions=package_versions(),
     )
     folder, data = RunFolder(path / "run"), DataSet.open(path / "data")
@@ -123,7 +120,7 @@ def play(path: Path) -> tuple[Recording, Results]:
     recorder = EpisodeRecorder(episode)
     env = make(data)
     rollout(env, Creep(), seed=episode.seed, watchers=[recorder])
-    folder.write(recorder.record(run, record_versions(None)), None)
+    folder.write(recorder.record(run, record_versions(None)))
     (recorded,) = data.episodes()
     chunks = ActionChunks(env, 3)
     chunks.reset()

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pytest
 
 from duobench.experts.motion import Arms, Script
 from duobench.kinematics.inverse import Kinematics
@@ -17,6 +19,16 @@ from duobench.spatial import SE3
 from duobench.stages.progress import Progress, ProgressState
 from duobench.tasks.task import Task
 from duobench.types import Array, DuoCommand, Side
+
+FAST = ("hinge_chest", "transfer_cube", "bin_sort")
+"""Tasks whose whole episodes `make test` plays where all tasks have some."""
+
+
+def marked(task: str, *values: object, name: str | None = None) -> Any:
+    """A case of a test that plays whole episodes: slow, unless its task is one of few."""
+    marks = () if task in FAST else (pytest.mark.slow,)
+    return pytest.param(task, *values, id=name or task, marks=marks)
+
 
 MOVED = ("joints", "before", "openings", "targets", "freedom")
 """What a script changes in its arms."""

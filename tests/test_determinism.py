@@ -2,7 +2,7 @@
 
 `tests.experts.test_episodes` adds the process and what ran before: the golden episodes were played
 by another one, in another order. The number of workers is in `tests.evaluation.test_evaluate` and,
-for experts, in `tests.evaluation.test_demonstrations`. Other tests rely on these.
+for experts, in `tests.runners.test_demonstrations`. Other tests rely on these.
 """
 
 import gymnasium as gym

@@ -36,7 +36,7 @@ TIMEOUT_S = 300.0
 """Seconds that a run may take without being killed."""
 MAX_FAILURES = 20
 """How often it may end with an error, as it does where kills have hit one episode three times."""
-RESULTS = ("run.json", "summary.json", "index.html", "records/*/*.json")
+RESULTS = ("run.json", "summary.json", "index.html", "records/*/*/*.json")
 """Files that must be the same."""
 TIMES = re.compile(rb'<section id="times">.*?</section>', re.DOTALL)
 """What of the report may differ."""

@@ -80,7 +80,7 @@ class LocalCluster:
         for pid in _descendants(os.getpid()):
             with suppress(OSError):
                 words = Path(f"/proc/{pid}/cmdline").read_bytes()
-                if words.startswith(b"ray::Host"):
+                if words.startswith(b"ray::RemoteProcess"):
                     found.setdefault("actor", []).append(pid)
                 elif b"runners.worker import main" in words:
                     found.setdefault("worker", []).append(pid)

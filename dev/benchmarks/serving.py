@@ -16,7 +16,7 @@ from dev.benchmarks.measure import Measurement, Work, seconds
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching, PolicyMetadata, Session, SessionPolicy
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.client import RemotePolicy
+from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.host import PolicyHost
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
@@ -85,7 +85,7 @@ def _socket() -> Measurement:
     host = PolicyHost(Still(), Still.metadata, batching)
     thread = threading.Thread(target=host.run, daemon=True)
     thread.start()
-    remote = RemotePolicy(RemoteServer(url=f"ws://127.0.0.1:{host.port}"))
+    remote = OpenpiPolicy(RemoteServer(url=f"ws://127.0.0.1:{host.port}"))
     drawn = np.random.default_rng(0)
     images = {name: drawn.integers(0, 255, (224, 224, 3), np.uint8) for name in POLICY_CAMERAS}
     seen = {"agent_pos": np.zeros(16, np.float32), "pixels": images}

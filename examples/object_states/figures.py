@@ -17,8 +17,8 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from duobench.results.metrics import wilson_interval
-from duobench.results.source import read_source
+from duobench.results.bundle import read_source
+from duobench.results.scores import wilson_interval
 
 TASKS = ("bin_sort", "carry_pot", "transfer_gate")
 NUMBERS = (10, 25, 50, 100, 200)

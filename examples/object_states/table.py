@@ -19,7 +19,7 @@ import numpy as np
 from demonstrations import UNTIL, Demonstrations
 
 from duobench.results.folder import RunFolder
-from duobench.results.metrics import Score, wilson_interval
+from duobench.results.scores import Score, wilson_interval
 from duobench.results.suite import Suite, TaskInfo, find_tasks
 from duobench.runners import evaluate
 from duobench.tasks import catalog

@@ -38,7 +38,7 @@ class DuoBackend(Protocol):
     """Two arms with grippers and cameras, driven one control step at a time.
 
     Commands are followed between `start` and `stop`, unless something holds the arms: a person, or
-    whoever notices that something is wrong. Only `home` ends a hold.
+    a check that finds something wrong. Only `home` ends a hold.
     """
 
     def start(self) -> None:

@@ -40,17 +40,16 @@ class AssetError(DuoBenchError):
 
 
 class UnknownNameError(DuoBenchError, LookupError):
-    """A name (task, object, camera, option, policy) is not known; the message lists near misses."""
+    """A name (task, object, camera, option, policy) is not known; the message lists near misses.
+
+    Args:
+        kind: What the name should have named, such as "task"; the whole message where nothing
+            else is given, as when an error comes from another process.
+        name: The name that was given.
+        known: Every name that would have worked.
+    """
 
     def __init__(self, kind: str, name: object = None, known: Iterable[str] | None = None) -> None:
-        """Compose the message.
-
-        Args:
-            kind: What the name should have named, such as "task"; the whole message where nothing
-                else is given, as when an error comes from another process.
-            name: The name that was given.
-            known: Every name that would have worked.
-        """
         if known is None:
             super().__init__(kind)
             return
@@ -61,11 +60,7 @@ class UnknownNameError(DuoBenchError, LookupError):
 
 
 def check_known(kind: str, name: object, known: Collection[str]) -> None:
-    """Reject a name that is not known.
-
-    Raises:
-        UnknownNameError: The name is none of those; arguments are those of the error.
-    """
+    """Reject a name that is not known."""
     if not isinstance(name, str) or name not in known:
         raise UnknownNameError(kind, name, known)
 
@@ -118,7 +113,7 @@ class PolicyTimeoutError(PolicyError):
 
 
 class CalibrationError(DuoBenchError):
-    """A camera cannot be calibrated from what was seen."""
+    """A camera cannot be calibrated from its images."""
 
 
 class LeaderError(DuoBenchError):

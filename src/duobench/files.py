@@ -9,6 +9,7 @@ import json
 import math
 import os
 import re
+import time
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
@@ -44,19 +45,17 @@ class Readable(Protocol):
 CHECKSUM = "sha256"
 """Key of a file's checksum."""
 TEMPORARY_SUFFIX = ".tmp"
-"""Ending of a file that is being written; whatever still carries it after a crash is rubbish."""
+"""Ending of a file that is being written; what still has it after a crash is rubbish."""
 
+_LOCK_TURN_S = 0.05
+"""Seconds from one look at a lock that another process holds to the next."""
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
 """What file systems without locks answer; work there goes on unprotected."""
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Say in a sentence why a file or folder cannot be written.
-
-    Raises:
-        OutputError: In place of an error of the operating system.
-    """
+    """Say in a sentence why a file or folder cannot be written."""
     try:
         yield
     except OSError as error:
@@ -65,11 +64,7 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder to write into, with its parents; one that is there is taken.
-
-    Raises:
-        OutputError: It cannot be made, or nothing may be written into it.
-    """
+    """Make a folder to write into, with its parents; one that is there is taken."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -81,15 +76,26 @@ def make_folder(path: Path) -> None:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def locked(folder: Path, *, wait_s: float = 0.0) -> Iterator[None]:
     """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked.
+
+    Args:
+        folder: The folder.
+        wait_s: Seconds to wait until another process has let go of it.
 
     Raises:
         OutputError: If the folder cannot be made.
         LockedError: If another process is writing into it.
     """
     make_folder(folder)
-    handles = [os.open(folder, os.O_RDONLY)]
+    with held(folder, wait_s=wait_s):
+        yield
+
+
+@contextmanager
+def held(path: Path, *, wait_s: float = 0.0) -> Iterator[None]:
+    """Hold the lock of a file or a folder that is there while a block lasts; see `locked`."""
+    handles = [os.open(path, os.O_RDONLY)]
 
     def release() -> None:
         while handles:
@@ -98,27 +104,48 @@ def locked(folder: Path) -> Iterator[None]:
     # A child that a policy forks would keep the lock for as long as it lives.
     os.register_at_fork(after_in_child=release)
     try:
-        lock(handles[0], folder)
+        lock(handles[0], path, wait_s=wait_s)
         yield
     finally:
         release()
 
 
-def lock(handle: int, path: Path) -> None:
+def is_locked(path: Path) -> bool:
+    """Whether a process holds the lock of a file or folder."""
+    try:
+        with held(path):
+            return False
+    except LockedError:
+        return True
+
+
+def lock(handle: int, path: Path, *, wait_s: float = 0.0) -> None:
     """Lock an open file or folder; the operating system drops the lock with the process.
+
+    Args:
+        handle: What is open.
+        path: Its path, for messages.
+        wait_s: Seconds to wait until another process has let go of it.
 
     Raises:
         LockedError: If another process has locked it.
     """
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise LockedError(
-            f"Another process is writing into {path}; wait until {_holder(handle)} is done."
-        ) from error
-    except OSError as error:
-        if error.errno not in _NO_LOCKS:
-            raise
+    until = time.monotonic() + wait_s
+    while True:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            if time.monotonic() >= until:
+                raise LockedError(
+                    f"Another process is writing into {path}; wait until {_holder(handle)} is done."
+                ) from error
+            time.sleep(_LOCK_TURN_S)
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+            return
+        else:
+            return
 
 
 def _holder(handle: int) -> str:
@@ -138,9 +165,6 @@ def write(path: Path, content: str | bytes) -> None:
     Args:
         path: Where the file will be; missing parent folders are made.
         content: What will be in it, flushed to the disk before the file has its name.
-
-    Raises:
-        OutputError: It cannot be written; what was there before is still there.
     """
     # A lone surrogate cannot be written; texts that may hold one are made printable before.
     data = content.encode(errors="replace") if isinstance(content, str) else content
@@ -157,9 +181,6 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Yields:
         The file to fill, which is flushed to the disk before it gets the name of the other one.
-
-    Raises:
-        OutputError: It cannot be written; what was there before is still there.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     with writing(path):
@@ -222,11 +243,6 @@ def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = N
         kind: The data class.
         schema: The version of its fields that is written today.
         oldest: The first version whose fields it can take too; by default that of today.
-
-    Raises:
-        FileError: If it is no JSON, another schema, a field is missing, unknown or of a wrong
-            type, or the values contradict each other; the message names the field. Or its checksum
-            does not fit.
     """
     try:
         document: Any = msgspec.json.decode(text)
@@ -258,11 +274,7 @@ def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = N
 def read(
     path: Readable, kind: type[T], schema: int, oldest: int | None = None, *, advice: str = ""
 ) -> T:
-    """A data class from a file that `encode` filled.
-
-    Raises:
-        FileError: See `decode`; the message names file and field, and ends with the advice.
-    """
+    """A data class from a file that `encode` filled."""
     try:
         return decode(path.read_bytes(), kind, schema, oldest)
     except (FileError, OSError) as error:
@@ -296,11 +308,6 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
         foreign: Pattern of files that may not be in the folder before it is described.
         kept: Names of files that may be in the folder all the same.
         is_final: Whether the folder must hold just that; if not, only the file has to be readable.
-
-    Raises:
-        OtherRunError: The folder holds another one, or files that belong to none.
-        FileError: The description cannot be read.
-        OutputError: It cannot be written.
     """
     if not description.exists():
         make_folder(folder)

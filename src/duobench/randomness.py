@@ -37,20 +37,12 @@ def _word(kind: str, split: str) -> str:
 
 
 def layout_key(task_id: str, seed: int, split: str = EVAL) -> int:
-    """Number (256 bits) that a layout follows from; distinct for all tasks, splits and seeds.
-
-    Raises:
-        UnknownNameError: There is no such split.
-    """
+    """Number (256 bits) that a layout follows from; distinct for all tasks, splits and seeds."""
     return _digest(_word("layout", split), task_id, SUITE_VERSION, int(seed))
 
 
 def generator(task_id: str, seed: int, split: str = EVAL) -> np.random.Generator:
-    """Generator of a layout; the same (task, suite version, split, seed), the same numbers.
-
-    Raises:
-        UnknownNameError: There is no such split.
-    """
+    """Generator of a layout; the same (task, suite version, split, seed), the same numbers."""
     return np.random.Generator(np.random.PCG64(layout_key(task_id, seed, split)))
 
 
@@ -75,21 +67,13 @@ def shift_generator(task_id: str, seed: int, axis: str, split: str = EVAL) -> np
         seed: Seed that sampled the layout.
         axis: Name of the axis; other axes, unrelated numbers.
         split: What the layout was sampled for.
-
-    Raises:
-        UnknownNameError: There is no such split.
     """
     words = _digest(_word("shift", split), task_id, SUITE_VERSION, int(seed), axis)
     return np.random.Generator(np.random.PCG64(words))
 
 
 def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
-    """Seed (32 bits) of the n-th episode of a task's split in this suite version.
-
-    Raises:
-        UnknownNameError: There is no such split.
-        ValueError: The index is negative.
-    """
+    """Seed (32 bits) of the n-th episode of a task's split in this suite version."""
     if episode < 0:
         raise ValueError(f"An episode index counts from 0, got {episode}.")
     return _digest(_word("episode", split), task_id, SUITE_VERSION, int(episode)) % 2**32
@@ -99,16 +83,13 @@ def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
     """Seed (32 bits) that a policy gets in the episode of a seed.
 
     An environment that is reset with it shows another layout, so that no policy makes the layout of
-    its episode again by accident, or with a simulator of its own. It is no secret: whoever hashes
+    its episode again by accident, or with a simulator of its own. It is no secret: hashing
     all seeds of a suite, which are published, finds the one that it comes from.
 
     Args:
         task_id: Id of the task.
         seed: Seed that sampled the layout.
         split: What it was sampled for.
-
-    Raises:
-        UnknownNameError: There is no such split.
     """
     return _digest(_word("policy", split), task_id, SUITE_VERSION, int(seed)) % 2**32
 
@@ -121,9 +102,6 @@ def instruction_number(task_id: str, seed: int, count: int, split: str = EVAL) -
         seed: Seed that sampled the layout.
         count: How many instructions there are.
         split: What the layout was sampled for.
-
-    Raises:
-        UnknownNameError: There is no such split.
     """
     return _digest(_word("instruction", split), task_id, SUITE_VERSION, int(seed)) % count
 
@@ -138,7 +116,6 @@ class Uniform:
     """End of the range, in the same unit; equal to `low`, every sample is `low`."""
 
     def __post_init__(self) -> None:
-        """Reject an empty range."""
         if not self.low <= self.high:
             raise ValueError(f"Uniform needs low <= high, got {self.low} and {self.high}.")
 

@@ -70,7 +70,6 @@ class _LazyPackage(ModuleType):
     origins: Mapping[str, str]
 
     def __getattr__(self, name: str) -> Any:
-        """A public name, from the module that defines it."""
         if name not in self.origins:
             raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
         value = getattr(import_module(self.origins[name]), name)
@@ -78,12 +77,10 @@ class _LazyPackage(ModuleType):
         return value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Import binds each submodule to its package, also where a public name is the same."""
         if not (isinstance(value, ModuleType) and name in self.origins):
             super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
-        """What is there, and what can be had."""
         return sorted({*super().__dir__(), *self.origins})
 
 

@@ -119,7 +119,6 @@ class SE3:
     """Translation (3,) in metres."""
 
     def __post_init__(self) -> None:
-        """Freeze the arrays and check their shapes."""
         object.__setattr__(self, "rotation", _frozen(self.rotation, (3, 3)))
         object.__setattr__(self, "translation", _frozen(self.translation, (3,)))
 

@@ -63,12 +63,7 @@ POLICY_CAMERAS = (HEAD, *(wrist_name(side) for side in SIDES))
 
 
 def real_array(values: ArrayLike, dtype: type[np.floating[Any]]) -> NDArray[Any]:
-    """Numbers as an array of floats.
-
-    Raises:
-        TypeError: They are complex, text, dates, or partly masked, which NumPy would convert.
-        ValueError: They are no array of numbers.
-    """
+    """Numbers as an array of floats."""
     array = np.asanyarray(values)
     if array.dtype.kind in "cSUmM" or np.ma.is_masked(array):
         raise TypeError(f"Real numbers are expected, got {array.dtype} or masked values.")

@@ -75,29 +75,23 @@ half second."""
 
 
 class VideoWriter:
-    """Encodes a video frame by frame; it begins with the first one, and ends when it is closed."""
+    """Encodes a video frame by frame; it begins with the first one, and ends when it is closed.
+
+    Args:
+        target: The file, or a stream in memory (not for AV1, whose index moves to the front);
+            without a frame nothing is written into it.
+        codec: How it is encoded.
+        rate: Frames a second.
+    """
 
     def __init__(self, target: Path | BinaryIO, codec: Codec, rate: Fraction | int) -> None:
-        """Remember what to write.
-
-        Args:
-            target: The file, or a stream in memory (not for AV1, whose index moves to the front);
-                without a frame nothing is written into it.
-            codec: How it is encoded.
-            rate: Frames a second.
-        """
         self._target, self._codec, self._rate = target, codec, rate
         self._open: tuple[OutputContainer, VideoStream] | None = None
         self._frames = 0
         self._is_broken = False
 
     def add(self, image: Image) -> None:
-        """Add a frame (height, width, 3), both even.
-
-        Raises:
-            VideoError: It cannot be encoded.
-            OutputError: The file cannot be written.
-        """
+        """Add a frame (height, width, 3), both even."""
         with self._encoding():
             self._open = self._open or self._opened(*image.shape[:2])
             frame = av.VideoFrame.from_ndarray(image, format="rgb24")
@@ -109,12 +103,7 @@ class VideoWriter:
             container.mux(packets)
 
     def close(self) -> None:
-        """Finish the video; one that failed is left as it is.
-
-        Raises:
-            VideoError: It cannot be encoded.
-            OutputError: The file cannot be written.
-        """
+        """Finish the video; one that failed is left as it is."""
         if self._open is None:
             return
         container, stream = self._open
@@ -188,11 +177,7 @@ def write_video(
 
 
 def last_frame(path: Path) -> Image:
-    """The last frame (height, width, 3) of a video.
-
-    Raises:
-        VideoError: It cannot be decoded.
-    """
+    """The last frame (height, width, 3) of a video."""
     try:
         with av.open(path) as container:
             container.seek(container.duration or 0)  # to the last key frame

@@ -1,6 +1,5 @@
 import ast
 import html
-import inspect
 import io
 import json
 import os
@@ -10,8 +9,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from PIL import Image
@@ -19,17 +20,19 @@ from rich.console import Console
 
 from duobench import __version__
 from duobench.cli import main
-from duobench.cli.evaluate import evaluate as eval_verb
+from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.console import console
-from duobench.cli.shared.options import command_line
+from duobench.cli.shared.options import command_line, options_of
+from duobench.cli.verbs.evaluate import evaluate as eval_verb
 from duobench.data import DataSet
 from duobench.files import decode, encode, locked
+from duobench.results.folder import RunFolder
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.tasks import catalog
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.processes import wait_until, workers
 from tests.policy.serving.serving import Serve
-from tests.results.samples import without_times
+from tests.results.samples import key, without_times
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
@@ -83,7 +86,7 @@ def test_eval_leaves_what_it_says_and_exits_well(
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert summary["first_episode"] == 1
     assert summary["tasks"]["nod"]["episodes"] == 2
-    names = [path.name for path in sorted((tmp_path / "run" / "records" / "wave").iterdir())]
+    names = [path.name for path in sorted((tmp_path / "run" / "records" / "wave").glob("*/*"))]
     assert names == ["00001.json", "00002.json"]
 
 
@@ -102,7 +105,7 @@ def test_report_makes_videos_once(tmp_path: Path, capsys: pytest.CaptureFixture[
     evaluate(run, "--episodes", "2", "--videos", "0")
     main(["report", str(run), "--import-tasks", "--videos", "nod:1"])
     assert "1 video made\n" in capsys.readouterr().out
-    assert 'src="videos/nod/00001.webm"' in (run / "index.html").read_text()
+    assert 'src="videos/nod/random.sim.none.default/00001.webm"' in (run / "index.html").read_text()
     main(["report", str(run), "--import-tasks", "--videos", "all"])
     out = capsys.readouterr().out
     assert "4 of 4 videos" in out
@@ -114,7 +117,7 @@ def test_video_that_cannot_be_made_is_told(
 ) -> None:
     run = tmp_path / "run"
     evaluate(run, "--episodes", "1", "--videos", "0")
-    path = run / "records" / "nod" / "00000.json"
+    path = RunFolder(run).record(key(RunFolder(run), "nod", 0))
     record = decode(path.read_bytes(), EpisodeRecord, RECORD_SCHEMA)
     path.write_text(encode(replace(record, sent=None), RECORD_SCHEMA))
     with pytest.raises(SystemExit, match="1"):
@@ -122,12 +125,14 @@ def test_video_that_cannot_be_made_is_told(
     out = capsys.readouterr().out
     assert "No video of nod, episode 0: Its record does not have what was sent." in out
     assert "1 video made" in out
-    assert 'src="videos/wave/00000.webm"' in (run / "index.html").read_text()
+    assert (
+        'src="videos/wave/random.sim.none.default/00000.webm"' in (run / "index.html").read_text()
+    )
 
 
 def test_command_of_the_report_makes_the_same_report(tmp_path: Path) -> None:
     evaluate(tmp_path / "one", "--episodes", "1", "--videos", "0", "--look", "dark")
-    command = json.loads((tmp_path / "one" / "run.json").read_text())["command"]
+    (command,) = RunFolder(tmp_path / "one").commands()
     assert html.escape(command) in (tmp_path / "one" / "index.html").read_text()
     program, *words = shlex.split(command)
     assert program == "duobench"
@@ -149,20 +154,38 @@ def test_eval_plays_on_after_the_horizon(
     assert row.split()[:6] == ["nudge", "4", "25.0", "4.6–69.9", "0.250", "75.0"]
     run = json.loads((tmp_path / "run" / "run.json").read_text())
     assert run["suite"]["overtime"] == 1.5
-    assert "--overtime 1.5" in run["command"]
+    assert "--overtime 1.5" in RunFolder(tmp_path / "run").commands()[0]
     with pytest.raises(SystemExit, match=r"1 \(none\) or more, such as 1\.5; got 0\.5\."):
         main([*words, "--overtime", "0.5", "--out", str(tmp_path / "other")])
 
 
 def test_command_has_every_option_that_a_result_may_depend_on() -> None:
-    names = list(inspect.signature(eval_verb).parameters)
-    command = command_line("eval", eval_verb, {name: f"my {name}" for name in names})
-    for name in names:
-        value = {"out": "DIR", "server": "URL", "key_file": "FILE"}.get(name, f"'my {name}'")
-        is_there = f"--{name.replace('_', '-')} {value}" in command
+    options = list(options_of(eval_verb))
+    given: dict[str, object] = {}
+    for option in options:
+        value = f"my {option.name}"
+        if option.is_nested:
+            setattr(given.setdefault(option.argument, SimpleNamespace()), option.name, value)
+        else:
+            given[option.name] = value
+    command = command_line("eval", eval_verb, given)
+    for option in options:
+        elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE"}
+        value = elsewhere.get(option.name, f"'my {option.name}'")
         no_matter = {"workers", "wait", "retry_broken", "watch", "watch_port"}
-        no_matter |= {"executor", "address", "policy_gpus"}
-        assert is_there == (name not in no_matter), name
+        no_matter |= {"executor", "address", "policy_gpus", "shard"}
+        assert (f"{option.flag} {value}" in command) == (option.name not in no_matter), option.name
+
+
+@pytest.mark.parametrize(
+    "verb", [*VERBS.values(), *(verb for group in GROUPS.values() for verb in group.values())]
+)
+def test_no_group_of_options_is_longer_than_ten(verb: Callable[..., None]) -> None:
+    groups: dict[str, list[str]] = {}
+    for option in options_of(verb):
+        if "Positional" not in str(option.kind):
+            groups.setdefault(option.argument if option.is_nested else "", []).append(option.flag)
+    assert {name: flags for name, flags in groups.items() if len(flags) > 10} == {}
 
 
 def test_command_of_a_served_policy_says_how_it_is_asked(tmp_path: Path) -> None:
@@ -171,9 +194,9 @@ def test_command_of_a_served_policy_says_how_it_is_asked(tmp_path: Path) -> None
     words = ["--policy", "openpi", "--server", url, "--execute", "7", "--episodes", "1"]
     evaluate(tmp_path / "run", *words, "--videos", "0")
     serve.close()
-    run = (tmp_path / "run" / "run.json").read_text()
-    assert json.loads(run)["command"].endswith("--server URL --execute 7")
-    assert url not in run
+    (command,) = RunFolder(tmp_path / "run").commands()
+    assert command.endswith("--server URL --execute 7")
+    assert url not in (tmp_path / "run" / "run.json").read_text()
 
 
 def test_list_tells_every_task(capsys: pytest.CaptureFixture[str]) -> None:
@@ -355,7 +378,8 @@ def test_folder_in_use_is_refused_with_who_uses_it(tmp_path: Path, verb: str) ->
         DataSet.open(tmp_path)
     told = f"wait until process {os.getpid()} is done. Give --out another folder."
     words = [verb, "--policy", "hold", "--tasks", toy_tasks.WAVE_NAME, "--workers", "0"]
-    with locked(tmp_path), pytest.raises(SystemExit, match=rf"Another process .*{told}$"):
+    lock = locked(tmp_path) if verb == "record" else RunFolder(tmp_path).writer()
+    with lock, pytest.raises(SystemExit, match=rf"Another process .*{told}$"):
         main([*words, "--out", str(tmp_path)])
 
 
@@ -378,7 +402,7 @@ def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: 
     assert told.returncode == 1
     assert told.stderr.startswith("error: Cannot write ")
     assert "File too large. Nothing finished is lost. Make room" in told.stderr
-    assert len(list(tmp_path.glob("run/records/*/*.json"))) == 1
+    assert len(list(tmp_path.glob("run/records/*/*/*.json"))) == 1
     main(words)
 
 
@@ -414,7 +438,9 @@ def test_table_of_a_folder_that_cannot_be_written_is_shown(
 def test_narrow_list_still_shows_every_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     out = io.StringIO()
-    monkeypatch.setattr("duobench.cli.list_tasks.console", lambda: Console(file=out, width=60))
+    monkeypatch.setattr(
+        "duobench.cli.verbs.list_tasks.console", lambda: Console(file=out, width=60)
+    )
     main(["list"])
     words = set(out.getvalue().split())
     for name in catalog.names():
@@ -478,7 +504,7 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
         if moment == "starting":
             wait_until(lambda: workers(process.pid), "a worker")
         else:
-            wait_until(lambda: list(tmp_path.glob("run/records/*/*.json")), "a record")
+            wait_until(lambda: list(tmp_path.glob("run/records/*/*/*.json")), "a record")
         number = signal.SIGTERM if moment == "terminated" else signal.SIGINT
         os.killpg(process.pid, number)  # as a terminal does: every process of the group gets it
         if moment == "pressed twice":

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from tests.results.comparison.runs import play
+from tests.results.outcomes import play
 
 
 @pytest.fixture
@@ -21,7 +21,7 @@ def test_it_says_who_is_better_and_where_the_page_is(
 ) -> None:
     main(["compare", *runs, "paper:ACT", "--out", str(tmp_path / "both")])
     out = capsys.readouterr().out
-    assert "new is better than old in Sort: 12 against 0 of 12 episodes" in out
+    assert "new is better than old in Sort: 12 of 12 episodes against 0 of 12" in out
     assert f"Comparison: {tmp_path / 'both' / 'index.html'}" in out
     assert (tmp_path / "both" / "index.html").is_file()
 
@@ -42,6 +42,8 @@ def test_what_cannot_be_compared_is_told(words: str, message: str, runs: tuple[s
 
 
 def test_other_verbs_do_without_scipy() -> None:
-    code = "import sys, duobench.cli.verbs, duobench.results.report; print('scipy' in sys.modules)"
+    code = (
+        "import sys, duobench.cli.program, duobench.results.report; print('scipy' in sys.modules)"
+    )
     command = [sys.executable, "-c", code]
     assert subprocess.run(command, check=True, capture_output=True, text=True).stdout == "False\n"

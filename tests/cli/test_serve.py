@@ -30,9 +30,6 @@ from duobench.policy.serving.address import SERVED
         (["eval", "--policy", "vla_eval"], "Did you mean 'vla-eval'"),
         (["eval", "--policy", "openpi", "--server", "x:1"], "ws://HOST:PORT"),
         (["eval", "--policy", "hold", "--format", "aloha"], "--format is for"),
-        (["eval", "--policy", "openpi", "--layout", "aloha"], "--layout is called --format"),
-        (["eval", "--policy", "vlagents", "--server", "x:1"], "vlagents:served_agent"),
-        (["eval", "--policy", "vlagents:x:1"], "eval --policy openpi --server"),
         (
             ["eval", "--policy", "openpi", "--server", "ws://x:1", "--format", "alhoa"],
             "Did you mean 'aloha'",

@@ -19,7 +19,7 @@ from duobench.data import (
 from duobench.envs import action_modes
 from duobench.errors import DataError, UnknownNameError
 from duobench.policy.serving.message_format import ActionFormat, MessageFormat
-from duobench.policy.serving.vla_eval_specs import action_spec
+from duobench.policy.serving.vla_eval import action_spec
 from tests.data.degrees import DEGREES, FACTORS
 from tests.data.tools import HORIZON, TASK, recorded, recorder
 from tests.envs.tools import wave

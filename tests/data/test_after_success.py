@@ -10,8 +10,9 @@ from duobench.data import DataSet, Recorder, Recording
 from duobench.envs import ResetNeededError
 from duobench.errors import OptionError
 from duobench.evaluation import find_tasks
-from duobench.replay import Replayer
+from duobench.replay import replay
 from duobench.runners import record
+from tests.data.tools import ended
 from tests.envs.tools import wave
 from tests.evaluation.toy_tasks import HORIZON, NUDGE
 
@@ -66,11 +67,10 @@ def test_an_episode_goes_on_after_success_and_beyond_the_horizon(
     rows = last(tmp_path)
     assert rows.info.after_success == STEPS / 30
     np.testing.assert_array_equal(rows.success, np.arange(success + STEPS + 1) >= success)
-    outcome = rows.info.outcome
-    assert outcome is not None
+    outcome = ended(rows)
     assert (outcome.success, outcome.cut, outcome.success_step) == (True, False, success)
     assert rows.info.last_hash == env.state_hash()
-    assert Replayer(NUDGE).replay(rows).is_exact
+    assert next(replay(NUDGE, [rows])).is_exact
     assert [each[1:] for each in play(env)] == [each[1:] for each in ends], "again after a reset"
     env.close()
 
@@ -80,13 +80,9 @@ def test_arms_that_cannot_go_on_end_it_at_once(tmp_path: Path, success: int) -> 
     play(env, success + 2)
     env.base.backend.hold("Somebody came too near.")
     assert env.step(wave(0))[2:4] == (True, True)
-    outcome = last(tmp_path).info.outcome
-    assert outcome is not None
-    assert (outcome.success, outcome.cut, outcome.reason) == (
-        True,
-        False,
-        "Somebody came too near.",
-    )
+    outcome = ended(last(tmp_path))
+    assert (outcome.success, outcome.cut) == (True, False)
+    assert outcome.reason == "Somebody came too near."
     env.close()
 
 
@@ -102,11 +98,10 @@ def test_what_is_cut_after_success_says_so_and_is_recovered(tmp_path: Path, succ
     partial.write_bytes(left)
     recovered = Recording.read(data.recover(partial))
     for rows in (closed, recovered):
-        outcome = rows.info.outcome
-        assert outcome is not None
+        outcome = ended(rows)
         assert (outcome.success, outcome.cut, outcome.success_step) == (True, True, success)
         assert success <= len(rows) < success + STEPS
-    assert Replayer(NUDGE).replay(recovered).is_exact
+    assert next(replay(NUDGE, [recovered])).is_exact
 
 
 @pytest.mark.parametrize("seconds", [-0.1, float("nan"), float("inf")])

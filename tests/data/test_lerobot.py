@@ -12,13 +12,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from duobench.data import DataSet, ImageSource, Recording
+from duobench.data.arrange import merge
 from duobench.data.lerobot import statistics
 from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.errors import DataError, OtherRunError, OutputError, RenderingError, UnknownNameError
 from duobench.files import locked
-from tests.data.tools import HORIZON, TASK, play, recorder
+from tests.data.tools import HORIZON, TASK, ended, play, recorder
 from tests.evaluation.processes import children, is_running, wait_until
 
 ROOT = Path(__file__).parents[2]
@@ -237,12 +238,8 @@ def test_other_options_are_refused_with_the_difference(
 @pytest.fixture
 def copy(data: DataSet, tmp_path: Path) -> DataSet:
     """A data set of the same episodes, to spoil."""
-    made = DataSet.open(tmp_path / "copy")
-    for path in data.episodes():
-        target = made.episode(TASK, path.stem)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(path.read_bytes())
-    return made
+    merge([data], tmp_path / "copy")
+    return DataSet.open(tmp_path / "copy")
 
 
 def test_another_data_set_is_refused(copy: DataSet, tmp_path: Path) -> None:
@@ -279,8 +276,7 @@ def test_a_recording_that_changes_meanwhile_stops_the_export(copy: DataSet, tmp_
 def test_only_kept_episodes_are_exported(copy: DataSet, tmp_path: Path) -> None:
     path = copy.episodes()[0]
     recording = Recording.read(path)
-    assert recording.info.outcome
-    outcome = replace(recording.info.outcome, kept=False, reason="A test.")
+    outcome = replace(ended(recording), kept=False, reason="A test.")
     replace(recording, info=replace(recording.info, outcome=outcome)).write(path)
     options = replace(SMALL, cameras=())
     done = export_lerobot(copy, tmp_path / "out", options, workers=0)
@@ -312,25 +308,16 @@ def test_what_cannot_be_is_refused(data: DataSet, tmp_path: Path) -> None:
         export_lerobot(data, tmp_path / "out", replace(SMALL, cameras=()), workers=-1)
 
 
-def moving(folder: Path, mode: str) -> DataSet:
-    """An episode in an action mode, in which the tools move a little."""
-    env = recorder(folder, action_mode=mode)
-    observation, _ = env.reset(seed=0)
-    if mode == "cartesian":
-        pose, opening = observation["tcp_pose"].reshape(2, 7), np.full((2, 1), 0.5)
-        action = np.hstack([pose, opening])
-        for step in range(HORIZON):
-            action[:, 2] = pose[:, 2] + 0.002 * step
-            env.step(action.ravel())
-    else:
-        for _ in range(HORIZON):
-            env.step(np.zeros(env.action_space.shape or ()))
-    env.close()
-    return DataSet.open(folder)
-
-
 def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path) -> None:
-    data = moving(tmp_path / "data", "cartesian")
+    env = recorder(tmp_path / "data", action_mode="cartesian")
+    observation, _ = env.reset(seed=0)
+    pose = observation["tcp_pose"].reshape(2, 7)
+    action = np.hstack([pose, np.full((2, 1), 0.5)])
+    for step in range(HORIZON):
+        action[:, 2] = pose[:, 2] + 0.002 * step
+        env.step(action.ravel())
+    env.close()
+    data = DataSet.open(tmp_path / "data")
     options = ExportOptions(cameras=(), action_source=ActionSource.GIVEN)
     done = export_lerobot(data, tmp_path / "given", options, workers=0)
     assert done.residual is not None
@@ -345,13 +332,6 @@ def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path
     export_lerobot(data, tmp_path / "sent", ExportOptions(cameras=()), workers=0)
     sent = columns(tmp_path / "sent")["action"]
     np.testing.assert_array_equal(sent, recording.sent.astype(np.float32))
-
-
-def test_relative_actions_name_no_targets(tmp_path: Path) -> None:
-    data = moving(tmp_path / "data", "cartesian_relative")
-    options = ExportOptions(cameras=(), action_source=ActionSource.GIVEN)
-    with pytest.raises(DataError, match="'cartesian_relative' name no targets"):
-        export_lerobot(data, tmp_path / "out", options, workers=0)
 
 
 FULL_DISK = """

@@ -169,6 +169,9 @@ def test_actions_that_were_given_in_the_mode_come_back_as_they_were(
                 assert max(next(ends).distance(next(ends))) < 1e-6
     else:
         np.testing.assert_allclose(actions, recording.action, atol=1e-6)
+        options = ExportOptions(cameras=(), action_source=ActionSource.GIVEN)
+        with pytest.raises(DataError, match=f"'{mode}' name no targets"):
+            export_lerobot(DataSet.open(tmp_path), tmp_path.with_name("out"), options, workers=0)
     sent, _ = labels_of(recording, mode, ActionSource.SENT)
     assert sent.shape == given.shape
     assert not np.allclose(sent, given)

@@ -5,21 +5,20 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.data import Actor, DataSet, Recorder, Recording
+from duobench.data import Actor, DataSet, Recorder
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.action_wrappers import CartesianActions
 from duobench.envs.episode_state import EpisodeState
 from duobench.errors import ActionError, DataError, OutputError, SimulationError
 from duobench.types import DuoCommand
-from tests.data.tools import HORIZON, TASK, play, recorded, recorder
+from tests.data.tools import HORIZON, TASK, ended, only, play, recorded, recorder
 from tests.envs.tools import wave
 
 
 def test_rows_hold_what_was_seen_before_each_action_and_what_the_step_gave(tmp_path: Path) -> None:
     env = recorder(tmp_path)
     seen = play(env)
-    (path,) = DataSet.open(tmp_path).episodes(TASK)
-    rows = Recording.read(path)
+    rows = only(tmp_path)
     assert len(rows) == HORIZON
     for number, step in enumerate(seen):
         np.testing.assert_array_equal(rows.action[number], np.float64(step["action"]))
@@ -35,7 +34,8 @@ def test_rows_hold_what_was_seen_before_each_action_and_what_the_step_gave(tmp_p
 
 
 def test_the_file_says_everything_about_the_episode(tmp_path: Path) -> None:
-    info = recorded(tmp_path).info
+    rows = recorded(tmp_path)
+    info = rows.info
     env = duobench.make(TASK, cameras=False, horizon=HORIZON)
     _, expected = env.reset(seed=0)
     assert (info.task, info.seed, info.split) == (TASK, 0, "eval")
@@ -46,8 +46,8 @@ def test_the_file_says_everything_about_the_episode(tmp_path: Path) -> None:
     assert info.versions["mujoco"]
     assert info.actor == Actor(name="wave")
     assert info.first_hash == env.get_wrapper_attr("state_hash")()
-    assert info.outcome is not None
-    assert (info.outcome.success, info.outcome.stage, info.outcome.cut) == (False, 0, False)
+    outcome = ended(rows)
+    assert (outcome.success, outcome.stage, outcome.cut) == (False, 0, False)
     assert info.observation_names[0] == "left_joint_1"
 
 
@@ -71,11 +71,10 @@ def test_an_episode_that_is_left_early_is_kept_and_says_so(tmp_path: Path, how: 
         env.reset(seed=1)
         env.discard()
     env.close()
-    rows = Recording.read(DataSet.open(tmp_path).episodes()[0])
+    rows = only(tmp_path)
     assert len(rows) == 9
-    assert rows.info.outcome is not None
-    assert rows.info.outcome.cut
-    assert how in str(rows.info.outcome.reason)
+    assert ended(rows).cut
+    assert how in str(ended(rows).reason)
 
 
 def test_an_episode_that_the_arms_end_says_why(tmp_path: Path) -> None:
@@ -84,8 +83,7 @@ def test_an_episode_that_the_arms_end_says_why(tmp_path: Path) -> None:
     env.base.backend.hold("Somebody came too near.")
     *_, truncated, _ = env.step(wave(2))
     assert truncated
-    outcome = Recording.read(DataSet.open(tmp_path).episodes()[0]).info.outcome
-    assert outcome is not None
+    outcome = ended(only(tmp_path))
     assert (outcome.cut, outcome.kept, outcome.reason) == (False, True, "Somebody came too near.")
     env.close()
 
@@ -103,7 +101,7 @@ def test_an_action_that_was_refused_is_not_recorded(tmp_path: Path) -> None:
     with pytest.raises(ActionError):
         env.step(np.full(16, np.nan))
     env.close()
-    assert len(Recording.read(DataSet.open(tmp_path).episodes()[0])) == 1
+    assert len(only(tmp_path)) == 1
 
 
 def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(tmp_path: Path) -> None:
@@ -115,7 +113,7 @@ def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(tmp_path: Path) -
     env.step(disturbed)
     env.step(disturbed)
     env.close()
-    rows = Recording.read(DataSet.open(tmp_path).episodes()[0])
+    rows = only(tmp_path)
     np.testing.assert_array_equal(rows.action[0], np.float64(wanted))
     np.testing.assert_array_equal(rows.action[1], np.float64(disturbed))
     assert np.abs(rows.sent[0] - wanted)[:7].max() > 0.005
@@ -184,10 +182,9 @@ def test_a_restored_state_is_not_recorded_as_if_actions_led_there(tmp_path: Path
     env.restore_state(state)
     env.step(wave(0))
     env.close()
-    (rows,) = DataSet(tmp_path).recordings()
+    rows = only(tmp_path)
     assert len(rows) == 5
-    assert rows.info.outcome is not None
-    assert "restored" in str(rows.info.outcome.reason)
+    assert "restored" in str(ended(rows).reason)
 
 
 @pytest.mark.parametrize("wanted", [0.5, [1.0, 2.0], np.full(16, np.nan)])
@@ -205,7 +202,7 @@ def test_actions_are_named_by_the_wrapper_that_takes_them(tmp_path: Path) -> Non
     poses = observation["tcp_pose"].reshape(2, 7)
     env.step(np.hstack([poses, np.ones((2, 1))]).ravel())
     env.close()
-    (rows,) = DataSet(tmp_path).recordings()
+    rows = only(tmp_path)
     assert rows.info.action_names[:3] == ("left_x", "left_y", "left_z")
     assert rows.info.mode is CARTESIAN
     scaled = gym.wrappers.RescaleAction(
@@ -229,11 +226,10 @@ def test_a_step_that_broke_has_no_last_state(
     with pytest.raises(SimulationError):
         env.step(wave(3))
     env.close()
-    (rows,) = DataSet(tmp_path).recordings()
+    rows = only(tmp_path)
     assert len(rows) == 3
     assert rows.info.last_hash is None
-    assert rows.info.outcome is not None
-    assert "diverged" in str(rows.info.outcome.reason)
+    assert "diverged" in str(ended(rows).reason)
 
 
 @pytest.mark.parametrize("name", ["", "../../x", "a/b", ".x"])

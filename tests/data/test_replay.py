@@ -8,7 +8,7 @@ import duobench
 from duobench.cli import main
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.errors import DataError
-from duobench.replay.recordings import Replayer, replay_all
+from duobench.replay import replay
 from duobench.results.suite import find_tasks
 from duobench.runners.demonstrations import record
 from duobench.tasks import catalog
@@ -23,7 +23,7 @@ def expert(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 def test_commands_lead_to_the_same_states_and_stages(expert: Recording) -> None:
-    (found,) = replay_all(TASK, iter([expert]))
+    (found,) = replay(TASK, [expert])
     assert found.is_exact
     assert found.steps == len(expert) == (expert.success_step or 0) + 30
     assert found.stage == found.recorded_stage == expert.stage.max() > 0
@@ -46,7 +46,7 @@ def test_commands_of_any_action_mode_are_replayed(tmp_path: Path, options) -> No
         rows = Recording.read(DataSet.open(tmp_path).episodes()[0])
     else:
         rows = recorded(tmp_path, **options)
-    (found,) = replay_all(TASK, iter([rows]))
+    (found,) = replay(TASK, [rows])
     assert found.is_exact
 
 
@@ -54,7 +54,7 @@ def test_a_changed_command_is_found_where_it_is(expert: Recording) -> None:
     sent = expert.sent.copy()
     sent[30, 0] += 1e-6
     changed = replace(expert, sent=sent)
-    (found,) = replay_all(TASK, iter([changed]))
+    (found,) = replay(TASK, [changed])
     assert found.first == 31
     assert 0.0 < found.largest < 0.1
     assert not found.is_exact
@@ -63,25 +63,25 @@ def test_a_changed_command_is_found_where_it_is(expert: Recording) -> None:
 def test_stages_that_do_not_come_out_the_same_are_said(expert: Recording) -> None:
     stage = expert.stage.copy()
     stage[5:] = np.maximum(stage[5:], 1)
-    (found,) = replay_all(TASK, iter([replace(expert, stage=stage)]))
+    (found,) = replay(TASK, [replace(expert, stage=stage)])
     assert found.first is None
     assert not found.same_stages
     assert not found.is_exact
 
 
 def test_a_task_may_be_named_by_its_path(expert: Recording) -> None:
-    assert Replayer("duobench.tasks.bin_sort:TASK").replay(expert).is_exact
+    assert next(replay("duobench.tasks.bin_sort:TASK", [expert])).is_exact
 
 
 def test_what_cannot_be_replayed_is_said(expert: Recording) -> None:
     with pytest.raises(DataError, match="of task 'bin_sort', not of 'ball_maze'"):
-        Replayer("ball_maze").replay(expert)
+        next(replay("ball_maze", [expert]))
     old = replace(expert, info=replace(expert.info, suite_version="1"))
     with pytest.raises(DataError, match="suite 1"):
-        Replayer(TASK).replay(old)
+        next(replay(TASK, [old]))
     lost = replace(expert, info=replace(expert.info, layout={"poses": {}, "variants": {}}))
     with pytest.raises(DataError, match="cannot be begun"):
-        Replayer(TASK).replay(lost)
+        next(replay(TASK, [lost]))
 
 
 def test_images_of_states_are_those_of_the_environment(expert: Recording) -> None:
@@ -104,12 +104,12 @@ def test_an_episode_longer_than_the_horizon_is_replayed(tmp_path: Path) -> None:
     rows = recorded(tmp_path, steps=230, horizon=230)
     assert len(rows) > catalog.get(TASK).horizon
     by_hand = replace(rows, info=replace(rows.info, config=None))
-    assert Replayer(TASK).replay(by_hand).is_exact
+    assert next(replay(TASK, [by_hand])).is_exact
 
 
 def test_commands_that_are_no_numbers_are_said(expert: Recording) -> None:
     with pytest.raises(DataError, match="cannot be replayed"):
-        Replayer(TASK).replay(replace(expert, sent=np.full_like(expert.sent, np.nan)))
+        next(replay(TASK, [replace(expert, sent=np.full_like(expert.sent, np.nan))]))
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import duobench
 from duobench.data import Actor, DataSet, Recorder, Recording, stream
 from duobench.data.recorder import UNDECIDED
 from duobench.errors import DataError
-from tests.data.tools import HORIZON, TASK, play
+from tests.data.tools import HORIZON, TASK, ended, only, play
 
 
 def reviewed(folder: Path | None) -> Recorder:
@@ -31,9 +32,8 @@ def test_a_finished_episode_waits_until_somebody_decides(tmp_path: Path) -> None
     play(env, seed=1)
     env.discard()
     env.keep()
-    (recording,) = data.recordings()
-    assert recording.info.outcome is not None
-    assert (recording.info.outcome.kept, recording.info.seed) == (True, 0)
+    recording = only(tmp_path)
+    assert (ended(recording).kept, recording.info.seed) == (True, 0)
     assert recording.info.last_hash is not None
     assert not data.partials()
     env.close()
@@ -41,14 +41,13 @@ def test_a_finished_episode_waits_until_somebody_decides(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("steps", [HORIZON, 5])
 def test_an_episode_that_is_left_undecided_says_so(tmp_path: Path, steps: int) -> None:
-    env, data = reviewed(tmp_path), DataSet.open(tmp_path)
+    env = reviewed(tmp_path)
     play(env, steps)
     env.reset(seed=1)
     env.discard()
     env.close()
-    (recording,) = data.recordings()
-    outcome = recording.info.outcome
-    assert outcome is not None
+    recording = only(tmp_path)
+    outcome = ended(recording)
     assert (outcome.kept, outcome.cut, outcome.reason) == (False, steps < HORIZON, UNDECIDED)
     assert len(recording) == steps
 
@@ -73,7 +72,7 @@ def test_rows_say_which_hands_led(tmp_path: Path) -> None:
     env.finish()
     env.keep()
     env.close()
-    (recording,) = DataSet(tmp_path).recordings()
+    recording = only(tmp_path)
     assert recording.clutch.tolist() == [list(state) for state in states]
     assert recording.info.has_clutch
     assert recording.clutch.dtype == np.bool_
@@ -83,11 +82,7 @@ def test_episodes_without_a_clutch_have_no_such_column(tmp_path: Path) -> None:
     env = Recorder(duobench.make(TASK, cameras=False, horizon=5), tmp_path)
     play(env, 5)
     env.close()
-    (recording,) = DataSet(tmp_path).recordings()
+    recording = only(tmp_path)
     assert recording.clutch.shape == (5, 0)
     with pytest.raises(DataError, match="'clutch' has shape"):
-        Recording(
-            info=recording.info,
-            **{name: getattr(recording, name) for name in Recording.__slots__ if name != "info"}
-            | {"clutch": np.ones((5, 2), dtype=bool)},
-        )
+        replace(recording, clutch=np.ones((5, 2), dtype=bool))

@@ -20,7 +20,7 @@ from duobench.data.summary import summarize
 from duobench.errors import DataError, OutputError, UnknownNameError
 from duobench.files import locked
 from duobench.tasks import catalog
-from tests.data.tools import HORIZON, TASK, play, recorded, recorder
+from tests.data.tools import HORIZON, TASK, ended, play, recorded, recorder
 
 EPISODES = 4
 
@@ -57,11 +57,7 @@ def with_info(**values: Any) -> Callable[[Recording], Recording]:
 
 
 def with_outcome(**values: Any) -> Callable[[Recording], Recording]:
-    def change(recording: Recording) -> Recording:
-        assert recording.info.outcome
-        return with_info(outcome=replace(recording.info.outcome, **values))(recording)
-
-    return change
+    return lambda recording: with_info(outcome=replace(ended(recording), **values))(recording)
 
 
 def with_column(name: str, row: int, value: float) -> Callable[[Recording], Recording]:
@@ -131,16 +127,6 @@ def test_a_damaged_file_and_a_leftover_are_named_by_the_command(
 
 
 # --- merge and split -----------------------------------------------------------------------------
-
-
-def test_what_is_split_is_merged_again(original: DataSet, tmp_path: Path) -> None:
-    one, two, whole = (tmp_path / name for name in ("one", "two", "whole"))
-    assert split(original, one, two, fraction=0.75, seed=1) == (3, 1)
-    assert merge([DataSet.open(one), DataSet.open(two)], whole) == EPISODES
-    names = [path.relative_to(whole) for path in DataSet.open(whole).episodes()]
-    assert names == [path.relative_to(original.path) for path in original.episodes()]
-    assert contents(DataSet.open(whole)) == contents(original)
-    assert find_problems(DataSet.open(whole)) == []
 
 
 def test_a_split_follows_from_its_seed(original: DataSet, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import duobench
-from duobench.data import Actor, DataSet, Recorder, Recording
+from duobench.data import Actor, DataSet, Outcome, Recorder, Recording
 from tests.envs.tools import wave
 
 TASK = "bin_sort"
@@ -38,8 +38,19 @@ def recorded(folder: Path, steps: int = HORIZON, **options: Any) -> Recording:
     env = recorder(folder, **options)
     play(env, steps)
     env.close()
+    return only(folder)
+
+
+def only(folder: Path) -> Recording:
+    """The one episode of a data set."""
     (path,) = DataSet.open(folder).episodes()
     return Recording.read(path)
+
+
+def ended(recording: Recording) -> Outcome:
+    """How an episode ended."""
+    assert recording.info.outcome is not None
+    return recording.info.outcome
 
 
 def equal(one: Recording, other: Recording) -> bool:

@@ -8,9 +8,9 @@ import pytest
 from scipy.stats import binom
 
 from duobench.cli import main
-from duobench.results.metrics import wilson_interval
+from duobench.results.scores import wilson_interval
 from tests.docs.markdown import DOCS, blocks, table
-from tests.results.comparison.runs import play
+from tests.results.outcomes import play
 
 PAGE = DOCS / "comparison.md"
 

@@ -14,11 +14,11 @@ import pytest
 from tables import TABLES, written
 
 import duobench
-from duobench.cli.evaluate import evaluate
-from duobench.cli.record import record
-from duobench.cli.replay import replay
-from duobench.cli.results.report import report
-from duobench.cli.train import train
+from duobench.cli.verbs.evaluate import evaluate
+from duobench.cli.verbs.record import record
+from duobench.cli.verbs.replay import replay
+from duobench.cli.verbs.report import report
+from duobench.cli.verbs.train import train
 from duobench.data.schema import SCHEMA
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import base_of
@@ -34,7 +34,7 @@ from duobench.robot.joints import HOME_JOINTS
 from duobench.robot.workcell import FLOOR_Z
 from duobench.scene.compose import SUBSTEPS
 from duobench.sim.placement import REACH_X, REACH_Y
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 from tests.docs.markdown import DOCS, ROOT, blocks, links, table, text_of
 
 STAGES, FRAMES, EVALUATION, POLICIES = (
@@ -157,14 +157,18 @@ def test_numbers_of_frames_and_time_are_those_of_the_code() -> None:
         - simulation.site_pose("left/flange").translation
     )
     step = simulation.model.opt.timestep
+    model = simulation.model
+    sizes = {tuple(model.cam_resolution[model.cam(name).id]) for name in POLICY_CAMERAS}
     env.close()
     assert tools == pytest.approx([0.0, 0.0, 0.1493])
     page = text_of(FRAMES)
+    ((width, height),) = sizes
     for words in (
         f"{tools[2]:.4f} m beyond the flange",
         f"the floor z = {FLOOR_Z:.4f}",
         f"at x {REACH_X[0]} to {REACH_X[1]} and y {REACH_Y[0]} to {REACH_Y[1]}",
         f"1/{CONTROL_HZ:g} s: {SUBSTEPS} physics steps of 1/{1 / step:.0f} s",
+        f"The lenses have {width} × {height} pixels",
         f"the default {IMAGE_SIZE[0]} × {IMAGE_SIZE[1]}",
     ):
         assert words in page.replace("\n", " "), words

@@ -21,7 +21,7 @@ def test_the_example_plays_an_episode_as_printed(tmp_path: Path) -> None:
     (line,) = blocks(PAGE, "sh")
     run(line, tmp_path)
     folder = RunFolder(tmp_path / "runs" / "vision")
-    played = folder.read_run()
+    played = folder.read_run().candidate
     assert played.metadata.cameras == ("head", "left_wrist", "right_wrist")
     assert played.config.image_size == (64, 64)
     assert played.metadata.version is not None

@@ -7,6 +7,8 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from duobench.rig_sessions.film import FILM_RATE
 from duobench.rig_sessions.trial_plan import Plan
 from duobench.rig_sessions.trial_session import SILENCE_S
@@ -71,6 +73,7 @@ def judge(operator: Operator) -> None:
         operator.finish()
 
 
+@pytest.mark.slow
 def test_commands_run(tmp_path: Path) -> None:
     (commands,) = blocks(PAGE, "sh")
     said = {}

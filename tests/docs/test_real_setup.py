@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from duobench.cli import main
-from duobench.cli.verbs import GROUPS
+from duobench.cli.program import GROUPS
 from duobench.hardware.calibration import places
 from duobench.hardware.calibration.board import RULER_MM
 from duobench.hardware.calibration.views import ViewFolder

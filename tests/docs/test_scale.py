@@ -4,7 +4,7 @@ import os
 import sys
 from pathlib import Path
 
-from duobench.results.source import read_source
+from duobench.results.bundle import read_source
 from tests.docs.markdown import DOCS, blocks, run
 
 PAGE = DOCS / "scale.md"

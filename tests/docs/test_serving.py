@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from duobench import interop
-from duobench.cli.evaluate import evaluate
-from duobench.cli.serve import serve
+from duobench.cli.verbs.evaluate import evaluate
+from duobench.cli.verbs.serve import serve
 from duobench.policy import Batching, BatchPolicy, SessionPolicy, make
 from duobench.policy.serving.message_format import read_format
 from tests.docs.markdown import DOCS, table

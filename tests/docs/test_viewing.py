@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from duobench.replay.sources import LAYOUTS
 from duobench.replay.viewer import MAX_ITEMS
 from duobench.web.messages import MAX_MESSAGE
@@ -38,6 +40,7 @@ def look(line: str, folder: Path) -> list[dict[str, Any]]:
     return seen
 
 
+@pytest.mark.slow
 def test_commands_run(tmp_path: Path) -> None:
     (commands,) = blocks(PAGE, "sh")
     shown = {}

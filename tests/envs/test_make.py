@@ -191,24 +191,27 @@ def test_a_configuration_holds_plain_values_only(fields: dict[str, Any]) -> None
     assert msgspec.json.decode(msgspec.json.encode(config), type=EnvConfig) == config
 
 
-@pytest.mark.parametrize("seed", [1.5, "5", "a", -1, True, [3]])
-def test_seed_that_is_no_whole_number_is_refused(seed: Any) -> None:
+@pytest.mark.parametrize(
+    ("asked", "error", "words"),
+    [
+        *(
+            ({"seed": seed}, OptionError, "A seed is a whole number from 0 on, got")
+            for seed in (1.5, "5", "a", -1, True, [3])
+        ),
+        *(
+            ({"options": {"layout": layout}}, LayoutError, "This is no layout")
+            for layout in ("x", 5, [], {"poses": 5})
+        ),
+        ({"options": "x"}, OptionError, "options of a reset are a dict, got 'x'"),
+    ],
+    ids=str,
+)
+def test_a_reset_refuses_what_is_no_seed_layout_or_dict(
+    asked: dict[str, Any], error: type[DuoBenchError], words: str
+) -> None:
     for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
-        with pytest.raises(OptionError, match="A seed is a whole number from 0 on, got"):
-            env.reset(seed=seed)
-
-
-@pytest.mark.parametrize("layout", ["x", 5, [], {"poses": 5}])
-def test_what_is_no_layout_is_refused(layout: Any) -> None:
-    for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
-        with pytest.raises(LayoutError, match="This is no layout"):
-            env.reset(options={"layout": layout})
-
-
-def test_reset_options_that_are_no_dict_are_refused() -> None:
-    for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
-        with pytest.raises(OptionError, match="options of a reset are a dict, got 'x'"):
-            env.reset(options="x")  # type: ignore[arg-type]
+        with pytest.raises(error, match=words):
+            env.reset(**asked)
 
 
 def test_environments_are_made_where_underflow_is_an_error() -> None:

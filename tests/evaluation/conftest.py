@@ -7,7 +7,7 @@ import pytest
 
 from duobench.evaluation.policies import PolicyChoice
 from duobench.results.folder import RunFolder
-from duobench.results.metrics import Results
+from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
@@ -31,7 +31,7 @@ COMPARED = ("index.html", "summary.json", "run.json")
 def compared(folder: RunFolder) -> dict[str, bytes]:
     """Everything that must not depend on how a run was made."""
     paths = [folder.path / name for name in COMPARED]
-    paths += [*folder.path.glob("records/*/*"), *folder.path.glob("figures/*")]
+    paths += [*folder.path.glob("records/*/*/*"), *folder.path.glob("figures/*")]
     found = {str(path.relative_to(folder.path)): path.read_bytes() for path in sorted(paths)}
     found["index.html"] = without_times(found["index.html"].decode()).encode()
     return found
@@ -48,16 +48,22 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 def without_policy(content: bytes) -> bytes:
-    """A record without the name and the version of its policy, and without its checksum."""
-    return re.sub(rb'\n  "(policy|policy_version|sha256)": .*', b"", content)
+    """A record without its run, the name and the version of its policy, and its checksum."""
+    return re.sub(rb'\n  "(run|policy|policy_version|sha256)": .*', b"", content)
 
 
 def assert_same_episodes(folder: RunFolder, reference: dict[str, bytes], count: int) -> None:
     """Compare records with those of the random policy itself."""
     records = {name: c for name, c in compared(folder).items() if name.startswith("records")}
     assert len(records) == count
+    of_random = {_episode(name): content for name, content in reference.items()}
     for name, content in records.items():
-        assert without_policy(content) == without_policy(reference[name])
+        assert without_policy(content) == without_policy(of_random[_episode(name)])
+
+
+def _episode(name: str) -> tuple[str, str]:
+    """Task and index in the name of a record."""
+    return name.rpartition("/")[0].rpartition("/")[0], name.rpartition("/")[2]
 
 
 @pytest.fixture
@@ -83,4 +89,4 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Play:
     return run
 
 
-SUITE = ("tasks", "episodes", "first_episode", "look", "execution", "name", "overtime")
+SUITE = ("tasks", "episodes", "first_episode", "look", "execution", "name", "overtime", "shifts")

@@ -11,7 +11,7 @@ import numpy as np
 
 from duobench.files import CHECKSUM, checksum
 from duobench.results.folder import RunFolder
-from duobench.results.targets import pack_targets, unpack_targets
+from duobench.results.records import pack_targets, unpack_targets
 from duobench.types import Array
 
 Document = dict[str, Any]
@@ -25,6 +25,14 @@ def rewritten(path: Path, edit: Edit, *, sealed: bool = True) -> None:
     if sealed:
         document[CHECKSUM] = checksum(document)
     path.write_text(json.dumps(document))
+
+
+def redescribed(folder: RunFolder, edit: Edit) -> None:
+    """Edit the description of a run, and have all of its records name the new one."""
+    rewritten(folder.description, edit)
+    new = folder.read_run().hash
+    for path in folder.path.glob("records/*/*/*.json"):
+        rewritten(path, lambda record: record.update(run=new))
 
 
 def copied(folder: RunFolder, path: Path) -> RunFolder:

@@ -1,4 +1,3 @@
-import json
 import random
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,14 +13,21 @@ from duobench.errors import (
     UnknownNameError,
 )
 from duobench.results.folder import RunFolder
+from duobench.results.journal import PARTS, Begun, Ended
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
-from duobench.results.reporting.times import PARTS, read_notes
 from duobench.results.run import Run
 from duobench.results.suite import find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
-from tests.evaluation.conftest import Play, assert_same_episodes, compared, small_suite
+from tests.evaluation.conftest import (
+    Play,
+    assert_same_episodes,
+    compared,
+    small_suite,
+    without_policy,
+)
+from tests.results.samples import key
 
 
 def test_results_do_not_depend_on_the_workers(play: Play, reference: dict[str, bytes]) -> None:
@@ -33,8 +39,9 @@ def test_missing_episodes_are_played_and_finished_ones_kept(
     play: Play, reference: dict[str, bytes]
 ) -> None:
     folder, _ = play("random")
-    kept = {path: path.stat().st_mtime_ns for path in folder.path.glob("records/*/*")}
-    for path in (folder.record("wave", 2), folder.record("nod", 0), folder.page, folder.summary):
+    kept = {path: path.stat().st_mtime_ns for path in folder.path.glob("records/*/*/*")}
+    gone = [folder.record(key(folder, *each)) for each in (("wave", 2), ("nod", 0))]
+    for path in (*gone, folder.page, folder.summary):
         path.unlink()
         kept.pop(path, None)
     play("random")
@@ -46,7 +53,7 @@ def test_run_may_grow_and_then_is_like_one_that_was_that_long(
     play: Play, reference: dict[str, bytes]
 ) -> None:
     folder, _ = play("random", episodes=2)
-    kept = {path: path.stat().st_mtime_ns for path in folder.path.glob("records/*/*")}
+    kept = {path: path.stat().st_mtime_ns for path in folder.path.glob("records/*/*/*")}
     play("random", episodes=4)
     assert compared(folder) == reference
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
@@ -84,7 +91,7 @@ def test_episode_range_moves_the_seeds(play: Play, reference: dict[str, bytes]) 
     folder, _ = play("random", episodes=2, first_episode=2)
     for name, content in compared(folder).items():
         if name.startswith("records"):
-            assert content == reference[name]
+            assert without_policy(content) == without_policy(reference[name])
 
 
 def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play: Play) -> None:
@@ -137,7 +144,7 @@ def test_broken_episodes_are_played_again_if_that_is_asked_for(
     broken = results.overall.errors
     assert broken == 4
     kept = {
-        folder.record(record.task, record.episode): record.seed
+        folder.record(record.key): record.seed
         for one in results.tasks
         for record in one.records
         if record.error is None
@@ -194,7 +201,7 @@ def test_policy_that_moves_elsewhere_does_not_take_the_records_along(
     results = evaluate(f"{toy_tasks.__name__}:Moves", small_suite(episodes=1), folder, workers=0)
     assert Path.cwd() == marks
     assert results.overall.episodes == 2
-    assert len(list((tmp_path / "relative" / "records").glob("*/*.json"))) == 2
+    assert len(list((tmp_path / "relative" / "records").glob("*/*/*.json"))) == 2
 
 
 def test_policy_with_global_generators_is_repeatable(play: Play) -> None:
@@ -224,7 +231,7 @@ def test_look_is_that_of_environment_video_and_record(play: Play, workers: int) 
         assert record.config.look == "dark"
         brightness = []
         for run in (folder, plain):
-            with av.open(run.video(one.task.id, 0)) as container:
+            with av.open(run.video(key(run, one.task.id, 0))) as container:
                 frame = next(container.decode(video=0))
             brightness.append(frame.to_ndarray(format="rgb24").mean())
         assert 1.3 * brightness[0] < brightness[1]
@@ -232,15 +239,15 @@ def test_look_is_that_of_environment_video_and_record(play: Play, workers: int) 
 
 def test_first_episodes_have_videos_the_same_in_any_process(play: Play) -> None:
     folder, results = play("random", videos=1, episodes=2)
-    videos = sorted(folder.path.glob("videos/*/*.webm"))
-    assert videos == [folder.video("nod", 0), folder.video("wave", 0)]
+    videos = sorted(folder.path.glob("videos/*/*/*.webm"))
+    assert videos == [folder.video(key(folder, "nod", 0)), folder.video(key(folder, "wave", 0))]
     page = folder.page.read_text()
     for one in results.tasks:
-        with av.open(folder.video(one.task.id, 0)) as container:
+        with av.open(folder.video(key(folder, one.task.id, 0))) as container:
             images = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
         assert len(images) == 1 + (one.records[0].steps + 1) // 2
         assert all(image.std() > 10 for image in images)
-        assert f'src="videos/{one.task.id}/00000.webm"' in page
+        assert f'src="videos/{one.task.id}/random.sim.none.default/00000.webm"' in page
     other, _ = play("random", "other", videos=1, episodes=2, workers=1)
     for path in videos:
         assert (other.path / path.relative_to(folder.path)).read_bytes() == path.read_bytes()
@@ -249,16 +256,17 @@ def test_first_episodes_have_videos_the_same_in_any_process(play: Play) -> None:
 @pytest.mark.parametrize("workers", [0, 1])
 def test_time_is_noted_with_what_it_was_spent_on(play: Play, workers: int) -> None:
     folder, _ = play("Glances", videos=1, episodes=2, workers=workers)
-    notes = read_notes(folder.timing)
-    assert set(notes) == {(task, episode) for task in ("wave", "nod") for episode in (0, 1)}
-    for (_, episode), note in notes.items():
-        parts = [getattr(note, name) for name in PARTS]
-        assert note.seconds is not None
-        assert sum(parts) < note.seconds + 0.01
-        assert all((note.simulation, note.rendering, note.policy))
-        assert bool(note.waiting) == bool(workers)
-        assert bool(note.video) == (episode == 0)
-        assert note.workers == workers
+    notes = [entry for entry in folder.entries() if isinstance(entry, Ended)]
+    played = [(task, episode) for task in ("wave", "nod") for episode in (0, 1)]
+    assert sorted((note.task, note.episode) for note in notes) == sorted(played)
+    for note in notes:
+        times = note.times
+        assert times is not None
+        assert sum(getattr(times, name) for name in PARTS) < times.total + 0.01
+        assert all((times.simulation, times.rendering, times.policy))
+        assert bool(times.waiting) == bool(workers)
+        assert bool(times.video) == (note.episode == 0)
+        assert (note.workers, note.attempt) == (workers, 1)
 
 
 class Counts:
@@ -269,7 +277,7 @@ class Counts:
         self.told: list[tuple[str, int]] = []
 
     def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
-        assert run.policy == "hold"
+        assert run.candidate.policy == "hold"
         self.finished.append(len(finished))
 
     def on_episode(self, played: EpisodeRecord) -> None:
@@ -280,19 +288,21 @@ def test_observers_hear_of_every_record_once(play: Play) -> None:
     counts = Counts()
     folder, _ = play("hold", episodes=2, observers=[counts])
     assert counts.told == [("wave", 0), ("wave", 1), ("nod", 0), ("nod", 1)]
-    folder.record("nod", 0).unlink()
+    folder.record(key(folder, "nod", 0)).unlink()
     play("hold", episodes=2, observers=[counts])
     assert counts.finished == [0, 3]
     assert counts.told[4:] == [("nod", 0)]
-    lines = folder.timing.read_text().splitlines()
-    assert [json.loads(line)["task"] for line in lines] == ["wave", "wave", "nod", "nod", "nod"]
+    begun = [entry for entry in folder.entries() if isinstance(entry, Begun)]
+    assert [entry.task for entry in begun] == ["wave", "wave", "nod", "nod", "nod"]
+    assert [entry.attempt for entry in begun] == [1, 1, 1, 1, 2]
 
 
 def test_records_that_vanish_during_the_run_are_an_error(play: Play, tmp_path: Path) -> None:
     class Removes(Counts):
         def on_episode(self, played: EpisodeRecord) -> None:
             if played.episode == 1:
-                RunFolder(tmp_path / "run").record(played.task, 0).unlink()
+                folder = RunFolder(tmp_path / "run")
+                folder.record(key(folder, played.task, 0)).unlink()
 
     with pytest.raises(EvaluationError, match=r"2 of 4 records are missing .*plays what is miss"):
         play("hold", episodes=2, observers=[Removes()])

@@ -14,7 +14,7 @@ from duobench.policy import HoldPolicy
 from duobench.replay.verify import Verdict, verify
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import Play
-from tests.evaluation.forging import rewritten
+from tests.evaluation.forging import redescribed, rewritten
 from tests.evaluation.test_rollout import Listener
 
 
@@ -104,8 +104,8 @@ def test_latency_and_cut_are_in_what_decides_a_result_and_are_verified(play: Pla
         with pytest.raises(OtherRunError, match=difference):
             play("random", episodes=1, execution=other)
     assert verify(folder, import_tasks=True).of(Verdict.EXACT)
-    rewritten(folder.path / "run.json", lambda run: run["suite"]["execution"].update(latency=9))
-    for path in folder.path.glob("records/*/*.json"):
+    redescribed(folder, lambda run: run["suite"]["execution"].update(latency=9))
+    for path in folder.path.glob("records/*/*/*.json"):
         rewritten(path, lambda record: record["execution"].update(latency=9))
     found = verify(folder, import_tasks=True).of(Verdict.CONTRADICTED)
     assert len(found) == 2

@@ -13,12 +13,11 @@ from duobench.replay import leaderboard
 from duobench.replay.leaderboard import make_leaderboard
 from duobench.results.bundle import write_bundle
 from duobench.results.folder import RunFolder
-from duobench.results.leaderboard.board import Board
-from duobench.results.leaderboard.site import DOCUMENT, VERDICTS
+from duobench.results.leaderboard import DOCUMENT, VERDICTS, Board
 from tests.evaluation import toy_tasks
 from tests.evaluation.forging import Document, copied, rewritten
 
-RECORD = "records/bin_sort/00000.json"
+RECORD = "records/bin_sort/hold.sim.none.default/00000.json"
 
 
 def play(path: Path, policy: str, tasks: str = "bin_sort", episodes: int = 1) -> RunFolder:

@@ -1,7 +1,6 @@
 """Episodes played on after their horizon, which tells slow from wrong and changes nothing."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,24 +9,25 @@ from duobench.errors import EvaluationError, OtherRunError
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.replay.verify import Verdict, verify
+from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
+from duobench.results.report import read_parts
+from duobench.results.shard import Shard
 from duobench.results.suite import find_tasks
-from duobench.results.suites.shard import Shard
-from duobench.runners.shifts import evaluate_shifts
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import Play, small_suite
 
 NUDGE = find_tasks([toy_tasks.NUDGE_NAME])
-NEW = ("late_success", "sha256")
+NEW = ("late_success", "run", "sha256")
 """Fields of a record that an overtime may change."""
 
 
 def records(folder: RunFolder) -> dict[str, dict[str, Any]]:
     """What the records of a run say, by their names."""
-    paths = sorted(folder.path.glob("records/*/*.json"))
-    return {f"{path.parent.name}/{path.stem}": json.loads(path.read_text()) for path in paths}
+    paths = sorted(folder.path.glob("records/*/*/*.json"))
+    return {str(path.relative_to(folder.path)): json.loads(path.read_text()) for path in paths}
 
 
 def at_horizon(folder: RunFolder) -> dict[str, dict[str, Any]]:
@@ -52,7 +52,7 @@ def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play: 
     assert second is not None
     assert third is not None
     assert toy_tasks.HORIZON < second < third <= 36
-    for path in plain.path.glob("videos/*/*"):
+    for path in plain.path.glob("videos/*/*/*"):
         assert (folder.path / path.relative_to(plain.path)).read_bytes() == path.read_bytes()
     score = results.overall
     assert (score.successes, score.late_successes, score.errors) == (1, 2, 0)
@@ -83,18 +83,21 @@ def test_run_with_another_overtime_is_refused(play: Play) -> None:
         play("Late", tasks=NUDGE, episodes=1)
 
 
-def test_every_executor_plays_on(play: Play, tmp_path: Path) -> None:
+def test_every_executor_plays_on(play: Play) -> None:
     folder, _ = play("Late", tasks=NUDGE, overtime=1.5)
     apart, _ = play("Late", "apart", tasks=NUDGE, overtime=1.5, workers=2)
     assert records(apart) == records(folder)
-    suite = small_suite(tasks=NUDGE, overtime=1.5)
     shard, shift = Shard(number=2, count=2), Shift(axis="latency", level=1)
-    name = f"{toy_tasks.__name__}:Late"
-    folders = evaluate_shifts(name, suite, tmp_path / "shifts", [NO_SHIFT, shift], shard=shard)
-    of_shard = records(folders[NO_SHIFT])
-    assert of_shard == {name: records(folder)[name] for name in of_shard}
-    assert None in late(folders[shift])
-    assert any(late(folders[shift]))
+    part, _ = play(
+        "Late", "shifts", tasks=NUDGE, overtime=1.5, shifts=(NO_SHIFT, shift), shard=shard
+    )
+    usual, shifted = read_parts(part)
+    of_shard = {record.key: record for record in usual.records}
+    assert len(of_shard) == 2
+    assert of_shard.items() <= {r.key: r for r in read_source(folder.path)[1]}.items()
+    found = [record.late_success for record in shifted.records]
+    assert None in found
+    assert any(found)
 
 
 @pytest.mark.parametrize("workers", [0, 1])
@@ -107,7 +110,8 @@ def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(
     plain, _ = play("FailsLate", "plain", **options)
     folder, results = play("FailsLate", overtime=1.5, **options)
     assert (results.overall.errors, results.overall.episodes) == (0, episodes)
-    assert records(folder) == records(plain)
+    assert late(folder) == [None] * episodes
+    assert at_horizon(folder) == at_horizon(plain)
 
 
 @pytest.mark.parametrize("workers", [1, 3])

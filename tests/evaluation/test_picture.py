@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from duobench.evaluation.picture import Picture
+from duobench.evaluation.video import Picture
 from tests.results.samples import SORT
 
 TABLE = np.full((480, 640, 3), 200, np.uint8)

@@ -12,8 +12,8 @@ from duobench.data import DataSet, Recording
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import HoldPolicy, Session
 from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.client import VLLM_PATH
 from duobench.policy.serving.codec import pack, unpack
-from duobench.policy.serving.dialect import VLLM_PATH
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.randomness import TRAIN, policy_seed
 from duobench.results.folder import RunFolder

@@ -8,19 +8,22 @@ from duobench.policy import PolicyMetadata, make
 from duobench.randomness import episode_seed, policy_seed
 from duobench.results.limits import TimeLimits
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
-from duobench.results.run import Run
+from duobench.results.run import Candidate, Run
 from duobench.results.suite import Episode, Suite, find_tasks
 from duobench.versions import package_versions, record_versions
 from tests.evaluation import toy_tasks
 
 (WAVE,) = find_tasks([toy_tasks.WAVE_NAME])
 RUN = Run(
-    policy="random",
+    candidates=(
+        Candidate(
+            policy="random",
+            metadata=PolicyMetadata(name="random", version="7"),
+            config=EnvConfig(cameras=()),
+        ),
+    ),
     suite=Suite(tasks=(WAVE,)),
-    videos=0,
     limits=TimeLimits(),
-    metadata=PolicyMetadata(name="random", version="7"),
-    config=EnvConfig(cameras=()),
     versions=package_versions(),
 )
 VERSIONS = record_versions(None)

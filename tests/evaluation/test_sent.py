@@ -16,6 +16,7 @@ from duobench.results.records import EpisodeRecord, StateHashes
 from duobench.results.suite import TaskInfo
 from duobench.types import Array
 from tests.evaluation.conftest import Play
+from tests.results.samples import key
 
 
 class Drifts(RandomPolicy):
@@ -74,6 +75,6 @@ def test_episode_of_a_broken_policy_keeps_what_was_sent(play: Play) -> None:
 def test_targets_stand_in_the_file_as_text(play: Play) -> None:
     folder, results = play("random", episodes=1)
     record = results.tasks[0].records[0]
-    document = json.loads(folder.record(record.task, 0).read_text())
+    document = json.loads(folder.record(key(folder, record.task, 0)).read_text())
     assert base64.b64decode(document["sent"]) == record.sent
     assert set(document["end"]) == {"physics", "stages"}

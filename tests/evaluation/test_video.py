@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from duobench.envs.execution import Step
-from duobench.evaluation.recorder import FRAME_EVERY, VideoRecorder
+from duobench.evaluation.video import FRAME_EVERY, VideoRecorder
 
 HEIGHT, WIDTH = 48, 64
 

@@ -460,7 +460,7 @@ def answers_for_another() -> None:
 def answers_twice() -> None:
     """The worker once gives a result twice."""
     from duobench.evaluation.episode import EpisodeResult
-    from duobench.runners.child import Parent
+    from duobench.runners.process import Parent
 
     report = Parent.report
 

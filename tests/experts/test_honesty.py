@@ -26,6 +26,7 @@ from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, SIDES
 from tests.envs.tools import sim_of
 from tests.experts.baseline_episodes import make
+from tests.task_harness import marked
 
 SEED, OTHER_SEED = 4, 5
 LATE = 60
@@ -99,8 +100,10 @@ def test_the_state_covers_every_input_of_the_next_step() -> None:
 # Human-like experts are sometimes faster than plain ones, and disturbed.
 @pytest.mark.parametrize(
     ("name", "variety"),
-    [*((name, HUMAN) for name in catalog.names()), ("block_balance", NONE), ("bin_sort", NONE)],
-    ids=lambda value: getattr(value, "name", value),
+    [
+        *(marked(name, HUMAN, name=f"{name}-human") for name in catalog.names()),
+        *(marked(name, NONE, name=f"{name}-none") for name in ("block_balance", "bin_sort")),
+    ],
 )
 def test_an_expert_only_reads_the_simulation_and_keeps_to_the_limits(
     name: str, variety: Variety

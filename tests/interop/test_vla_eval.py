@@ -16,7 +16,7 @@ from duobench.evaluation.policies import PolicyChoice
 from duobench.policy.serving.address import RemoteServer
 from duobench.randomness import episode_seed
 from duobench.results.folder import RunFolder
-from duobench.results.metrics import Results
+from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.docs.markdown import DOCS, ROOT, blocks, table

@@ -17,7 +17,7 @@ from duobench.evaluation.episode import EpisodeRunner, Job
 from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.policy import Policy
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.client import RemotePolicy
+from duobench.policy.serving.client import OpenpiPolicy
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import Episode, Suite, find_tasks
 from tests.evaluation import toy_tasks
@@ -72,15 +72,15 @@ BRIDGE += ("duobench.interop.vlagents:served_agent",)
 
 
 @pytest.fixture
-def remote(serve: Serve) -> Iterator[Callable[..., RemotePolicy]]:
+def remote(serve: Serve) -> Iterator[Callable[..., OpenpiPolicy]]:
     with ExitStack() as ending:
 
-        def connect(agent: str, port: int, file: str = "vlagents", **options: Any) -> RemotePolicy:
+        def connect(agent: str, port: int, file: str = "vlagents", **options: Any) -> OpenpiPolicy:
             """The policy behind a bridge to an agent."""
             options = {"wait_s": TIMEOUT_S, "answer_s": TIMEOUT_S} | options
             variables = {"DUOBENCH_VLAGENTS_AGENT": f"{agent}@localhost:{port}"}
             _, bridge = serve(*BRIDGE, **variables, DUOBENCH_VLAGENTS_FORMAT=file)
-            policy = RemotePolicy(RemoteServer(url=f"ws://127.0.0.1:{bridge}", **options))
+            policy = OpenpiPolicy(RemoteServer(url=f"ws://127.0.0.1:{bridge}", **options))
             ending.callback(policy.close)
             return policy
 
@@ -123,7 +123,7 @@ def observation() -> dict[str, Any]:
 
 
 def test_agent_at_their_server_plays_an_episode_as_it_does_here(
-    serve: Serve, remote: Callable[..., RemotePolicy]
+    serve: Serve, remote: Callable[..., OpenpiPolicy]
 ) -> None:
     _, port = serve(*theirs("Leans"))
     policy = remote("Leans", port, execute=EXECUTED)
@@ -137,7 +137,7 @@ def test_agent_at_their_server_plays_an_episode_as_it_does_here(
 
 
 def test_format_turns_grippers_and_renames_cameras(
-    serve: Serve, remote: Callable[..., RemotePolicy], tmp_path: Path
+    serve: Serve, remote: Callable[..., OpenpiPolicy], tmp_path: Path
 ) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(
@@ -154,7 +154,7 @@ def test_format_turns_grippers_and_renames_cameras(
 
 
 def test_agent_that_is_slow_or_fails_fails_its_episode(
-    serve: Serve, remote: Callable[..., RemotePolicy]
+    serve: Serve, remote: Callable[..., OpenpiPolicy]
 ) -> None:
     _, slow = serve(*theirs("Sleeps"))
     policy = remote("Sleeps", slow, answer_s=1.0)
@@ -171,7 +171,7 @@ def test_agent_that_is_slow_or_fails_fails_its_episode(
 
 
 def test_server_that_dies_is_no_fault_of_the_agent(
-    serve: Serve, remote: Callable[..., RemotePolicy]
+    serve: Serve, remote: Callable[..., OpenpiPolicy]
 ) -> None:
     process, port = serve(*theirs("Sleeps"))
     policy = remote("Sleeps", port)
@@ -191,7 +191,7 @@ def test_server_that_dies_is_no_fault_of_the_agent(
 
 
 def test_server_that_is_frozen_is_no_fault_of_the_agent(
-    serve: Serve, remote: Callable[..., RemotePolicy]
+    serve: Serve, remote: Callable[..., OpenpiPolicy]
 ) -> None:
     process, port = serve(*theirs("Leans"))
     policy = remote("Leans", port)

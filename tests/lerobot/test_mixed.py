@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,24 +22,11 @@ from duobench.hardware.clock import VirtualClock
 from duobench.hardware.drivers.simulated import number_of
 from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
+from tests.lerobot.tools import TINY, load, record
 
 TASK = "bin_sort"
 LENGTH = 34
 STEPS = 2
-TINY = [
-    *("--batch_size=2", "--num_workers=0", "--policy.device=cpu", "--log_freq=1"),
-    *("--policy.dim_model=32", "--policy.n_heads=2", "--policy.dim_feedforward=32"),
-    *("--policy.n_encoder_layers=1", "--policy.n_vae_encoder_layers=1"),
-]
-
-
-def record(env: Recorder) -> None:
-    observation, _ = env.reset(seed=0)
-    home, over, step = observation["agent_pos"].astype(float), False, 0
-    while not over:
-        step += 1
-        _, _, _, over, _ = env.step(home + 0.05 * np.sin(step / 10))
-    env.close()
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +44,6 @@ def sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
         words = ["--cameras", "head", "--size", "64", "64"]
         main(["export", "lerobot", *folders, "--out", str(folder / name), *words])
     return folder
-
-
-def load(root: Path) -> Any:
-    from lerobot.datasets import LeRobotDataset
-
-    return LeRobotDataset("duobench/demos", root=root, video_backend="pyav")
 
 
 def test_both_domains_are_in_one_data_set(sets: Path) -> None:

@@ -1,9 +1,7 @@
 """The pages on LeRobot and on Parquet: what they print runs, in an environment with LeRobot."""
 
-import os
 import re
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,33 +9,13 @@ import pytest
 
 pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
 
-ROOT = Path(__file__).parents[2]
-SMALL = shlex.split(
-    "--policy.dim_model=32 --policy.n_heads=2 --policy.dim_feedforward=32 --policy.device=cpu "
-    "--policy.n_encoder_layers=1 --policy.n_vae_encoder_layers=1 --batch_size=2 --num_workers=0 "
-    "--policy.pretrained_backbone_weights=null --steps=1"
-)
-"""What makes a training small enough for a test; the last of two equal options counts."""
+from tests.docs.markdown import DOCS
+from tests.lerobot.tools import TINY, run
 
 
 def blocks(page: str, language: str) -> list[str]:
-    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    text = (DOCS / page).read_text(encoding="utf-8")
     return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
-
-
-def run(command: list[str], folder: Path) -> str:
-    quiet = {"HF_HUB_OFFLINE": "1", "HF_DATASETS_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
-    folders = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    result = subprocess.run(
-        command,
-        cwd=folder,
-        env={**os.environ, **quiet, "PATH": folders},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == 0, result.stdout + result.stderr
-    return result.stdout
 
 
 def shell(line: str, folder: Path) -> str:
@@ -45,7 +23,7 @@ def shell(line: str, folder: Path) -> str:
     if words[0] == "duobench":
         words = [sys.executable, "-P", "-m", *words]
     elif words[0] == "lerobot-train":
-        words += SMALL
+        words += [*TINY, "--policy.pretrained_backbone_weights=null", "--steps=1"]
     return run(words, folder)
 
 

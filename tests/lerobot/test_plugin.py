@@ -4,8 +4,6 @@ Runs in an environment with LeRobot and with the plugin, which `make test-lerobo
 """
 
 import json
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -17,11 +15,11 @@ from duobench.cli import main
 from duobench.randomness import episode_seed
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE
+from tests.lerobot.tools import HERE
+from tests.lerobot.tools import run as run_program
 
-HERE = Path(__file__).parent
 TASK = "swing_task:TASK"
 EPISODES = 4
-SCRIPTS = Path(sys.executable).parent
 
 
 EVALUATION = """
@@ -43,10 +41,7 @@ print([name for name in devices if name in sys.modules])
 
 
 def test_one_distribution_registers_all_and_an_evaluation_loads_no_drivers() -> None:
-    found = subprocess.run(
-        [sys.executable, "-c", EVALUATION], capture_output=True, text=True, check=True
-    )
-    assert found.stdout.splitlines()[-1] == "[]"
+    assert run_program([sys.executable, "-c", EVALUATION]).splitlines()[-1] == "[]"
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +63,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, checkpoint: Path) -> Path:
 def evaluate(checkpoint: Path, out: Path, *options: str) -> dict:
     """What `lerobot-eval` finds out."""
     command = [
-        SCRIPTS / "lerobot-eval",
+        "lerobot-eval",
         f"--policy.path={checkpoint}",
         "--policy.device=cpu",
         "--env.type=duobench",
@@ -80,14 +75,7 @@ def evaluate(checkpoint: Path, out: Path, *options: str) -> dict:
         f"--output_dir={out}",
         *options,
     ]
-    result = subprocess.run(
-        command,
-        env={**os.environ, "PYTHONPATH": str(HERE)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == 0, result.stderr[-3000:]
+    run_program(command, PYTHONPATH=str(HERE))
     return json.loads((out / "eval_info.json").read_text())
 
 
@@ -96,7 +84,7 @@ def test_lerobot_eval_finds_what_our_runner_finds(
     run: Path, checkpoint: Path, tmp_path: Path, batch: int
 ) -> None:
     found = evaluate(checkpoint, tmp_path / "out", f"--eval.batch_size={batch}")
-    records = [json.loads(path.read_text()) for path in sorted(run.rglob("records/*/*.json"))]
+    records = [json.loads(path.read_text()) for path in sorted(run.rglob("records/*/*/*.json"))]
     assert [record["seed"] for record in records] == [
         episode_seed("swing", number) for number in range(EPISODES)
     ]

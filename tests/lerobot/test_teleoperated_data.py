@@ -14,15 +14,11 @@ from lerobot.datasets import LeRobotDataset
 from duobench.cli import main
 from duobench.data import DataSet, find_problems
 from duobench.policy import make
+from tests.lerobot.tools import TINY
 from tests.teleop.paging import OPERATOR, record
 
 TASKS = ("bin_sort", "carry_pot")
 EPISODES = 2
-TINY = (
-    *("--batch_size=2", "--num_workers=0", "--policy.device=cpu", "--log_freq=1"),
-    *("--policy.dim_model=32", "--policy.n_heads=2", "--policy.dim_feedforward=32"),
-    *("--policy.n_encoder_layers=1", "--policy.n_vae_encoder_layers=1"),
-)
 
 
 def test_act_learns_from_a_scripted_operators_episodes(tmp_path: Path) -> None:

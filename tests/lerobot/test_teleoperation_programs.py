@@ -9,7 +9,6 @@ import os
 import queue
 import re
 import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -24,10 +23,10 @@ from duobench.envs.spaces import JOINT_NAMES
 from duobench.spatial import SE3
 from duobench.training.training import LearningData
 from lerobot_env_duobench.hand_arms import OPEN_HOME
+from tests.lerobot.tools import SCRIPTS
 from tests.teleop.operator import hand, message
 from tests.web.pages import Page, open_page
 
-SCRIPTS = Path(sys.executable).parent
 SECONDS = 4
 FPS = 30
 SIMULATED = ("--robot.type=duobench",)

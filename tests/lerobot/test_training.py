@@ -7,7 +7,6 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -26,20 +25,11 @@ from duobench.data.recorder import Recorder
 from duobench.policy import make
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE
+from tests.lerobot.tools import HERE, QUICK, TINY, record
 
-HERE = Path(__file__).parent
 TASKS = ("bin_sort", "transfer_cube")
 LENGTH = 36
 STEPS = 2
-QUICK = ["--batch_size=2", "--num_workers=0", "--policy.device=cpu", "--log_freq=1"]
-TINY = [
-    *QUICK,
-    "--policy.dim_model=32",
-    "--policy.n_heads=2",
-    "--policy.dim_feedforward=32",
-    "--policy.n_encoder_layers=1",
-    "--policy.n_vae_encoder_layers=1",
-]
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +38,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("data")
     demos = DataSet.open(folder / "demos")
     for task in TASKS:
-        env = Recorder(duobench.make(task, cameras=(), horizon=LENGTH), demos)
-        observation, _ = env.reset(seed=0)
-        home, over, step = observation["agent_pos"].copy(), False, 0
-        while not over:
-            step += 1
-            _, _, _, over, _ = env.step(home + 0.05 * np.sin(step / 5))
-        env.close()
+        record(Recorder(duobench.make(task, cameras=(), horizon=LENGTH), demos))
     export_lerobot(demos, folder / "set", ExportOptions(cameras=CAMERAS, size=(SIZE, SIZE)))
     return folder / "set"
 
@@ -73,21 +57,27 @@ def test_a_small_act_trains_goes_on_and_plays(
     settings = json.loads((last / "train_config.json").read_text())
     assert settings["policy"]["chunk_size"] == settings["policy"]["n_action_steps"] == 30
     assert settings["dataset"]["episodes"] == [0]
+    saved = json.loads((last / "config.json").read_text())
+    images = {f"observation.images.{camera}" for camera in CAMERAS}
+    assert saved["input_features"].keys() == {"observation.state", *images}
+    assert saved["output_features"].keys() == {"action"}
+    weights = load_file(last / "model.safetensors").values()
+    assert all(torch.isfinite(each).all() for each in weights)
     train(*command, "--steps", STEPS + 1)
     assert (out / f"checkpoints/{STEPS + 1:06d}").is_dir()
     monkeypatch.syspath_prepend(HERE)
     run = tmp_path / "run"
     play = ["eval", "--policy", f"lerobot:{last}?device=cpu", "--tasks", "swing_task:TASK"]
     main([*play, "--episodes", "1", "--workers", "0", "--videos", "0", "--out", str(run)])
-    (record,) = run.rglob("records/*/*.json")
+    (record,) = run.rglob("records/*/*/*.json")
     assert json.loads(record.read_text())["steps"] == LENGTH
 
 
 @pytest.mark.parametrize(
-    ("kind", "tiny"), [("act", TINY), ("diffusion", [*QUICK, "--policy.down_dims=[32,64,128]"])]
+    ("kind", "tiny"), [("act", TINY), ("diffusion", (*QUICK, "--policy.down_dims=[32,64,128]"))]
 )
 def test_what_sees_objects_and_moves_tools_trains_and_loads(
-    kind: str, tiny: list[str], data: Path, tmp_path: Path
+    kind: str, tiny: tuple[str, ...], data: Path, tmp_path: Path
 ) -> None:
     demos, objects, out = data.with_name("demos"), tmp_path / "objects", tmp_path / "out"
     options = ExportOptions(tasks=TASKS[:1], cameras=(), object_state=True, action="cartesian")
@@ -122,16 +112,8 @@ def test_x_vla_learns_from_simulated_and_real_episodes_apart(
     base = checkpoints.xvla(tmp_path / "base", action_mode="ee6d", num_domains=2)
     mixed = say_real(data, tmp_path / "mixed", episode=1)
     words = ["xvla", "--data", mixed, "--out", tmp_path / "out", "--tasks", TASKS[learned]]
-    train(
-        *words,
-        "--domain-ids",
-        "--steps",
-        STEPS,
-        "--",
-        *QUICK,
-        f"--policy.path={base}",
-        "--policy.dtype=float32",
-    )
+    model = (f"--policy.path={base}", "--policy.dtype=float32")
+    train(*words, "--domain-ids", "--steps", STEPS, "--", *QUICK, *model)
     last = tmp_path / "out/checkpoints/last/pretrained_model"
     before, after = (load_file(folder / "model.safetensors") for folder in (base, last))
     (prompts,) = (name for name in before if name.endswith("soft_prompt_hub.weight"))

@@ -5,7 +5,7 @@ import pytest
 
 from dev.tools.pages import PHONE, VIEWS, View, measure, violations
 from duobench.results.compare import compare, write_comparison
-from tests.results.comparison.runs import play
+from tests.results.outcomes import play
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,9 @@ from pathlib import Path
 import pytest
 
 from dev.tools.pages import PHONE, VIEWS, View, measure, violations
-from duobench.results.leaderboard.board import Board, Refused
-from duobench.results.leaderboard.site import begin_site, write_site
+from duobench.results.leaderboard import Board, RefusedBundle, begin_site, write_site
 from duobench.results.suite import find_tasks
-from tests.results.leaderboard.boards import entry
+from tests.results.boards import entry
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +15,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     out = tmp_path_factory.mktemp("site")
     few = entry("few", tasks=find_tasks(("bin_sort",)), episodes=3)
     entries = (entry("a_module.of_my.own:PolicyWithALongName"), entry("expert", 0.9), few)
-    refused = Refused(file="x" * 80 + ".duobench.zip", reason="It is damaged.")
+    refused = RefusedBundle(file="x" * 80 + ".duobench.zip", reason="It is damaged.")
     begin_site(out)
     return [write_site(Board(entries=entries, refused=(refused,)), out), out / entries[0].page]
 

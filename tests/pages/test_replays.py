@@ -13,7 +13,7 @@ from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks import get
 from duobench.web.geometry import Geometry
-from duobench.web.page import Replay, replay_page
+from duobench.web.page import EpisodeReplay, replay_page
 from duobench.web.track import encode
 from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, started, until
 
@@ -47,7 +47,7 @@ def replays(tmp_path_factory: pytest.TempPathFactory) -> Path:
             simulation.step(replace(command, joints=command.joints + 0.01 * step))
         scenes[geometry.name] = geometry.data
         episodes.append(
-            Replay(
+            EpisodeReplay(
                 title=f"{id}, episode 0",
                 scene=geometry.name,
                 track=encode(np.array(poses)),

@@ -8,10 +8,10 @@ from PIL import Image
 
 from dev.tools.pages import DESKTOP, PHONE, VIEWS, View, measure, paper, screenshot, violations
 from duobench.policy import PolicyMetadata
+from duobench.results.journal import PARTS, EpisodeTimes
 from duobench.results.report import write_report
-from duobench.results.reporting.times import PARTS, EpisodeTimes
 from duobench.video import VP9, write_video
-from tests.results.samples import SORT, TURN, sample_folder, sample_record, sample_run
+from tests.results.samples import SORT, TURN, key, sample_folder, sample_record, sample_run
 
 AXE = Path(os.environ["DUOBENCH_AXE"])
 FRAMES = [np.full((96, 128, 3), shade, np.uint8) for shade in (20, 80, 140)]
@@ -21,7 +21,7 @@ FRAMES = [np.full((96, 128, 3), shade, np.uint8) for shade in (20, 80, 140)]
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Report of a privileged, unfinished run with everything that a report can show."""
     metadata = PolicyMetadata(name="mine", version="1", object_state=True, seeded=False)
-    run = sample_run(episodes=9, metadata=metadata, command="duobench eval --policy mine")
+    run = sample_run(episodes=9, metadata=metadata)
     records = [
         sample_record(SORT, 0, clipped=3),
         sample_record(SORT, 1, (5,), unmet=("cube is 20 mm above bowl, not at most 12 mm",)),
@@ -31,10 +31,13 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
         sample_record(TURN, 1, (3,), versions={"python": "3.13"}),
     ]
     folder = sample_folder(tmp_path_factory.mktemp("run"), run, records)
-    for record in records:
-        folder.note_timing(record, EpisodeTimes(total=9, **dict.fromkeys(PARTS, 1.0)), workers=2)
+    times = EpisodeTimes(total=9, **dict.fromkeys(PARTS, 1.0))
+    with folder.writer() as journal:
+        journal.start("duobench eval --policy mine", 2)
+        for record in records:
+            journal.end(record, times)
     for episode in (0, 1):
-        path = folder.video(SORT.id, episode)
+        path = folder.video(key(folder, SORT.id, episode))
         path.parent.mkdir(parents=True, exist_ok=True)
         write_video(FRAMES, path, VP9, Fraction(15))
     write_report(folder)

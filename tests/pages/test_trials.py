@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.results.source import read_source
+from duobench.results.bundle import read_source
 from duobench.rig_sessions.trial_log import Kind
 from duobench.rig_sessions.trial_session import HELD_BY_OPERATOR
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until

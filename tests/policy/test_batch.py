@@ -198,7 +198,7 @@ def test_bad_observation_fails_alone_and_changes_no_other(loops: list[InferenceL
 
     def disturb() -> None:
         session = loop.begin("Do it.", 2).result(TIMEOUT_S)
-        while not stop.is_set():
+        while not (reasons and stop.is_set()):
             error = loop.act(session, {"agent_pos": np.ones(16, np.float32)}).exception(TIMEOUT_S)
             assert isinstance(error, PolicyError)
             reasons.add(str(error))

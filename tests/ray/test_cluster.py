@@ -88,26 +88,26 @@ def test_killed_driver_leaves_nothing_behind_and_goes_on(
 ) -> None:
     out = tmp_path / "run"
     process = start("random", out, cluster.address)
-    wait_until(lambda: list(out.glob("records/*/*.json")), "a record")
+    wait_until(lambda: list(out.glob("records/*/*/*.json")), "a record")
     playing = [pid for pids in cluster.processes().values() for pid in pids]
     process.send_signal(signal.SIGKILL)
     process.wait()
     assert playing
     wait_until(lambda: not any(map(is_running, playing)), "the end of what it has started")
-    kept = {path: path.stat().st_mtime_ns for path in out.glob("records/*/*.json")}
+    kept = {path: path.stat().st_mtime_ns for path in out.glob("records/*/*/*.json")}
     assert start("random", out, cluster.address).wait(TIMEOUT_S) == 0
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    assert len(list(out.glob("records/*/*.json"))) == 6
+    assert len(list(out.glob("records/*/*/*.json"))) == 6
 
 
 def test_interrupted_driver_ends_its_actors(cluster: LocalCluster, tmp_path: Path) -> None:
     out = tmp_path / "run"
     process = start("random", out, cluster.address)
-    wait_until(lambda: list(out.glob("records/*/*.json")), "a record")
+    wait_until(lambda: list(out.glob("records/*/*/*.json")), "a record")
     process.send_signal(signal.SIGINT)
     assert process.wait(TIMEOUT_S) != 0
     wait_until(lambda: not cluster.processes(), "the end of all actors")
-    kept = out.glob("records/*/*.json")
+    kept = out.glob("records/*/*/*.json")
     assert all(record.read_text().endswith("}\n") for record in kept)
 
 

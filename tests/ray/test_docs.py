@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("ray", reason="Ray is not installed here: make test-ray")
 
-from dev.benchmarks.kills import contents
 from dev.benchmarks.ray_cluster import LocalCluster
 from tests.docs.markdown import DOCS, blocks
 from tests.ray.test_cluster import duobench
@@ -31,4 +30,4 @@ def test_the_command_runs(cluster: LocalCluster, tmp_path: Path) -> None:
     policy = words[words.index("--policy") + 1]
     rest = [word for word in words if word not in {"--policy", policy, "--out", str(out)}]
     duobench(out, policy, *rest, "--tasks", "bin_sort", "--videos", "0")
-    assert "records/bin_sort/00000.json" in contents(out)
+    assert len(list(out.glob("records/bin_sort/*/00000.json"))) == 1

@@ -2,17 +2,20 @@
 
 import random
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from duobench.envs.config import EnvConfig
+from duobench.envs.execution import WHOLE_CHUNKS
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION, episode_seed, policy_seed
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
-from duobench.results.records import EpisodeRecord
-from duobench.results.run import Run
-from duobench.results.suite import Suite, TaskInfo
+from duobench.results.records import EpisodeRecord, Key
+from duobench.results.run import Candidate, Run
+from duobench.results.suite import CUSTOM, Suite, TaskInfo
+from duobench.shifts.shift import NO_SHIFT
 
 VERSIONS: dict[str, Any] = {"duobench": "0", "mujoco": "4.0.0", "numpy": "2.4.6"}
 
@@ -47,7 +50,7 @@ CONFIG = EnvConfig(cameras=())
 
 
 def sample_run(**changes: Any) -> Run:
-    """Run of three tasks; changes are fields of the run or of its suite."""
+    """Run of three tasks; changes are fields of the run, of its suite or of its one policy."""
     suite: dict[str, Any] = {
         "tasks": TASKS,
         "episodes": 4,
@@ -55,17 +58,24 @@ def sample_run(**changes: Any) -> Run:
         "version": SUITE_VERSION,
         "overtime": 1.0,
     }
-    suite["look"] = "default"
-    fields: dict[str, Any] = {
+    suite |= {"look": "default", "shifts": (NO_SHIFT,)}
+    policy: dict[str, Any] = {
         "policy": "mine",
-        "videos": 1,
-        "limits": TimeLimits(),
         "metadata": PolicyMetadata(name="mine", version="1"),
         "config": CONFIG,
-        "versions": VERSIONS,
+        "batching": None,
+        "trained_on": "",
     }
-    suite |= {name: changes.pop(name) for name in list(changes) if name in suite}
-    return Run(**{"suite": Suite(**suite)} | fields | changes)
+    fields: dict[str, Any] = {"limits": TimeLimits(), "versions": VERSIONS}
+    for part in (suite, policy):
+        part |= {name: changes.pop(name) for name in list(changes) if name in part}
+    candidates = (Candidate(**policy),)
+    return Run(**{"suite": Suite(**suite), "candidates": candidates} | fields | changes)
+
+
+def key(folder: RunFolder, task: str, episode: int) -> Key:
+    """What names an episode under the first condition of the run in a folder."""
+    return Key(task, next(iter(folder.read_run().conditions)), episode)
 
 
 def sample_record(
@@ -80,7 +90,10 @@ def sample_record(
     is_success = stage == task.max_stage and error is None
     seed = episode_seed(task.id, episode, CONFIG.split)
     fields: dict[str, Any] = {
+        "run": sample_run().hash,
         "suite_version": SUITE_VERSION,
+        "suite": CUSTOM,
+        "execution": WHOLE_CHUNKS,
         "task": task.id,
         "episode": episode,
         "seed": seed,
@@ -101,6 +114,11 @@ def sample_record(
         "error": error,
         "layout": {"poses": {"cube": [0.5, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]}, "variants": {}},
         "state_hash": None if error else "ab" * 32,
+        "unmet": None,
+        "start": None,
+        "end": None,
+        "sent": None,
+        "clipped": None,
         "versions": {**VERSIONS, "python": "3.11", "platform": "Linux", "renderer": None},
     }
     return EpisodeRecord(**fields | changes)
@@ -110,11 +128,23 @@ def sample_records(run: Run, seed: int = 0) -> list[EpisodeRecord]:
     """One record for every episode, of varied success."""
     rng = random.Random(seed)
     records = []
-    for task in run.suite.tasks:
-        for episode in run.suite.indices:
-            stage = rng.randint(0, task.max_stage)
-            reached = tuple(sorted(rng.sample(range(1, task.horizon + 1), stage)))
-            records.append(sample_record(task, episode, reached))
+    for candidate in run.candidates:
+        for shift in run.suite.shifts:
+            for task in run.suite.tasks:
+                for episode in run.suite.indices:
+                    stage = rng.randint(0, task.max_stage)
+                    reached = tuple(sorted(rng.sample(range(1, task.horizon + 1), stage)))
+                    record = sample_record(
+                        task,
+                        episode,
+                        reached,
+                        run=run.hash,
+                        policy=candidate.policy,
+                        policy_version=candidate.metadata.version,
+                        config=replace(candidate.config, shift=shift),
+                        execution=run.suite.execution_of(task.id, shift),
+                    )
+                    records.append(record)
     return records
 
 
@@ -123,7 +153,7 @@ def sample_folder(path: Path, run: Run, records: list[EpisodeRecord]) -> RunFold
     folder = RunFolder(path)
     folder.begin(run)
     for record in records:
-        folder.write(record, None)
+        folder.write(replace(record, run=run.hash))
     return folder
 
 

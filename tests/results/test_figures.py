@@ -1,3 +1,4 @@
+import itertools
 import os
 import subprocess
 import sys
@@ -7,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from duobench.results.figures import FIGURES, INK, for_page, plot
-from duobench.results.metrics import summarize
+from duobench.results.figures import FIGURES, INK, SUCCESS, for_page, ink_on, plot, stage_colours
+from duobench.results.scores import summarize
 from tests.results.samples import LIFT, TASKS, sample_record, sample_records, sample_run
 
 RUN = sample_run(episodes=8)
@@ -71,3 +72,32 @@ def test_run_without_records_can_be_plotted(name: str) -> None:
 def test_title_is_shown_as_it_is(name: str, title: str) -> None:
     task = replace(LIFT, title=title)
     assert title in words(plot(name, summarize([task], [sample_record(task, 0, (1,))])))
+
+
+STAGES = range(1, 8)
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance after WCAG 2.2, from sRGB."""
+    channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: str, other: str) -> float:
+    low, high = sorted((luminance(one), luminance(other)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_stages_get_lighter_and_success_stands_apart() -> None:
+    for max_stage in STAGES:
+        *failing, last = stage_colours(max_stage)
+        assert len(failing) == max_stage
+        assert last == SUCCESS
+        brightness = [luminance(colour) for colour in failing]
+        assert brightness == sorted(set(brightness))
+
+
+def test_text_on_every_stage_can_be_read() -> None:
+    for colour in itertools.chain.from_iterable(map(stage_colours, STAGES)):
+        assert contrast(colour, ink_on(colour)) >= 4.5, colour

@@ -11,7 +11,7 @@ import pytest
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError, OutputError
-from duobench.files import CHECKSUM, checksum, encode, locked
+from duobench.files import encode, locked
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
 from duobench.results.folder import RunFolder
@@ -22,6 +22,7 @@ from tests.results.samples import (
     LIFT,
     TASKS,
     VERSIONS,
+    key,
     sample_folder,
     sample_record,
     sample_records,
@@ -48,7 +49,7 @@ def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
             {"versions": {**VERSIONS, "mujoco": "4.0.9"}},
             "version of mujoco 4.0.9 instead",
         ),
-        ({"videos": 0}, "videos 0 instead of 1"),
+        ({"trained_on": "real"}, "trained on real instead of"),
         ({"limits": TimeLimits(act_timeout=1)}, "time limit act_timeout 1 instead of 120"),
         ({"metadata": PolicyMetadata(name="mine", version="2")}, "policy's version 2 instead of 1"),
         (
@@ -124,68 +125,33 @@ def test_missing_records_are_left_out(tmp_path: Path) -> None:
         {"episode": 1},
         {"seed": 7},
         {"policy_seed": 7},
-        {"policy_seed": None},
         {"policy": "other"},
         {"policy_version": "2"},
         {"config": EnvConfig()},
+        {"run": "0" * 64},
         {"suite_version": "0"},
         {"task": "turn"},
     ],
 )
 def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any]) -> None:
     folder, run = sample_folder(tmp_path / "run", sample_run(), []), sample_run()
-    path = folder.record(LIFT.id, 0)
-    path.parent.mkdir(parents=True)
-    path.write_text(encode(sample_record(**{"task": LIFT, "reached": (5, 9)}), RECORD_SCHEMA))
+    record = sample_record(LIFT, 0, (5, 9))
+    folder.write(record)
     assert len(folder.read_records(run)) == 1
-    path.write_text(encode(replace(sample_record(LIFT, 0, (5, 9)), **changes), RECORD_SCHEMA))
-    with pytest.raises(EvaluationError, match=r"00000\.json does not belong"):
+    folder.record(record.key).write_text(encode(replace(record, **changes), RECORD_SCHEMA))
+    error = OtherRunError if "run" in changes else EvaluationError
+    with pytest.raises(error, match=r"00000\.json (does not belong|belongs to another run)"):
         folder.read_records(run)
 
 
-def test_records_of_earlier_suites_and_schemas_can_be_read(tmp_path: Path) -> None:
-    """Their policies got the seed of the layout; a run had no command, and a record no targets."""
-    run = sample_run(version="2")
-    record = replace(sample_record(LIFT, 0, (5, 9)), suite_version="2", policy_seed=None)
-    folder = sample_folder(tmp_path / "run", run, [record])
-    for path in (folder.record(LIFT.id, 0), folder.description):
+def test_another_schema_is_named(tmp_path: Path) -> None:
+    record = sample_record(LIFT, 0, (5, 9))
+    folder = sample_folder(tmp_path / "run", sample_run(), [record])
+    for path in (folder.record(record.key), folder.description):
         document = json.loads(path.read_text())
-        assert document.pop("schema") == RECORD_SCHEMA
-        newer = ("domain", "rig", "judged", "trained_on")
-        for name in ("policy_seed", "start", "end", "sent", "command", "sha256", *newer):
-            document.pop(name, None)
-        for part in (document["config"], document.get("metadata", {})):
-            part.pop("object_state", None)
-        _without_schema_6(document)
-        path.write_text(json.dumps({"schema": 3, **document}))
-    assert folder.read_run() == run
-    assert folder.read_records(run) == [record]
-
-
-def _without_schema_6(document: dict[str, Any]) -> None:
-    """Take out what records and runs have from schema 6 on."""
-    document["config"].pop("shift")
-    document.pop("execution", None)
-    document.pop("shard", None)
-    document.pop("late_success", None)
-    if isinstance(suite := document.get("suite"), dict):
-        for name in ("name", "revision", "execution", "shift", "overtime"):
-            suite.pop(name)
-    else:
-        document.pop("suite")
-
-
-def test_files_of_schema_5_can_be_read(tmp_path: Path) -> None:
-    run, record = sample_run(), sample_record(LIFT, 0, (5, 9))
-    folder = sample_folder(tmp_path / "run", run, [record])
-    for path in (folder.record(LIFT.id, 0), folder.description):
-        document = json.loads(path.read_text()) | {"schema": 5}
-        _without_schema_6(document)
-        document[CHECKSUM] = checksum(document)
-        path.write_text(json.dumps(document))
-    assert folder.read_run() == run
-    assert folder.read_records(run) == [record]
-    assert folder.read_run().suite.label == "custom"
+        path.write_text(json.dumps({**document, "schema": document["schema"] - 1}))
+        with pytest.raises(FileError, match=rf"{path.name}: Schema 7; this version reads 8"):
+            folder.read_records(folder.read_run())
 
 
 def test_folder_without_a_run_says_how_to_make_one(tmp_path: Path) -> None:
@@ -201,7 +167,7 @@ def test_unreadable_description_is_named(tmp_path: Path) -> None:
 
 def test_record_that_cannot_be_read_says_how_to_go_on(tmp_path: Path) -> None:
     folder = sample_folder(tmp_path, sample_run(), [])
-    folder.record("lift", 2).mkdir(parents=True)
+    folder.record(key(folder, "lift", 2)).mkdir(parents=True)
     with pytest.raises(FileError, match=r"00002\.json: Is a directory\. Delete the file and"):
         folder.read_records(sample_run())
 

@@ -1,13 +1,17 @@
 import json
 import re
+import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from duobench.errors import EvaluationError, FileError
 from duobench.files import encode, read, write
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.results.records import RECORD_SCHEMA, EpisodeRecord, pack_targets, unpack_targets
+from duobench.shifts.shift import Shift
 from tests.results.samples import LIFT, sample_record, sample_records, sample_run
 
 RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boom\n")]
@@ -33,6 +37,20 @@ def test_stage_after_a_step_is_the_last_one_reached(step: int, stage: int) -> No
     assert sample_record().stage_after(step) == stage
 
 
+def test_condition_has_a_readable_name_that_no_other_has() -> None:
+    usual = sample_record().condition
+    assert usual.name == "mine.sim.none.default"
+    shift = Shift(axis="look", level=3)
+    named = [
+        replace(usual, policy=policy)
+        for policy in ("a:b", "a/b", "a-b", "ä.b", "../../x", "x" * 99, "x" * 98, "", "π")
+    ]
+    names = [each.name for each in (usual, replace(usual, shift=shift), *named)]
+    assert names[1] == "mine.sim.look-3.default"
+    assert len(set(names)) == len(names)
+    assert all(re.fullmatch(r"[A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+){3}", name) for name in names)
+
+
 def test_progress_is_the_share_of_stages() -> None:
     assert sample_record(LIFT, reached=(7,)).progress == 0.5
 
@@ -48,6 +66,7 @@ def test_progress_is_the_share_of_stages() -> None:
         ({"stage_changes": ((10, 1), (30, 4)), "final_stage": 4}, "0..max_stage"),
         ({"stage_changes": ((10, 1), (31, 3))}, "within the executed steps"),
         ({"steps": 91}, "horizon"),
+        ({"attempt": 2}, "attempts count from 1"),
         ({"late_success": 91}, "late_success must come after"),
         ({"reached": (5,), "late_success": 90}, "late_success must come after"),
         ({"reached": (5,), "error": "boom", "late_success": 91}, "late_success must come after"),
@@ -120,3 +139,32 @@ def test_file_that_is_no_text_or_no_file_is_refused(tmp_path: Path) -> None:
     for name in ("r.json", "folder.json"):
         with pytest.raises(FileError, match=f"Cannot read .*{name}"):
             read_record(tmp_path / name)
+
+
+SHAPE = (40, 16)
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_targets_come_back_to_the_bit(kind: type) -> None:
+    sent = np.random.default_rng(0).standard_normal(SHAPE).astype(kind)
+    assert np.array_equal(unpack_targets(pack_targets(sent), len(sent)), sent)
+
+
+def test_float32_takes_half_the_room() -> None:
+    sent = np.random.default_rng(0).standard_normal(SHAPE)
+    assert len(pack_targets(sent.astype(np.float32))) < 0.6 * len(pack_targets(sent))
+
+
+def test_no_step_has_no_targets() -> None:
+    assert unpack_targets(pack_targets([]), 0).shape == (0, 16)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"rubbish", pack_targets(np.zeros((31, 16))), zlib.compress(b"\0" * 10_000_000)],
+    ids=["empty", "rubbish", "another length", "a bomb"],
+)
+def test_damaged_targets_are_refused(content: bytes) -> None:
+    record = sample_record(reached=(10, 20, 30), sent=content)
+    with pytest.raises(EvaluationError, match="joint targets"):
+        record.targets()

@@ -6,14 +6,20 @@ from pathlib import Path
 
 import pytest
 
+from duobench.cli import main
 from duobench.policy import PolicyMetadata
+from duobench.results.folder import RunFolder
+from duobench.results.journal import PARTS, EpisodeTimes
+from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
-from duobench.results.reporting.times import PARTS, EpisodeTimes
+from duobench.results.run import Run
+from duobench.results.shard import Shard
 from tests.results.samples import (
     LIFT,
     SORT,
     TASKS,
     TURN,
+    key,
     sample_folder,
     sample_record,
     sample_records,
@@ -66,11 +72,17 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.text).split())
 
 
+def reported(path: Path, run: Run, records: list[EpisodeRecord]) -> tuple[RunFolder, Page]:
+    """The folder of a run with a report, and its page."""
+    folder = sample_folder(path / "run", run, records)
+    write_report(folder)
+    return folder, Page(folder.page)
+
+
 def test_summary_has_the_numbers_of_each_task(tmp_path: Path) -> None:
     run = sample_run(tasks=(SORT,), episodes=4)
     records = [sample_record(SORT, episode, (1, 2, 3)) for episode in range(3)]
-    folder = sample_folder(tmp_path / "run", run, [*records, sample_record(SORT, 3, (5,))])
-    write_report(folder)
+    folder, _ = reported(tmp_path, run, [*records, sample_record(SORT, 3, (5,))])
     summary = json.loads(folder.summary.read_text())
     task = summary["tasks"]["sort"]
     assert task["episodes"] == 4
@@ -118,12 +130,12 @@ def test_same_records_give_the_same_bytes_in_any_folder(tmp_path: Path) -> None:
 def test_page_is_whole_and_its_links_lead_somewhere(tmp_path: Path) -> None:
     run = sample_run()
     folder = sample_folder(tmp_path / "run", run, sample_records(run))
-    video = folder.video(LIFT.id, 0)
+    video = folder.video(key(folder, LIFT.id, 0))
     video.parent.mkdir(parents=True)
     video.write_bytes(b"video")
     write_report(folder)
     page = Page(folder.page)
-    assert "videos/lift/00000.webm" in page.links
+    assert "videos/lift/mine.sim.none.default/00000.webm" in page.links
     for link in page.links:
         if link.startswith("#"):
             assert link.removeprefix("#") in page.ids
@@ -133,11 +145,13 @@ def test_page_is_whole_and_its_links_lead_somewhere(tmp_path: Path) -> None:
 
 
 def test_page_tells_policy_stages_seeds_and_command(tmp_path: Path) -> None:
-    run = sample_run(command="duobench eval --policy mine --execute 5 --out DIR")
+    run, command = sample_run(), "duobench eval --policy mine --execute 5 --out DIR"
     folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    with folder.writer() as journal:
+        journal.start(command, 1)
     write_report(folder)
     words = Page(folder.page).words
-    assert f"come from: {run.command}" in words
+    assert f"come from: {command}" in words
     for fact in ("Policy mine", "Its version 1", "Look default", "Action mode joint", "split eval"):
         assert fact in words
     for task in run.suite.tasks:
@@ -164,9 +178,8 @@ def test_policy_that_knows_more_than_cameras_show_is_marked(
 ) -> None:
     metadata = PolicyMetadata(name="any", object_state=object_state)
     run = sample_run(policy=policy, metadata=metadata)
-    folder = sample_folder(tmp_path / "run", run, [])
-    write_report(folder)
-    words = Page(folder.page).words
+    folder, page = reported(tmp_path, run, [])
+    words = page.words
     assert words.count(f"{policy} (privileged)") == 2 * privileged
     assert ("Privileged: the policy knows" in words) == privileged
     assert json.loads(folder.summary.read_text())["privileged"] is privileged
@@ -174,8 +187,7 @@ def test_policy_that_knows_more_than_cameras_show_is_marked(
 
 def test_whatever_is_wider_than_a_phone_scrolls_and_says_so(tmp_path: Path) -> None:
     run = sample_run()
-    folder = sample_folder(tmp_path / "run", run, sample_records(run))
-    write_report(folder)
+    folder, _ = reported(tmp_path, run, sample_records(run))
     html = folder.page.read_text()
     assert "Scroll sideways" in html
     wide = r'<div class="wide" role="region" tabindex="0" aria-label="[^"]+">'
@@ -187,23 +199,22 @@ def test_whatever_is_wider_than_a_phone_scrolls_and_says_so(tmp_path: Path) -> N
 
 def test_rate_of_success_comes_first(tmp_path: Path) -> None:
     run = sample_run(policy="expert")
-    records = [replace(record, policy="expert") for record in sample_records(run)]
-    folder = sample_folder(tmp_path / "run", run, records)
-    write_report(folder)
-    words = Page(folder.page).words
+    words = reported(tmp_path, run, sample_records(run))[1].words
     assert words.index("of 12 episodes") < words.index("Privileged:") < words.index("This run")
 
 
 def test_failed_episodes_lead_to_a_video_or_to_the_command_that_makes_it(tmp_path: Path) -> None:
-    run = sample_run(tasks=(SORT,), episodes=4, command="duobench eval --policy mine")
+    run = sample_run(tasks=(SORT,), episodes=4)
     records = [sample_record(SORT, episode, (5,)) for episode in range(3)]
     folder = sample_folder(tmp_path / "run", run, [*records, sample_record(SORT, 3)])
-    video = folder.video(SORT.id, 1)
+    with folder.writer() as journal:
+        journal.start("duobench eval --policy mine", 1)
+    video = folder.video(key(folder, SORT.id, 1))
     video.parent.mkdir(parents=True)
     video.write_bytes(b"video")
     write_report(folder)
     page = Page(folder.page)
-    assert {"#sort-0", "#sort-2", "videos/sort/00001.webm"} <= set(page.links)
+    assert {"#sort-0", "#sort-2", "videos/sort/mine.sim.none.default/00001.webm"} <= set(page.links)
     assert not {"#sort-1", "#sort-3"} & set(page.links)
     for episode, told in enumerate((True, False, True, False)):
         command = f"duobench report DIR --videos sort:{episode} --import-tasks"
@@ -217,9 +228,11 @@ def test_times_are_shown_and_nothing_else_depends_on_them(tmp_path: Path) -> Non
     pages = []
     for name, seconds in (("none", None), ("slow", 70.0)):
         folder = sample_folder(tmp_path / name, run, records)
-        for record in records if seconds else ():
-            parts = dict.fromkeys(PARTS, 1.0)
-            folder.note_timing(record, EpisodeTimes(total=seconds or 0, **parts), workers=2)
+        with folder.writer() as journal:
+            journal.start("", 2)
+            for record in records if seconds else ():
+                parts = dict.fromkeys(PARTS, 1.0)
+                journal.end(record, EpisodeTimes(total=seconds or 0, **parts))
         write_report(folder)
         pages.append(folder.page.read_text())
     assert "is not known" in pages[0]
@@ -235,9 +248,7 @@ def test_clipped_commands_are_counted_task_by_task(tmp_path: Path) -> None:
         sample_record(SORT, 1, (5,), clipped=0),
         *(sample_record(TURN, episode, ()) for episode in range(2)),
     ]
-    folder = sample_folder(tmp_path / "run", run, records)
-    write_report(folder)
-    words = Page(folder.page).words
+    words = reported(tmp_path, run, records)[1].words
     assert "in 9 of 180 control steps (5.0 %), in 1 of 2 episodes" in words
     assert words.count("Limits of the arms") == 1
 
@@ -245,9 +256,8 @@ def test_clipped_commands_are_counted_task_by_task(tmp_path: Path) -> None:
 def test_text_from_outside_is_escaped(tmp_path: Path) -> None:
     run = sample_run(tasks=(TURN,), episodes=1, policy="<script>alert(1)</script>")
     record = sample_record(TURN, 0, (), error="<img src=x>\n", instruction="a & <b>")
-    record = replace(record, policy=run.policy)
-    folder = sample_folder(tmp_path / "run", run, [record])
-    write_report(folder)
+    record = replace(record, policy=run.candidate.policy)
+    folder, _ = reported(tmp_path, run, [record])
     html = folder.page.read_text()
     for raw in ("<script>alert", "<img src=x>", "a & <b>"):
         assert raw not in html
@@ -260,9 +270,7 @@ def test_broken_episode_is_shown_with_its_traceback(tmp_path: Path) -> None:
         sample_record(SORT, 0),
         sample_record(SORT, 1, (5,), error="Trace\nValueError: no\n"),
     ]
-    folder = sample_folder(tmp_path / "run", run, records)
-    write_report(folder)
-    words = Page(folder.page).words
+    words = reported(tmp_path, run, records)[1].words
     assert "1 episode failed with an error" in words
     assert "Trace ValueError: no" in words
 
@@ -273,8 +281,7 @@ def test_what_kept_an_episode_from_its_next_stage_is_shown(tmp_path: Path) -> No
         sample_record(SORT, 0, (1,), unmet=("left does not grasp cube", "cube touches table")),
         sample_record(SORT, 1, unmet=()),
     ]
-    folder = sample_folder(tmp_path / "run", run, records)
-    write_report(folder)
+    folder, _ = reported(tmp_path, run, records)
     text = folder.page.read_text(encoding="utf-8")
     assert text.count("In the way of the next stage:") == 1
     assert "left does not grasp cube; cube touches table" in text
@@ -283,9 +290,8 @@ def test_what_kept_an_episode_from_its_next_stage_is_shown(tmp_path: Path) -> No
 @pytest.mark.parametrize("kept", [0, 5])
 def test_unfinished_run_says_so(tmp_path: Path, kept: int) -> None:
     run = sample_run()
-    folder = sample_folder(tmp_path / "run", run, sample_records(run)[:kept])
-    write_report(folder)
-    words = Page(folder.page).words
+    folder, page = reported(tmp_path, run, sample_records(run)[:kept])
+    words = page.words
     assert f"not finished: {kept} of 12 episodes" in words
     assert ("No episode of this task is finished yet" in words) == (kept < 9)
     assert "0 of 0" not in words
@@ -295,8 +301,38 @@ def test_unfinished_run_says_so(tmp_path: Path, kept: int) -> None:
 def test_mixed_software_stacks_are_pointed_out(tmp_path: Path) -> None:
     run = sample_run(tasks=(TURN,), episodes=2)
     second = sample_record(TURN, 1, (3,), versions={"python": "3.13"})
-    folder = sample_folder(tmp_path / "run", run, [sample_record(TURN, 0, (3,)), second])
-    write_report(folder)
-    words = Page(folder.page).words
+    words = reported(tmp_path, run, [sample_record(TURN, 0, (3,)), second])[1].words
     assert "2 different software stacks" in words
     assert "Software python 3.13" in words
+
+
+def test_unfinished_shards_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = sample_run()
+    shards = [Shard(number=number, count=4) for number in (1, 2, 4)]
+    done = [{(key.task, key.episode) for key in run.episode_keys(shard)} for shard in shards]
+    records = [
+        each for each in sample_records(run) if (each.task, each.episode) in done[0] | done[1]
+    ]
+    folder = sample_folder(tmp_path / "run", run, records[:-1])
+    for shard in shards:
+        with folder.writer(shard):
+            pass
+    write_report(folder)
+    words = Page(folder.page).words
+    assert "Missing are: shard 2/4 (1 episode), shard 3/4 (3 episodes, not begun), " in words
+    assert "shard 4/4 (3 episodes)." in words
+    main(["report", str(folder.path)])
+    assert "Missing are: shard 2/4 (1 episode), " in capsys.readouterr().out
+
+
+def test_run_of_several_policies_has_a_page_each_and_their_comparison(tmp_path: Path) -> None:
+    one = sample_run(tasks=(SORT,)).candidate
+    run = replace(sample_run(tasks=(SORT,)), candidates=(one, replace(one, policy="a:b")))
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    assert write_report(folder).overall.episodes == 8
+    assert "DuoBench comparison" in Page(folder.page).words
+    names = ["a-b-6783a3.sim.none.default", "mine.sim.none.default"]
+    assert sorted(path.name for path in (folder.path / "conditions").iterdir()) == names
+    page = Page(folder.path / "conditions" / names[1] / "index.html")
+    assert "../../index.html" in page.links
+    write_report(folder)  # again

@@ -11,7 +11,9 @@ from duobench.errors import (
     UnknownNameError,
 )
 from duobench.files import decode, encode
+from duobench.results.limits import TimeLimits
 from duobench.results.run import RUN_SCHEMA, Run
+from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.results.samples import LIFT, SORT, sample_run
 
 
@@ -33,7 +35,6 @@ def test_other_text_is_refused(text: str) -> None:
     [
         {"episodes": 0},
         {"first_episode": -1},
-        {"videos": -1},
         {"tasks": ()},
         {"tasks": (LIFT, SORT, LIFT)},
     ],
@@ -51,17 +52,20 @@ def test_unknown_look_is_refused() -> None:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (("videos",), "one", "Expected `int`, got `str` - at `videos`"),
         (("suite", "episodes"), None, "Expected `int`, got `null` - at `suite.episodes`"),
         (("limits", "act_timeout"), "1", "Expected `float`, got `str` - at `limits.act_timeout`"),
-        (("config", "cameras"), ["haed"], "Unknown camera 'haed'"),
-        (("metadata", "version"), 1, r"Expected `str \| null`, got `int` - at `metadata.version`"),
+        (("candidates", 0, "config", "cameras"), ["haed"], "Unknown camera 'haed'"),
+        (
+            ("candidates", 0, "metadata", "version"),
+            1,
+            r"Expected `str \| null`, got `int` - at `candidates\[0\].metadata.version`",
+        ),
         (("versions",), [], "Expected `object`, got `array` - at `versions`"),
         (("colour",), "red", "Unknown fields: colour"),
     ],
 )
 def test_wrong_type_is_refused_with_the_name_of_the_field(
-    path: tuple[str, ...], value: Any, message: str
+    path: tuple[str | int, ...], value: Any, message: str
 ) -> None:
     document = json.loads(encode(sample_run(), RUN_SCHEMA))
     part = document
@@ -73,9 +77,9 @@ def test_wrong_type_is_refused_with_the_name_of_the_field(
 
 
 def test_episodes_count_from_the_first() -> None:
-    run = sample_run(tasks=(LIFT,), episodes=3, first_episode=7, videos=2)
+    run = sample_run(tasks=(LIFT,), episodes=3, first_episode=7)
     assert [episode.index for episode in run.episodes()] == [7, 8, 9]
-    assert [episode.has_video for episode in run.episodes()] == [True, True, False]
+    assert [episode.has_video for episode in run.episodes(videos=2)] == [True, True, False]
 
 
 def test_differences_are_told_field_by_field() -> None:
@@ -85,6 +89,33 @@ def test_differences_are_told_field_by_field() -> None:
     assert "policy mine instead of other" in found
     assert "tasks lift sort turn instead of lift" in found
     assert len(found) == 2
+
+
+def test_hash_tells_runs_apart_and_not_how_much_of_one_is_played() -> None:
+    run = sample_run()
+    shifts = (NO_SHIFT, Shift(axis="look", level=2))
+    assert {sample_run(episodes=9).hash, sample_run(shifts=shifts).hash} == {run.hash}
+    assert decode(encode(run, RUN_SCHEMA), Run, RUN_SCHEMA).hash == run.hash
+    others = [
+        sample_run(policy="other"),
+        sample_run(first_episode=1),
+        sample_run(tasks=(LIFT,)),
+        sample_run(limits=TimeLimits(act_timeout=1)),
+        sample_run(versions={"mujoco": "0"}),
+        sample_run(trained_on="real"),
+    ]
+    assert len({each.hash for each in (run, *others)}) == 1 + len(others)
+
+
+def test_policies_of_a_run_play_the_same_under_names_of_their_own() -> None:
+    run = sample_run()
+    other = replace(run.candidate, policy="ours")
+    both = replace(run, candidates=(run.candidate, other))
+    assert list(both.conditions) == ["mine.sim.none.default", "ours.sim.none.default"]
+    assert (both.size, both.counts()["lift"]) == (2 * run.size, 8)
+    assert both.of("ours") is other
+    with pytest.raises(EvaluationError, match="the same name"):
+        replace(run, candidates=(run.candidate, run.candidate))
 
 
 def test_run_may_have_more_episodes_than_before_but_not_fewer() -> None:

@@ -7,7 +7,7 @@ from scipy.special import gammaln
 from scipy.stats import barnard_exact, binom, binomtest, permutation_test
 
 from duobench.results import statistics
-from duobench.results.metrics import wilson_interval
+from duobench.results.scores import wilson_interval
 from duobench.results.statistics import (
     MOST_TABLES,
     barnard,

@@ -7,8 +7,8 @@ import pytest
 from duobench.data import DataSet, find_problems
 from duobench.hardware.doctor import Check, Outcome, write_checks
 from duobench.hardware.rig import Rig
+from duobench.results.bundle import read_source
 from duobench.results.records import EpisodeRecord
-from duobench.results.source import read_source
 from duobench.rig_sessions.trial_folder import TrialsFolder
 from duobench.rig_sessions.trial_report import write_trials_report
 from duobench.types import POLICY_CAMERAS

@@ -9,14 +9,15 @@ import pytest
 from duobench.errors import EvaluationError, LockedError, OtherRunError
 from duobench.files import locked
 from duobench.hardware.devices import FaultKind
+from duobench.results.bundle import read_source
 from duobench.results.records import EpisodeRecord
-from duobench.results.source import read_source
 from duobench.rig_sessions.trial_folder import CUT, Standing, TrialsFolder
 from duobench.rig_sessions.trial_log import Entry, Kind
 from duobench.rig_sessions.trial_opening import Contender
 from duobench.rig_sessions.trial_report import write_trials_report
 from duobench.rig_sessions.trial_session import HELD_BY_OPERATOR
 from duobench.types import Side
+from tests.results.samples import key
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import STEPS, Operator, Stand, contenders, run
 from tests.web.pages import open_page
@@ -305,7 +306,8 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
         stand = Stand(tmp_path / "t", ONE, episodes=1)
         with stand.ending:
             assert run(stand, script)
-        stand.folder.run("A").record("bin_sort", 0).unlink()
+        run_folder = stand.folder.run("A")
+        run_folder.record(key(run_folder, "bin_sort", 0)).unlink()
     assert Standing.of(stand.folder.read_log()).attempts == {0: 2}
 
 

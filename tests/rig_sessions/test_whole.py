@@ -8,11 +8,10 @@ import pytest
 
 from duobench.errors import EvaluationError
 from duobench.replay.verify import Verdict, verify
-from duobench.results.bundle import write_bundle
-from duobench.results.comparison.mixed import read_mixed, write_mixed
-from duobench.results.metrics import wilson_interval
+from duobench.results.bundle import open_source, read_source, write_bundle
+from duobench.results.mixed import read_mixed, write_mixed
 from duobench.results.records import EpisodeRecord
-from duobench.results.source import open_source, read_source
+from duobench.results.scores import wilson_interval
 from duobench.rig_sessions.trial_folder import TrialsFolder
 from duobench.rig_sessions.trial_log import Kind
 from duobench.rig_sessions.trial_report import TrialsReport, write_trials_report
@@ -185,11 +184,11 @@ def test_mixed_table(whole: tuple[TrialsFolder, TrialsReport, Scripted], tmp_pat
     sources = [f"sim={sim.path}", *(str(folder.run(letter).path) for letter in "AB")]
     rows = read_mixed(sources)
     assert [row.trained_on for row in rows] == ["sim", "mixed"]
-    assert rows[0].cells["sim"].successes == 1
+    assert rows[0].scores["sim"].successes == 1
     by_training = {one.trained_on: one.score for one in report.policies}
     for row in rows:
-        assert row.cells["real"].successes == by_training[row.trained_on].successes
-        assert row.cells["real"].interval == by_training[row.trained_on].interval
+        assert row.scores["real"].successes == by_training[row.trained_on].successes
+        assert row.scores["real"].interval == by_training[row.trained_on].interval
     page = write_mixed(rows, tmp_path / "mixed").read_text()
     assert "Evaluated in real arms" in page
     assert "n = 15" in (tmp_path / "mixed" / "mixed.md").read_text()

@@ -13,11 +13,12 @@ from duobench.cli.shared.options import command_line
 from duobench.errors import EvaluationError
 from duobench.results.folder import RunFolder
 from duobench.runners import ray_cluster as cluster
-from duobench.runners import ray_host as host
+from duobench.runners import ray_process as host
 from duobench.runners.evaluate import evaluate
-from duobench.runners.messages import Progress, Rehearsed
-from duobench.runners.ray_cluster import AUTH_MODE, Cluster, check_environment
-from duobench.sim import probe
+from duobench.runners.ray_cluster import Cluster, check_environment
+from duobench.runners.ray_process import AUTH_MODE
+from duobench.runners.worker import EpisodeProgress, Rehearsed
+from duobench.sim import opengl
 from duobench.versions import __version__
 from tests.evaluation.conftest import small_suite
 
@@ -67,7 +68,7 @@ def test_missing_ray_names_the_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: 
 
 
 def test_nothing_loads_ray_that_does_not_need_it() -> None:
-    modules = "duobench.cli.evaluate, duobench.runners.evaluate, duobench.runners.ray_executor"
+    modules = "duobench.cli.verbs.evaluate, duobench.runners.evaluate, duobench.runners.ray_cluster"
     code = f"import sys, {modules}; sys.exit('ray' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
@@ -110,21 +111,22 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
     """A temporary folder of its own, and what was chosen in it."""
     calls: list[int] = []
     monkeypatch.setattr(host.tempfile, "gettempdir", lambda: str(tmp_path))
-    monkeypatch.setattr(probe, "choose", lambda processes: calls.append(processes) or "osmesa")
-    monkeypatch.setenv(probe.CHOSEN, "")
+    monkeypatch.setattr(opengl, "choose", lambda processes: calls.append(processes) or "osmesa")
+    monkeypatch.setenv(opengl.CHOSEN, "")
     return calls
 
 
 def test_only_how_far_an_episode_is_waits_for_other_messages() -> None:
-    assert Progress.__struct_config__.tag == host.PROGRESS
-    assert host._may_wait(msgspec.json.encode({"type": host.PROGRESS, "record": {}}))
+    tag = EpisodeProgress.__struct_config__.tag
+    assert host._may_wait(msgspec.json.encode({"type": tag, "record": {}}))
+    assert msgspec.json.encode(Rehearsed()).startswith(b'{"type":"')  # the tag comes first
     assert not host._may_wait(msgspec.json.encode(Rehearsed()))
 
 
 def test_rendering_is_chosen_once_a_node(chosen: list[int]) -> None:
     assert [host.choose_once("a", 4) for _ in range(3)] == ["osmesa"] * 3
     assert chosen == [4]
-    assert os.environ[probe.CHOSEN] == "osmesa"
+    assert os.environ[opengl.CHOSEN] == "osmesa"
     host.choose_once("b", 2)
     assert chosen == [4, 2]
 

@@ -1,12 +1,17 @@
-"""The simulated arms behind the interface of real ones."""
+"""The simulated arms behind the interface of real ones, and their slower limits."""
 
 import numpy as np
 import pytest
 
+import duobench
+from duobench.envs import EnvConfig, base_of
+from duobench.envs.protocol import make_env
+from duobench.errors import OptionError
+from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.sim.backend import SimBackend
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
-from duobench.types import DuoCommand
+from duobench.types import CONTROL_HZ, DuoCommand
 
 AWAY = DuoCommand(joints=HOME.joints + 0.05, openings=np.full(2, 0.5))
 
@@ -37,3 +42,56 @@ def test_held_arms_stay_until_they_are_brought_home(backend: SimBackend) -> None
 def test_nothing_of_a_simulation_breaks_or_grows_old(backend: SimBackend) -> None:
     assert backend.health() is None
     assert backend.image_ages() == {}
+
+
+def sent_in(env: duobench.envs.DuoWrapper, action: np.ndarray, steps: int) -> np.ndarray:
+    env.reset(seed=0)
+    start = base_of(env).backend.last_command.flat
+    return np.array([start, *(env.step(action)[-1]["sent"] for _ in range(steps))])
+
+
+def far() -> np.ndarray:
+    """The far ends of all joints' ranges, with closed grippers."""
+    ends = np.array([JOINT_RANGES[:, 1], JOINT_RANGES[:, 0]])
+    return DuoCommand(joints=ends, openings=np.zeros(2)).flat
+
+
+@pytest.mark.parametrize("fraction", [0.25, 0.5])
+def test_arms_move_no_faster_than_a_rig_lets_them(fraction: float) -> None:
+    env = make_env("bin_sort", cameras=False, speed_fraction=fraction)
+    sent = sent_in(env, far(), 5)
+    changes = np.abs(np.diff(sent, axis=0)).reshape(-1, 2, 8)[:, :, :7]
+    most = fraction * np.array(VELOCITY_LIMITS) / CONTROL_HZ
+    assert changes == pytest.approx(np.broadcast_to(most, changes.shape))
+    assert env.get_wrapper_attr("config").speed_fraction == fraction
+    env.close()
+
+
+def test_what_was_clipped_is_said_and_spaces_stay_as_they_are() -> None:
+    plain = make_env("bin_sort", cameras=False)
+    slow = make_env("bin_sort", cameras=False, speed_fraction=0.25)
+    assert slow.action_space == plain.action_space
+    assert slow.observation_space == plain.observation_space
+    slow.reset(seed=0)
+    action = base_of(slow).backend.last_command.flat
+    action[0] += 0.05
+    *_, info = slow.step(action)
+    assert info["clipped"].nonzero()[0].tolist() == [0]
+    plain.reset(seed=0)
+    assert not plain.step(action)[-1]["clipped"].any()
+    for env in (plain, slow):
+        env.close()
+
+
+def test_joints_keep_away_from_the_ends_of_their_ranges() -> None:
+    env = make_env("bin_sort", cameras=False, speed_fraction=0.5)
+    sent = sent_in(env, far(), 120)[-1].reshape(2, 8)[:, :7]
+    assert sent[0] == pytest.approx(JOINT_RANGES[:, 1] - 0.05)
+    assert sent[1] == pytest.approx(JOINT_RANGES[:, 0] + 0.05)
+    env.close()
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, 1.5, float("nan"), "fast"])
+def test_what_is_no_part_of_the_limits_is_refused(wrong: object) -> None:
+    with pytest.raises(OptionError, match="speed_fraction"):
+        EnvConfig(speed_fraction=wrong)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Commands in, state out."""
+"""Commands in, state out; and names to ids: a misspelt one fails at once."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
 from duobench.scene.compose import SUBSTEPS, compose
 from duobench.scene.naming import arm_joint_names, gripper_name, pad_names, tcp_name
 from duobench.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
-from duobench.sim.duo import HOME, Duo
+from duobench.sim.duo import HOME, Duo, names_of, resolve, resolve_all
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
@@ -237,3 +237,42 @@ def test_arms_are_put_at_home_with_open_grippers_only(sim: Simulation, duo: Duo)
     assert duo.read().joints[0] == pytest.approx(HOME_JOINTS[0] + 0.3)
     with pytest.raises(ValueError, match="open grippers"):
         duo.set_configuration(command(opening=0.5))
+
+
+TOY = """
+<mujoco>
+  <worldbody>
+    <body name="pendulum">
+      <joint name="pivot"/><geom size="0.1"/><site name="tip"/><site/>
+    </body>
+  </worldbody>
+  <actuator><motor name="drive" joint="pivot"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def toy() -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(TOY)
+
+
+KINDS = [
+    (mujoco.mjtObj.mjOBJ_BODY, "body", "pendulum", 1),
+    (mujoco.mjtObj.mjOBJ_JOINT, "joint", "pivot", 0),
+    (mujoco.mjtObj.mjOBJ_SITE, "site", "tip", 0),
+    (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator", "drive", 0),
+]
+
+
+@pytest.mark.parametrize(("kind", "word", "name", "number"), KINDS)
+def test_names_become_ids(
+    toy: mujoco.MjModel, kind: mujoco.mjtObj, word: str, name: str, number: int
+) -> None:
+    assert resolve(toy, kind, name) == number
+    assert resolve_all(toy, kind, [name, name]).tolist() == [number, number]
+    with pytest.raises(UnknownNameError, match=f"{word} '{name}x'.*Did you mean '{name}'"):
+        resolve(toy, kind, name + "x")
+
+
+def test_nameless_elements_are_not_listed(toy: mujoco.MjModel) -> None:
+    assert names_of(toy, mujoco.mjtObj.mjOBJ_SITE) == ["tip"]

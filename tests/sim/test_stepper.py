@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from duobench.sim import stepper
+from duobench.sim import physics
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.types import Array, DuoCommand
@@ -52,7 +52,7 @@ def test_the_engine_alone_fires_one(
 ) -> None:
     """If this fails, the engine is mended, and the stepper can go."""
     simulation, command = jerked
-    monkeypatch.setattr(stepper, "SOLVED", np.inf)
+    monkeypatch.setattr(physics, "SOLVED", np.inf)
     simulation.step(command)
     assert fastest(simulation) > 1000
 

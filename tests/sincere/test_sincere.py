@@ -9,7 +9,7 @@ import pytest
 from duobench.tasks import catalog
 from tests.sincere.play import play, ways_of
 from tests.sincere.sincere import Way
-from tests.task_harness import TaskHarness
+from tests.task_harness import TaskHarness, marked
 
 TRIES = 6
 """Seeds that are tried until the task is done: a way may fail by physics, but not on all."""
@@ -20,15 +20,8 @@ def bench_of(task: str) -> TaskHarness:
     return TaskHarness(catalog.get(task))
 
 
-FAST = ("hinge_chest", "transfer_cube", "bin_sort")
-"""Tasks whose ways `make test` plays; the ways of all others are slow."""
 CASES = [
-    pytest.param(
-        task,
-        way,
-        id=f"{task}: {way.name}",
-        marks=() if task in FAST else pytest.mark.slow,
-    )
+    marked(task, way, name=f"{task}: {way.name}")
     for task in catalog.names()
     for way in ways_of(task).WAYS
 ]

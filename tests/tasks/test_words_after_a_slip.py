@@ -8,7 +8,7 @@ import pytest
 from duobench.experts.expert import find_script
 from duobench.tasks import catalog
 from duobench.types import OPENING_SLOTS
-from tests.task_harness import TaskHarness
+from tests.task_harness import TaskHarness, marked
 
 LATER = 45
 """Control steps after which is looked: things have fallen, and what is lost counts as lost."""
@@ -56,7 +56,7 @@ def bench(request: pytest.FixtureRequest) -> TaskHarness:
 @pytest.mark.parametrize(
     ("bench", "stage", "expected"),
     [
-        pytest.param(task, stage, text, id=f"{task}-{stage}")
+        marked(task, stage, text, name=f"{task}-{stage}")
         for task, texts in EXPECTED.items()
         for stage, text in enumerate(texts, 1)
     ],
@@ -79,7 +79,7 @@ def test_every_task_has_a_row_for_every_stage_but_the_last() -> None:
     }
 
 
-@pytest.mark.parametrize("bench", catalog.names(), indirect=True)
+@pytest.mark.parametrize("bench", [marked(name) for name in catalog.names()], indirect=True)
 def test_without_a_slip_the_next_stage_is_to_be_done(bench: TaskHarness) -> None:
     bench.start(1)
     for _ in bench.steps(find_script(bench.task)):

@@ -8,7 +8,7 @@ import pytest
 
 from duobench.cli import main
 from duobench.data import DataSet, ExportOptions, export_lerobot, find_problems
-from duobench.replay import replay_all
+from duobench.replay import replay
 from tests.teleop.paging import OPERATOR, record
 
 TASKS = ("bin_sort", "carry_pot")
@@ -49,7 +49,7 @@ def test_nothing_is_wrong_with_it(data: DataSet, capsys: pytest.CaptureFixture[s
 
 def test_every_episode_is_replayed_to_the_last_bit(data: DataSet) -> None:
     for task in TASKS:
-        assert all(each.is_exact for each in replay_all(task, data.recordings(task)))
+        assert all(each.is_exact for each in replay(task, data.recordings(task)))
 
 
 @pytest.mark.parametrize("action", ["joint", "cartesian_relative"])

@@ -1,5 +1,6 @@
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -37,6 +38,22 @@ def export(folder: Path, tasks: tuple[str, ...] = TASKS, domains: tuple[int, int
     return folder
 
 
+Change = Callable[[Path], object]
+"""Spoils an export."""
+
+
+def with_features(**features: object) -> Change:
+    """Other features; two underscores stand for a dot."""
+
+    def change(data: Path) -> None:
+        path = data / "meta/info.json"
+        info = json.loads(path.read_text())
+        named = {name.replace("__", "."): feature for name, feature in features.items()}
+        write(path, info | {"features": info["features"] | named})
+
+    return change
+
+
 def arguments(kind: str, data: Path, **options: object) -> list[str]:
     planned = training.plan(kind, data, data.with_name("out"), **options)  # pyright: ignore
     return planned.command()
@@ -61,12 +78,12 @@ def test_no_option_is_given_twice_and_each_says_whose_it_is(recipe: object) -> N
 @pytest.mark.parametrize("kind", OBJECT_STATES)
 def test_object_states_without_images_have_recipes_of_their_own(kind: str, tmp_path: Path) -> None:
     data = export(tmp_path / "data", TASKS[:1])
-    _with_features(observation__environment_state={"shape": [36]})(data)  # pyright: ignore
+    with_features(observation__environment_state={"shape": [36]})(data)
     command = arguments(kind, data)
     assert {setting.argument for setting in OBJECT_STATES[kind].settings} <= set(command)
     with pytest.raises(UnknownNameError, match="recipe for object states 'pi05'"):
         arguments("pi05", data)
-    _with_features(observation__images__head={"shape": [96, 96, 3]})(data)  # pyright: ignore
+    with_features(observation__images__head={"shape": [96, 96, 3]})(data)
     if kind in RECIPES:
         assert RECIPES[kind].steps.argument in arguments(kind, data)
     else:
@@ -119,7 +136,7 @@ def test_a_training_goes_on_in_its_folder(tmp_path: Path) -> None:
 
 def test_names_of_numbers_are_written_beside_every_checkpoint(tmp_path: Path) -> None:
     data = export(tmp_path / "data", TASKS[:1])
-    _with_features(action={"shape": [20], "names": list(POSE_LABELS)})(data)  # pyright: ignore
+    with_features(action={"shape": [20], "names": list(POSE_LABELS)})(data)
     planned = training.plan("act", data, tmp_path / "out")
     folders = [tmp_path / f"out/checkpoints/{name}/pretrained_model" for name in ("000001", "last")]
     for folder in folders:
@@ -216,37 +233,12 @@ def test_recordings_are_to_be_exported_first(tmp_path: Path) -> None:
         main(["train", "act", "--data", str(data), "--out", str(tmp_path / "out")])
 
 
-def _without(name: str) -> object:
-    def change(data: Path) -> None:
-        (data / name).unlink()
-
-    return change
-
-
-def _with_info(**values: object) -> object:
+def _with_info(**values: object) -> Change:
     def change(data: Path) -> None:
         path = data / "meta/info.json"
         write(path, json.loads(path.read_text()) | values)
 
     return change
-
-
-def _with_features(**features: object) -> object:
-    def change(data: Path) -> None:
-        path = data / "meta/info.json"
-        info = json.loads(path.read_text())
-        named = {name.replace("__", "."): feature for name, feature in features.items()}
-        write(path, info | {"features": info["features"] | named})
-
-    return change
-
-
-def _holding(name: str, content: object) -> object:
-    return lambda data: write(data / name, content)
-
-
-def _with_folder(data: Path) -> None:
-    data.with_name("out").mkdir()
 
 
 @pytest.mark.parametrize(
@@ -255,37 +247,53 @@ def _with_folder(data: Path) -> None:
         (lambda _data: None, [], "learns one task; name one of: bin_sort, ball_maze"),
         (lambda _data: None, ["bin_sort", "ball_maze"], "learns one task"),
         (lambda _data: None, ["bin_srot"], "Did you mean 'bin_sort'"),
-        (_without("meta/info.json"), [], "no meta/info.json"),
-        (_without("meta/duobench.json"), ["bin_sort"], "does not say which episodes"),
+        (lambda data: (data / "meta/info.json").unlink(), [], "no meta/info.json"),
+        (
+            lambda data: (data / "meta/duobench.json").unlink(),
+            ["bin_sort"],
+            "does not say which episodes",
+        ),
         (_with_info(codebase_version="v2.1"), [], "format v2.1; v3.0 is needed"),
         (_with_info(fps=15), [], "has 15 rows a second; 30 are needed"),
-        (_with_features(action={"shape": [14]}), [], r"action has shape \[14\]; \[16\] is needed"),
+        (with_features(action={"shape": [14]}), [], r"action has shape \[14\]; \[16\] is needed"),
         (
-            _with_features(action={"shape": [16], "names": list(POSE_LABELS)}),
+            with_features(action={"shape": [16], "names": list(POSE_LABELS)}),
             [],
             r"action has shape \[16\]; \[20\] is needed",
         ),
-        (_with_features(action={"shape": [2], "names": ["x", "y"]}), [], "actions are x, y, which"),
-        (_with_features(observation__state={"shape": [7]}), [], r"state has shape \[7\]"),
+        (with_features(action={"shape": [2], "names": ["x", "y"]}), [], "actions are x, y, which"),
+        (with_features(observation__state={"shape": [7]}), [], r"state has shape \[7\]"),
         (
-            _with_features(observation__state={"shape": [16], "names": {"motors": ["a", "b"]}}),
+            with_features(observation__state={"shape": [16], "names": {"motors": ["a", "b"]}}),
             [],
             "observation.state is a, b; left_joint_1",
         ),
-        (_with_features(observation__images__top={}), [], "no observation.images.top here"),
-        (_holding("meta/info.json", []), [], "it holds a list, no object"),
+        (with_features(observation__images__top={}), [], "no observation.images.top here"),
+        (lambda data: write(data / "meta/info.json", []), [], "it holds a list, no object"),
         (_with_info(features=None), [], "shape None"),
         (_with_info(features={"action": []}), [], "shape None"),
-        (_holding("meta/duobench.json", {}), ["bin_sort"], "does not list episodes"),
-        (_holding("meta/duobench.json", {"episodes": [3]}), [], "does not list episodes"),
-        (_with_folder, ["bin_sort"], "holds no checkpoint to go on from"),
+        (
+            lambda data: write(data / "meta/duobench.json", {}),
+            ["bin_sort"],
+            "does not list episodes",
+        ),
+        (
+            lambda data: write(data / "meta/duobench.json", {"episodes": [3]}),
+            [],
+            "does not list episodes",
+        ),
+        (
+            lambda data: data.with_name("out").mkdir(),
+            ["bin_sort"],
+            "holds no checkpoint to go on from",
+        ),
     ],
 )
 def test_what_cannot_be_trained_on_is_rejected(
-    tmp_path: Path, change: object, tasks: list[str], message: str
+    tmp_path: Path, change: Change, tasks: list[str], message: str
 ) -> None:
     data = export(tmp_path / "data")
-    change(data)  # pyright: ignore
+    change(data)
     with pytest.raises(DuoBenchError, match=message):
         arguments("act", data, tasks=tasks)
 

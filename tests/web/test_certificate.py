@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from duobench.errors import ServingError
-from duobench.web.certificate import make_certificate, own_hosts
+from duobench.web.access import make_certificate, own_hosts
 from duobench.web.server import PageServer
 from tests.web.pages import open_page
 

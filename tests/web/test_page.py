@@ -9,7 +9,7 @@ from duobench.errors import DataError, OptionError, UnknownNameError
 from duobench.sim.simulation import Simulation
 from duobench.tasks import get
 from duobench.web.geometry import Geometry
-from duobench.web.page import Replay, assets, live_page, replay_fragment, replay_page
+from duobench.web.page import EpisodeReplay, assets, replay_fragment, replay_page
 from duobench.web.track import encode
 
 FIRST_LOAD = 150_000
@@ -17,9 +17,9 @@ POSES = np.tile(np.array([0.0, 0, 0, 1, 0, 0, 0]), (30, 2, 1))
 TRACK = encode(POSES)
 
 
-def replay(**changes: object) -> Replay:
+def replay(**changes: object) -> EpisodeReplay:
     fields = {"title": "Episode 3", "scene": "sort", "track": TRACK, "stages": ("lifted", "in")}
-    return Replay(**{**fields, **changes})  # type: ignore[arg-type]
+    return EpisodeReplay(**{**fields, **changes})  # type: ignore[arg-type]
 
 
 def test_first_load_is_small() -> None:
@@ -30,11 +30,12 @@ def test_first_load_is_small() -> None:
 
 def test_page_and_scripts_load_only_what_is_given_out() -> None:
     given = assets()
-    assert given["/"] == ("text/html; charset=utf-8", live_page().encode())
+    kind, page = given["/"]
+    assert kind == "text/html; charset=utf-8"
     text = "\n".join(body.decode() for _, body in given.values())
     assert not re.search(r"https?://(?!www\.w3\.org)", text)
     named = re.findall(r'(?:from|import\() ?"\./([\w.]+)"', text)
-    named += re.findall(r'(?:src|href)="/([\w.]+)"', live_page())
+    named += re.findall(r'(?:src|href)="/([\w.]+)"', page.decode())
     assert {"scene.js", "live.js", "page.css"} <= set(named)
     # What drives comes with the room that takes hands.
     assert {f"/{name}" for name in named} - {"/inputs.js"} <= set(given)

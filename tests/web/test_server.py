@@ -115,13 +115,6 @@ def test_other_machines_need_a_certificate(host: str) -> None:
         PageServer(ASSETS, host=host)
 
 
-def test_an_address_that_is_taken(server: PageServer) -> None:
-    port = urlsplit(server.url).port
-    assert port is not None
-    with pytest.raises(ServingError, match=f"Cannot listen at 127.0.0.1:{port}"):
-        PageServer(ASSETS, port=port)
-
-
 # --- messages ------------------------------------------------------------------------------------
 
 

@@ -24,7 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _print_anything()
     with leaving_at_once():
         try:
-            import_module("duobench.cli.verbs").run(arguments)
+            import_module("duobench.cli.program").run(arguments)
             sys.stdout.flush()
         except DuoBenchError as error:
             sys.exit(f"error: {escaped(str(error))}")

@@ -31,7 +31,6 @@ class Problem:
     """Something that is wrong with a file."""
 
     path: Path
-    """The file."""
     what: str
     """What is wrong, as a sentence."""
 

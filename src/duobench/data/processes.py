@@ -6,12 +6,11 @@ import os
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from functools import cache, partial
-from multiprocessing.context import SpawnContext, SpawnProcess
-from typing import Any, TypeVar
+from functools import partial
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from typing import Any, Generic, TypeVar
 
 from duobench.errors import DataError, DuoBenchError, traceback_text
 from duobench.machine import watch_parent
@@ -20,8 +19,8 @@ J = TypeVar("J")
 R = TypeVar("R")
 Progress = Callable[[int, int], None]
 """Told how many of how many things are done."""
-MAX_ATTEMPTS = 3
-"""How often jobs are begun whose processes end by themselves, such as for lack of memory."""
+MAX_DEATHS = 3
+"""How many processes may end by themselves, such as for lack of memory, before the work ends."""
 _LOOK_S = 0.5
 """How often is looked whether all processes still live, in seconds."""
 _SAFE_PATH = "PYTHONSAFEPATH"
@@ -55,83 +54,85 @@ def run_all(
         )
     if workers == 0 or not jobs:
         yield from map(make(), jobs)
-        return
-    left = deque(jobs)
-    for attempt in range(1, MAX_ATTEMPTS + 1):
-        try:
-            yield from _run(make, left, min(workers, len(left)))
-        except _DeadProcessError as death:
-            if attempt == MAX_ATTEMPTS:  # before, what was being done is done again
-                raise DataError(
-                    f"A process ended in the middle of its work, with exit code {death.code}. What "
-                    "is finished is kept; the same call goes on from there."
-                ) from death
-        else:
-            return
-
-
-class _DeadProcessError(Exception):
-    """A process ended by itself."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(code)
-        self.code = code
+    else:
+        yield from _run(make, jobs, workers)
 
 
 def _run(
-    make: Callable[[], Callable[[J], R]], left: deque[J], workers: int
+    make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: int
 ) -> Generator[R, None, None]:
-    """Do the jobs that are left, in one pool; those that are not done when it breaks stay."""
-    context, running = _Spawn(), dict[Future[R], J]()
-    with _safe_path():
-        pool = ProcessPoolExecutor(
-            workers, context, initializer=_begin, initargs=(os.getpid(), make)
-        )
-
-    def submit(most: int) -> None:
-        with _safe_path():
-            for _ in range(min(most, len(left))):
-                running[pool.submit(_do, left[0])] = left[0]
-                left.popleft()
-
+    left, deaths, members = deque(jobs), 0, list[_Member[J]]()
     try:
-        submit(workers)
-        while running:
-            done, _ = wait(running, _LOOK_S, FIRST_COMPLETED)
-            if not done and any(process.exitcode is not None for process in context.processes):
-                raise BrokenProcessPool  # the pool misses the death of one that has just started
-            for future in done:
-                result = future.result()
-                del running[future]
-                with suppress(BrokenProcessPool):  # what is done already must not be lost
-                    submit(1)
+        while left or members:
+            while left and len(members) < workers:
+                members.append(_Member(make, left.popleft()))
+            said = wait([each.connection for each in members], _LOOK_S)
+            for member in list(members):
+                is_dead = member.process.exitcode is not None
+                if member.connection not in said and not is_dead:
+                    continue
+                try:
+                    result = member.receive()
+                except EOFError as error:
+                    members.remove(member)
+                    left.appendleft(member.job)  # what was being done is done again
+                    deaths += 1
+                    if deaths == MAX_DEATHS:
+                        raise DataError(
+                            "A process ended in the middle of its work, with exit code "
+                            f"{member.process.exitcode}. What is finished is kept; the same call "
+                            "goes on from there."
+                        ) from error
+                    continue
+                if left:
+                    member.begin(left.popleft())
+                else:
+                    members.remove(member)
+                    member.end()
                 yield result
-        if left:
-            raise BrokenProcessPool
-    except BrokenProcessPool as error:
-        left.extendleft(reversed(running.values()))
-        pool.shutdown()  # it terminates the others
-        codes = [process.exitcode for process in context.processes]
-        code = next((code for code in codes if code != -signal.SIGTERM), -signal.SIGTERM)
-        raise _DeadProcessError(code or 0) from error
     finally:
-        for process in context.processes:
-            process.kill()  # it holds nothing that has to be put away
-        pool.shutdown(cancel_futures=True)
+        for member in members:
+            member.end()
 
 
-class _Spawn(SpawnContext):
-    """New processes, which are known here: the library can neither kill them nor say their end."""
+class _Member(Generic[J]):
+    """A process that does one job after the other."""
 
-    def __init__(self) -> None:
-        self.processes: list[SpawnProcess] = []
+    def __init__(self, make: Callable[[], Callable[[J], Any]], job: J) -> None:
+        context = get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process = context.Process(target=_work, args=(os.getpid(), theirs, make))
+        with theirs, _safe_path():
+            self.process.start()
+        self.begin(job)
 
-    def Process(  # noqa: N802 - the library's name # pyright: ignore[reportIncompatibleVariableOverride]
-        self, *args: Any, **kwargs: Any
-    ) -> SpawnProcess:
-        """A process that is still to be started."""
-        self.processes.append(SpawnProcess(*args, **kwargs))
-        return self.processes[-1]
+    def begin(self, job: J) -> None:
+        """Have it do a job; whether it lives is found out when it answers."""
+        self.job = job
+        with suppress(OSError):
+            self.connection.send(job)
+
+    def receive(self) -> Any:
+        """The result of the job.
+
+        Raises:
+            EOFError: The process has ended.
+            DuoBenchError: The job raised it.
+        """
+        try:
+            result = self.connection.recv()
+        except (EOFError, OSError) as error:
+            self.process.join()
+            raise EOFError from error
+        if isinstance(result, BaseException):
+            raise result
+        return result
+
+    def end(self) -> None:
+        """End the process, which holds nothing that has to be put away."""
+        self.process.kill()
+        self.process.join()
+        self.connection.close()
 
 
 @contextmanager
@@ -147,23 +148,17 @@ def _safe_path() -> Iterator[None]:
             os.environ[_SAFE_PATH] = before
 
 
-_made: Callable[[], Callable[[Any], Any]]
-"""Gives what does the jobs of this worker, and makes it first."""
-
-
-def _begin(parent: int, make: Callable[[], Callable[[Any], Any]]) -> None:
-    """Prepare a worker."""
-    global _made  # noqa: PLW0603 - what the library offers to a worker's jobs
+def _work(parent: int, connection: Connection, make: Callable[[], Callable[[Any], Any]]) -> None:
+    """Do jobs until the parent ends this process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
     watch_parent(parent, partial(os._exit, 1))
-    _made = cache(make)
-
-
-def _do(job: Any) -> Any:
-    """Do a job in a worker."""
-    try:
-        return _made()(job)
-    except DuoBenchError:
-        raise
-    except Exception as error:  # noqa: BLE001 - a process boundary; the parent raises it
-        raise DataError(f"A worker failed.\n{traceback_text(error)}") from None
+    do: Callable[[Any], Any] | None = None
+    while True:
+        job = connection.recv()
+        try:
+            do = do or make()
+            connection.send(do(job))
+        except DuoBenchError as error:
+            connection.send(error)
+        except Exception as error:  # noqa: BLE001 - a process boundary; the parent raises it
+            connection.send(DataError(f"A worker failed.\n{traceback_text(error)}"))

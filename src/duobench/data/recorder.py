@@ -53,6 +53,25 @@ class Recorder(DuoWrapper):
     wrappers that change the observation's `agent_pos` and `tcp_pose` or scale or chunk actions;
     cameras may be on either side of it, since images are rendered from the recorded states.
 
+    Args:
+        env: An environment that takes single actions and says the stage in `info`; on real arms
+            no states are recorded, since there are none.
+        data: Data set that episodes are added to, or its folder; None leaves each in `content`.
+        actor: Who or what acts.
+        after_success: Seconds that an episode goes on after success, rounded to control steps.
+        keep: Whether a finished episode is written at all; by default every one is.
+        is_reviewed: Whether a finished episode waits for `keep` or `discard`; one that is left
+            without is written, and says that it is not meant to be used.
+        has_clutch: Whether every row says which hands led their arms; see `clutch`.
+        rig: Records the cameras and the full state of the rig that the environment plays on,
+            from the first step on: what the first row holds is seen again then.
+
+    Raises:
+        DataError: The environment takes chunks of actions, or actions of no known mode, or its
+            observation lacks what is to be recorded, or there is no folder for the videos of a
+            rig.
+        OptionError: The seconds after success are negative or not finite.
+
     Example:
         >>> env = Recorder(duobench.make("bin_sort"), DataSet.open("demos"), Actor(name="me"))
     """
@@ -69,27 +88,6 @@ class Recorder(DuoWrapper):
         has_clutch: bool = False,
         rig: RigRecorder | None = None,
     ) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: An environment that takes single actions and says the stage in `info`; on real arms
-                no states are recorded, since there are none.
-            data: Data set that episodes are added to, or its folder; None leaves each in `content`.
-            actor: Who or what acts.
-            after_success: Seconds that an episode goes on after success, rounded to control steps.
-            keep: Whether a finished episode is written at all; by default every one is.
-            is_reviewed: Whether a finished episode waits for `keep` or `discard`; one that is left
-                without is written, and says that it is not meant to be used.
-            has_clutch: Whether every row says which hands led their arms; see `clutch`.
-            rig: Records the cameras and the full state of the rig that the environment plays on,
-                from the first step on: what the first row holds is seen again then.
-
-        Raises:
-            DataError: The environment takes chunks of actions, or actions of no known mode, or its
-                observation lacks what is to be recorded, or there is no folder for the videos of a
-                rig.
-            OptionError: The seconds after success are negative or not finite.
-        """
         super().__init__(env)
         # Asked without loading the simulation.
         self._sim = cast("SimEnv", self.base) if hasattr(self.base, "simulation") else None

@@ -59,9 +59,6 @@ class ActionLabels:
 
         Returns:
             Actions (T, m) of the mode.
-
-        Raises:
-            ActionError: Numbers that stand for a rotation name none.
         """
         if self.rotation_numbers is None:
             return np.asarray(rows, dtype=np.float32)
@@ -95,9 +92,6 @@ def rotations_from_columns(columns: Array) -> Array:
 
     Args:
         columns: First and second column (n, 6), of any length.
-
-    Raises:
-        ActionError: A column has no length, or both have the same direction.
     """
     first, second = columns[:, :3], columns[:, 3:]
     first = first / _lengths(first)

@@ -101,16 +101,14 @@ class RelativeCartesianActions(ActionModeWrapper):
     Displacements add up without drift: each starts from the pose that the last one led to. Where
     the arms cannot follow (joint ranges, velocity limits), the next one starts from where they are
     commanded to be, so that pushing against a limit stores nothing up.
+
+    Raises:
+        AttributeError: It takes no Cartesian actions.
     """
 
     mode = CARTESIAN_RELATIVE
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment with `CartesianActions` inside.
-
-        Raises:
-            AttributeError: It takes no Cartesian actions.
-        """
         super().__init__(env)
         self._kinematics: Kinematics = env.get_wrapper_attr("kinematics")
         self._targets: dict[Side, SE3] = {}
@@ -193,7 +191,6 @@ class CartesianActions(ActionModeWrapper):
     mode = CARTESIAN
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment that takes joint targets."""
         super().__init__(env)
         self.kinematics = Kinematics()
         """The solver, for wrappers outside this one."""
@@ -243,18 +240,16 @@ class ActionChunks(DuoWrapper):
     that returns do not depend on chunks; `info["rewards"]` (n,) holds the single ones, zero where
     no action was executed, `info["executed"]` counts the executed actions, and `info["clipped"]`
     says what was clipped in any of them.
+
+    Args:
+        env: A `DuoEnv`, wrapped or not; cameras belong outside, then they render once a chunk.
+        length: Actions in one chunk.
+
+    Raises:
+        ValueError: The length is not positive.
     """
 
     def __init__(self, env: gym.Env, length: int) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not; cameras belong outside, then they render once a chunk.
-            length: Actions in one chunk.
-
-        Raises:
-            ValueError: The length is not positive.
-        """
         if length < 1:
             raise ValueError(f"A chunk has at least one action, got {length}.")
         super().__init__(env, length=length)

@@ -48,8 +48,8 @@ class EnvConfig:
     horizon: int | None = None
     """Control steps after which an episode is truncated; None takes the task's."""
     instructions: str = FIXED
-    """What policies are told: the task's instruction ("fixed"), or in each episode one that is
-    sampled from it and the task's paraphrases ("varied")."""
+    """Which instruction policies get: the task's ("fixed"), or in each episode one that is sampled
+    from it and the task's paraphrases ("varied")."""
     split: str = EVAL
     """Layouts that resets sample from: "eval", or "train" for demonstrations."""
     speed_fraction: float = 1.0
@@ -68,7 +68,6 @@ class EnvConfig:
     """What differs from the usual episodes; see docs/robustness.md."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         action_modes.get(self.action_mode)
         check_known("split", self.split, SPLITS)
         check_known("kind of instructions", self.instructions, INSTRUCTIONS)
@@ -189,11 +188,7 @@ OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK, INSTRUCTION)
 
 
 def checked_seed(seed: Any) -> int | None:
-    """The seed of a reset as an integer; NumPy's integers are taken too.
-
-    Raises:
-        OptionError: It is no whole number, or negative.
-    """
+    """The seed of a reset as an integer; NumPy's integers are taken too."""
     if seed is None:
         return None
     number = as_whole(seed)
@@ -208,11 +203,6 @@ def checked_reset_options(options: Any, known: Collection[str] | None = None) ->
     Args:
         options: What was given.
         known: Names of our options; None leaves names to others.
-
-    Raises:
-        OptionError: They are no mapping.
-        UnknownNameError: One is nearly an option of ours. Those of another name are left to the
-            wrappers and programs around the environment, some of which hand on their own.
     """
     if options is not None and not isinstance(options, Mapping):
         raise OptionError(f"The options of a reset are a dict, got {options!r}.")
@@ -224,14 +214,11 @@ def checked_reset_options(options: Any, known: Collection[str] | None = None) ->
 
 
 def checked_instruction(value: Any, count: int) -> int | str:
-    """The instruction of an episode: text as it is told, or the number of one of the task's.
+    """The instruction of an episode: text, or the number of one of the task's.
 
     Args:
         value: What was given; None takes the task's own, number 0.
         count: How many instructions the task has, paraphrases included.
-
-    Raises:
-        OptionError: It is neither text that can be printed nor one of the numbers.
     """
     if isinstance(value, str):
         if value.strip() and value == escaped(value):

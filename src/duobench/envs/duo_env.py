@@ -1,7 +1,7 @@
 """The base environment: two arms, simulated or real, without reward, end or randomness.
 
 What makes it a benchmark task is wrapped around it: random resets, stages, a time limit, action
-modes, action chunks, cameras. Each wrapper works on its own; `envs.make` puts them together.
+modes, action chunks, cameras. Each wrapper works on its own; `envs.protocol` puts them together.
 """
 
 from __future__ import annotations
@@ -59,6 +59,13 @@ class DuoEnv(gym.Env[Observation, Any]):
     than `MAX_IMAGE_AGE_SECONDS`. Then both arms hold, the step is truncated, and
     `info["truncation_reason"]` says why; nothing moves before the next reset, which brings the arms
     home. A subclass says how else an episode begins.
+
+    Args:
+        backend: The arms.
+        task: What they are to do.
+
+    Raises:
+        BackendError: The arms cannot be reached.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(CONTROL_HZ)}  # noqa: RUF012 - Gymnasium's way to declare it
@@ -67,15 +74,6 @@ class DuoEnv(gym.Env[Observation, Any]):
     """Name of what an action means; `env.get_wrapper_attr` finds that of the outermost wrapper."""
 
     def __init__(self, backend: DuoBackend, task: Task) -> None:
-        """Drive two arms, which follow commands from now on.
-
-        Args:
-            backend: The arms.
-            task: What they are to do.
-
-        Raises:
-            BackendError: The arms cannot be reached.
-        """
         backend.start()
         self.backend = backend
         """The arms."""

@@ -22,11 +22,7 @@ class StateError(DuoBenchError):
 
 
 def required(part: T | None, wrapper: str) -> T:
-    """A part of a state that a wrapper needs.
-
-    Raises:
-        StateError: The state was saved by an environment without that wrapper.
-    """
+    """A part of a state that a wrapper needs."""
     if part is None:
         raise StateError(
             f"This state was saved without the {wrapper} that this environment has; restore it in "
@@ -50,7 +46,7 @@ class EpisodeState:
     scale: PhysicsScale = UNSCALED
     """Factors on the physics of the model, where an episode is shifted so."""
     instruction: str | None = None
-    """What the policy is told; None is the task's own. No part of the hash: nothing moves by it."""
+    """The policy's; None is the task's own. No part of the hash: nothing moves by it."""
     progress: ProgressState | None = None
     """Stage, and what its constraints remember."""
     steps: int | None = None

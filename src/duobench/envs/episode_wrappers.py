@@ -34,25 +34,23 @@ class RandomizedReset(DuoWrapper):
     Without a seed the next one comes from the environment's own generator, so that a seeded reset
     decides all episodes after it. The options of `SimEnv` may give the seed of the layout, or the
     layout itself, and the instruction, which is sampled by the seed too where it varies.
+
+    Args:
+        env: A `SimEnv`, wrapped or not.
+        split: Which layouts a reset samples from unless its options name a `split`: "eval", or
+            "train" for demonstrations.
+        varied_instructions: Whether an episode's instruction is sampled from the task's own and
+            its paraphrases. An episode whose layout is given, not sampled, has the task's own.
+
+    Raises:
+        TypeError: There is no simulation inside.
+        UnknownNameError: There is no such split.
+        OptionError: The task has no paraphrases to sample from.
     """
 
     def __init__(
         self, env: gym.Env, split: str = EVAL, *, varied_instructions: bool = False
     ) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `SimEnv`, wrapped or not.
-            split: Which layouts a reset samples from unless its options name a `split`: "eval", or
-                "train" for demonstrations.
-            varied_instructions: Whether an episode's instruction is sampled from the task's own and
-                its paraphrases. An episode whose layout is given, not sampled, has the task's own.
-
-        Raises:
-            TypeError: There is no simulation inside.
-            UnknownNameError: There is no such split.
-            OptionError: The task has no paraphrases to sample from.
-        """
         super().__init__(env)
         if not hasattr(base := base_of(env), "simulation"):
             raise TypeError(
@@ -138,19 +136,16 @@ class TaskStages(DuoWrapper):
     `stage`, `max_stage`, `success` (the same as `is_success`), `success_at_end` (whether the last
     stage's constraints hold right now), `current_subinstruction` (what to do now) and
     `stage_to_subinstructions` (what to do at each stage to reach the next one).
+
+    Args:
+        judge: Who says which stage is reached; the simulation where none is given.
+
+    Raises:
+        UnknownNameError: A stage names what is not there; near misses are listed.
+        TypeError: There is neither a judge nor a simulation.
     """
 
     def __init__(self, env: gym.Env, judge: Judge | None = None) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not.
-            judge: Who says which stage is reached; the simulation where none is given.
-
-        Raises:
-            UnknownNameError: A stage names what is not there; near misses are listed.
-            TypeError: There is neither a judge nor a simulation.
-        """
         super().__init__(env)
         self.judge = judge or _judge_of(self.base)
         """Who says which stage is reached."""
@@ -246,18 +241,15 @@ class TimeLimit(DuoWrapper):
     """Truncates an episode, and refuses steps after its end, however it ended.
 
     It belongs inside action chunks: then it counts control steps, not chunks.
+
+    Args:
+        horizon: Control steps after which an episode is cut off.
+
+    Raises:
+        ValueError: The horizon is not positive.
     """
 
     def __init__(self, env: gym.Env, horizon: int) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not.
-            horizon: Control steps after which an episode is cut off.
-
-        Raises:
-            ValueError: The horizon is not positive.
-        """
         if horizon < 1:
             raise ValueError(f"A horizon is at least one control step, got {horizon}.")
         super().__init__(env, horizon=horizon)

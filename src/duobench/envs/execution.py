@@ -28,7 +28,6 @@ class ChunkExecution:
     """Control steps from an observation to the first action of the chunk that answers it."""
 
     def __post_init__(self) -> None:
-        """Reject what no loop can do."""
         if self.execute is not None and not as_count(self.execute):
             raise OptionError(
                 f"The number of actions executed of a chunk is 1 or more, got {self.execute!r}."
@@ -59,7 +58,7 @@ class Step:
     action: NDArray[np.floating]
     """The action (n,) that was executed."""
     observation: dict[str, Any]
-    """What the environment showed afterwards; it has images only if somebody needs them."""
+    """The observation afterwards; it has images only where they are needed."""
     reward: float
     """The reward of the step."""
     terminated: bool

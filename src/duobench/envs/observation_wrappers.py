@@ -35,8 +35,17 @@ class Cameras(ObservingWrapper):
     """Adds `pixels` to the observation: one image (height, width, 3), uint8, for each camera.
 
     It belongs outside action chunks: one image of each camera is rendered for each step and each
-    reset, nothing before the first reset. `set_rendering` leaves images out that nobody looks
-    at; `env.get_wrapper_attr` finds it through any wrappers.
+    reset, nothing before the first reset. `set_rendering` leaves out images that are not
+    needed; `env.get_wrapper_attr` finds it through any wrappers.
+
+    Args:
+        cameras: Names of cameras.
+        image_size: Height and width in pixels, at most the native 720 x 1280. An image shows
+            the whole native field of view whatever its size.
+
+    Raises:
+        UnknownNameError: There is no such camera.
+        RenderingError: The size is larger than the native one, or not positive.
     """
 
     def __init__(
@@ -45,18 +54,6 @@ class Cameras(ObservingWrapper):
         cameras: Sequence[str] = POLICY_CAMERAS,
         image_size: tuple[int, int] = IMAGE_SIZE,
     ) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not.
-            cameras: Names of cameras.
-            image_size: Height and width in pixels, at most the native 720 x 1280. An image shows
-                the whole native field of view whatever its size.
-
-        Raises:
-            UnknownNameError: There is no such camera.
-            RenderingError: The size is larger than the native one, or not positive.
-        """
         for name in cameras:
             check_known("camera", name, POLICY_CAMERAS)
         self._cameras = tuple(cameras)
@@ -75,7 +72,7 @@ class Cameras(ObservingWrapper):
         self._is_rendering = is_on
 
     def observe(self, observation: Observation) -> Observation:
-        """The observation with an image of each camera, unless nobody looks at them."""
+        """The observation with an image of each camera, unless they are switched off."""
         if not self._is_rendering:
             return observation
         return {**observation, PIXELS: self.base.backend.images(self._cameras, self._shape)}
@@ -84,18 +81,16 @@ class Cameras(ObservingWrapper):
 class ObjectStates(ObservingWrapper):
     """Adds `environment_state` to the observation: the numbers (n,) of `Task.object_state`.
 
-    They are privileged: read from the simulation, not seen. `object_state_names` says what each is.
+    They are privileged: read from the simulation. `object_state_names` says what each is.
+
+    Args:
+        env: A `SimEnv`, wrapped or not.
+
+    Raises:
+        TypeError: There is no simulation inside.
     """
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `SimEnv`, wrapped or not.
-
-        Raises:
-            TypeError: There is no simulation inside.
-        """
         base = base_of(env)
         if not hasattr(base, "simulation"):  # asked without loading one
             raise TypeError(
@@ -133,18 +128,13 @@ class Sensing(DuoWrapper):
     state of the last frame that it did not drop. Joint positions, openings, positions of tools and
     the numbers of objects have Gaussian noise that is new at every step. What an episode meets does
     not depend on who asks for images, or when. Noise in images belongs to the look.
+
+    Args:
+        env: A simulated environment with its cameras, if it has any.
+        shift: How bad the sensors are.
     """
 
     def __init__(self, env: gym.Env, shift: Shift) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A simulated environment with its cameras, if it has any.
-            shift: How bad the sensors are.
-
-        Raises:
-            TypeError: There is no simulation inside.
-        """
         from duobench.envs.sim_env import sim_of
 
         super().__init__(env, shift=shift)
@@ -168,7 +158,7 @@ class Sensing(DuoWrapper):
         """Advance one step, and see what sensors show of it."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._past.append(self._base.simulation.get_state())
-        # Every camera has its number, also one that nobody looks through.
+        # Every camera has its number, also one that is not used.
         chances = self._frames.uniform(size=len(POLICY_CAMERAS)).tolist()
         for camera, chance in zip(POLICY_CAMERAS, chances, strict=True):
             is_dropped = chance < levels.DROPPED_SHARE[self._level]

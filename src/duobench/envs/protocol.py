@@ -102,9 +102,6 @@ def stack_on(judged: TaskStages, config: EnvConfig, horizon: int | None) -> DuoW
         judged: The arms, with stages.
         config: What was chosen about the environment.
         horizon: Control steps after which an episode is cut off; None leaves it open.
-
-    Raises:
-        TypeError: Object states are asked for, and there is no simulation.
     """
     stack: DuoWrapper = judged
     if horizon is not None:

@@ -57,12 +57,24 @@ class SimEnv(DuoEnv):
 
     The options of a reset: `layout` is the layout, as a `Layout` or as its JSON form; without it,
     `layout_seed` samples one from the task's `split`, "eval" or "train". `look` is the look of this
-    episode, a name, a `Look` or its JSON form; without it, the environment's. `instruction` is what
-    a policy is told, as text, or as the number of one of the task's `instructions`; without it, the
+    episode, a name, a `Look` or its JSON form; without it, the environment's. `instruction` is the
+    policy's, as text, or as the number of one of the task's `instructions`; without it, the
     task's own. Info also holds `layout` (JSON form). A reset raises a LayoutError for a layout that
     is incomplete, overlapping or out of reach, an UnknownNameError where there is no such option,
     split or look, and an OptionError for a look, a seed or an instruction that is none. Observation
     and info are taken after everything has come to rest.
+
+    Args:
+        task: What is on the table.
+        render_mode: "rgb_array", or None for no `render`.
+        render_size: Height and width of the image that `render` gives, in pixels.
+        look: How images look; a name or a look.
+        speed_fraction: Part of the joints' speed limits that the arms use; see `EnvConfig`.
+        shift: What differs from the usual episodes, by the seed of the layout.
+
+    Raises:
+        UnknownNameError: There is no such look, or it names an object that the task has not.
+        OptionError: The fraction is not over 0 and at most 1.
     """
 
     def __init__(
@@ -75,20 +87,6 @@ class SimEnv(DuoEnv):
         speed_fraction: float = 1.0,
         shift: Shift = NO_SHIFT,
     ) -> None:
-        """Compile the task's model; no OpenGL before the first image.
-
-        Args:
-            task: What is on the table.
-            render_mode: "rgb_array", or None if nobody calls `render`.
-            render_size: Height and width of the image that `render` gives, in pixels.
-            look: How images look; a name or a look.
-            speed_fraction: Part of the joints' speed limits that the arms use; see `EnvConfig`.
-            shift: What differs from the usual episodes, by the seed of the layout.
-
-        Raises:
-            UnknownNameError: There is no such look, or it names an object that the task has not.
-            OptionError: The fraction is not over 0 and at most 1.
-        """
         self.simulation = Simulation(task.props, task.overview)
         """The physics."""
         self._arms = SimBackend(self.simulation, speed_fraction)
@@ -261,12 +259,6 @@ class SimJudge(Progress):
     """Judges by the task's constraints, from the state of the simulation."""
 
     def __init__(self, env: SimEnv) -> None:
-        """Check that the simulation and its layouts have everything that the stages name.
-
-        Raises:
-            UnknownNameError: A stage names what is not there; near misses are listed.
-            LayoutError: The task does not place all of its objects.
-        """
         task = env.definition
         sampled = next(task.layouts(0))
         for number in range(len(task.instructions)):

@@ -110,11 +110,7 @@ def opening_slots(size: int) -> list[int]:
 
 
 def numbers(action: Any, shape: tuple[int, ...], labels: Sequence[str] = ()) -> Array:
-    """An action as float64 numbers of a given shape; `labels` say what they are, for the message.
-
-    Raises:
-        ActionError: It is not an array of numbers, or has another shape.
-    """
+    """An action as float64 numbers of a given shape; `labels` name them in the message."""
     try:
         array = real_array(action, np.float64)
     except (TypeError, ValueError) as error:
@@ -139,9 +135,6 @@ def checked_action(action: Any, labels: Sequence[str]) -> Array:
 
     Returns:
         Array of shape (len(labels),), all finite.
-
-    Raises:
-        ActionError: It is not an array of that many numbers, or one is NaN or infinite.
     """
     array = numbers(action, (len(labels),), labels)
     # A finite sum proves finite numbers, at a fraction of the cost of an array operation.

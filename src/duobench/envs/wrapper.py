@@ -19,6 +19,12 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
     Gymnasium's wrappers do not pass attributes on. Those that tools of the field look for on the
     outermost environment are passed on here.
+
+    Args:
+        arguments: What the wrapper was made with, so that it can be made again.
+
+    Raises:
+        TypeError: There is no `DuoEnv` inside.
     """
 
     made_from: EnvSpec | None = None
@@ -26,15 +32,6 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     what it makes of those inside."""
 
     def __init__(self, env: gym.Env, **arguments: Any) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not.
-            arguments: What the wrapper was made with, so that it can be made again.
-
-        Raises:
-            TypeError: There is no `DuoEnv` inside.
-        """
         gym.utils.RecordConstructorArgs.__init__(self, **arguments)
         gym.Wrapper.__init__(self, env)
         base_of(env)  # rejects any other environment
@@ -82,20 +79,14 @@ class ObservingWrapper(DuoWrapper):
 
     What it adds belongs to the state of the arms and objects alone, so it is the same after a step
     and after the state was restored.
+
+    Args:
+        key: Key of the entry.
+        space: Space of the entry.
+        arguments: What the wrapper was made with.
     """
 
     def __init__(self, env: gym.Env, key: str, space: gym.Space, **arguments: Any) -> None:
-        """Wrap an environment.
-
-        Args:
-            env: A `DuoEnv`, wrapped or not.
-            key: Key of the entry.
-            space: Space of the entry.
-            arguments: What the wrapper was made with.
-
-        Raises:
-            TypeError: There is no `DuoEnv` inside, or its observations are no dictionaries.
-        """
         super().__init__(env, **arguments)
         inner = env.observation_space
         if not isinstance(inner, gym.spaces.Dict):
@@ -129,7 +120,6 @@ class ActionModeWrapper(DuoWrapper):
     """The mode."""
 
     def __init__(self, env: gym.Env) -> None:
-        """Wrap an environment that takes the actions which the wrapper makes of its own."""
         super().__init__(env)
         self.action_space = self.mode.space(self.base.backend.limits)
 
@@ -139,9 +129,5 @@ class ActionModeWrapper(DuoWrapper):
         return self.mode.name
 
     def check_action(self, action: Any) -> Array:
-        """The action as float64 numbers, as many as the mode has, without executing it.
-
-        Raises:
-            ActionError: It has another shape, or holds NaN or infinity.
-        """
+        """The action as float64 numbers, as many as the mode has, without executing it."""
         return spaces.checked_action(action, self.mode.names)

@@ -27,21 +27,19 @@ from duobench.errors import (
     escaped,
     traceback_text,
 )
-from duobench.evaluation.clock import EpisodeClock
-from duobench.evaluation.overview import Overview
-from duobench.evaluation.picture import Picture
+from duobench.evaluation.clock import EpisodeClock, Stopwatch
 from duobench.evaluation.policies import PolicyChoice, PolicySource
-from duobench.evaluation.recorder import EpisodeRecorder, VideoRecorder
+from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Watcher, rollout
-from duobench.evaluation.stopwatch import Stopwatch
+from duobench.evaluation.video import Overview, Picture, VideoRecorder
 from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, episode_seed
+from duobench.results.journal import EpisodeTimes
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
-from duobench.results.reporting.times import EpisodeTimes
-from duobench.results.run import Run
+from duobench.results.run import Candidate, Run
 from duobench.results.suite import Episode, Suite, TaskInfo
 from duobench.shifts.shift import Shift
 from duobench.sim.rendering import describe
@@ -83,15 +81,10 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """What plays episodes, and how: what executors, runners and workers need to know."""
 
     policy: PolicyChoice
-    """The policy."""
     suite: Suite
-    """The episodes."""
     limits: TimeLimits = TimeLimits()
-    """How long the policy may take."""
     videos: int = 0
     """How many episodes of each task, from the first on, have a video."""
-    command: str = ""
-    """The command that started it, if there is one."""
     recording: RecordingPlan | None = None
     """Whether episodes are recorded."""
 
@@ -100,7 +93,6 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """An episode that was played."""
 
     record: EpisodeRecord
-    """Its record."""
     video: bytes | None = None
     """Its video as a WebM file, if there is one."""
     recording: bytes | None = None
@@ -109,13 +101,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """How long it took, and what with; None if unknown."""
 
     def objection(self, episode: Episode, run: Run, plan: RecordingPlan | None) -> str | None:
-        """Why this is not what was asked for; None if it is.
-
-        Args:
-            episode: The episode that was to be played.
-            run: What it belongs to.
-            plan: Which recordings are wanted, if any.
-        """
+        """Why this is not the episode of a run that was to be played; None if it is."""
         if (wrong := run.objection(self.record, episode)) is not None:
             return f"its record is another one: {wrong}"
         if self.video is not None and not episode.has_video:
@@ -141,7 +127,20 @@ def _inference(source: PolicySource) -> str | None:
 
 
 class EpisodeRunner:
-    """Plays episodes with one policy, one after the other."""
+    """Plays episodes with one policy, one after the other; environments are made when needed.
+
+    Args:
+        source: The policy of the job, which belongs to the runner from now on.
+        job: How it plays.
+        clock: Where its times are noted, for another process.
+        tell: Takes the record of an episode so far, whenever it has reached a new stage, and before
+            it is played on after its horizon: that one stands whatever happens then.
+        is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
+
+    Raises:
+        UnknownNameError: The policy expects a camera or an action mode that does not exist.
+        OptionError: It expects images of an invalid size, or another control rate.
+    """
 
     def __init__(
         self,
@@ -152,20 +151,6 @@ class EpisodeRunner:
         *,
         is_interruptible: bool = True,
     ) -> None:
-        """Take a policy; environments are made when they are needed.
-
-        Args:
-            source: The policy of the job, which belongs to the runner from now on.
-            job: How it plays.
-            clock: Where its times are noted, for another process.
-            tell: Takes the record of an episode so far, whenever it has reached a new stage, and
-                before it is played on after its horizon: that one stands whatever happens then.
-            is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
-
-        Raises:
-            UnknownNameError: The policy expects a camera or an action mode that does not exist.
-            OptionError: It expects images of an invalid size, or another control rate.
-        """
         self._source = source
         act_s = math.inf if source.waits_for_others else job.limits.act_timeout
         self._limits = replace(job.limits, act_timeout=act_s)
@@ -188,24 +173,24 @@ class EpisodeRunner:
             instructions=job.recording.instructions if job.recording else FIXED,
             split=job.recording.split if job.recording else EVAL,
             look=job.suite.look,
-            shift=job.suite.shift,
         )
         renderer = describe().renderer if config.cameras else None
-        self.run = Run(
+        candidate = Candidate(
             policy=job.policy.name.text,
-            suite=job.suite,
-            videos=job.videos,
-            limits=job.limits,
             metadata=metadata,
             config=config,
-            versions=package_versions(),
             batching=source.batching,
-            command=job.command,
+        )
+        self.run = Run(
+            candidates=(candidate,),
+            suite=job.suite,
+            limits=job.limits,
+            versions=package_versions(),
         )
         """What is played, and by what; the same for every episode."""
         is_expert = job.policy.name.kind is PolicyKind.EXPERT
         kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
-        self._actor = Actor(kind=kind, name=self.run.policy, version=metadata.version)
+        self._actor = Actor(kind=kind, name=candidate.policy, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
         """Versions of everything that a result may depend on."""
 
@@ -277,11 +262,7 @@ class EpisodeRunner:
     def _play_on(
         self, env: gym.Env, following: Iterator[Step], record: EpisodeRecord
     ) -> int | None:
-        """Play on an episode that its horizon has cut off, if that is asked for.
-
-        Returns:
-            The control step that reached the last stage, if one did.
-        """
+        """Play on after the horizon, if asked to; the step that reached the last stage, if any."""
         limit = round(self.run.suite.overtime * record.horizon)
         if record.success or not record.steps == record.horizon < limit:
             return None
@@ -329,7 +310,7 @@ class EpisodeRunner:
 
     def _prepare(self, episode: Episode) -> tuple[gym.Env, Policy]:
         """Environment and policy of a task and a shift; those of another are closed first."""
-        task, config = episode.task, replace(self.run.config, shift=episode.shift)
+        task, config = episode.task, replace(self.run.candidate.config, shift=episode.shift)
         if self._env is None or self._policy is None or self._made != (task, episode.shift):
             self._close_environment()
             try:

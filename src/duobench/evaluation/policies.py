@@ -36,27 +36,15 @@ from duobench.policy.registry import (
     no_batches,
     source_version,
 )
-from duobench.policy.serving.address import MAX_S, OPENPI, SERVED, RemoteServer
+from duobench.policy.serving.address import (
+    MAX_S,
+    OPENPI,
+    SERVED,
+    PolicyAddress,
+    RemoteServer,
+)
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
-
-LOOPBACK = "127.0.0.1"
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PolicyAddress:
-    """Where a policy answers that is in a process of its own."""
-
-    host: str = LOOPBACK
-    """Address of the machine; the loopback address unless told."""
-    port: int
-    """Its port."""
-    key: str
-    """What it asks for; only those who play with it have it."""
-    batching: Batching | None
-    """How many observations it answers together; None for a plain policy, which plays one episode
-    at a time."""
-
 
 _ANSWERING_S = 5.0
 """Seconds to wait for a process that has said that it answers."""
@@ -73,7 +61,6 @@ class PolicyChoice:
     """A policy by its name, and whether it plays in batches or at a server."""
 
     name: PolicyName
-    """Its name, taken apart."""
     batching: Batching | None = None
     """How many observations a `BatchPolicy` answers together; None takes the default."""
     server: RemoteServer | None = None
@@ -90,6 +77,11 @@ class PolicyChoice:
     def has_process(self) -> bool:
         """Whether it is made in a process of its own, unless this process plays."""
         return not self.is_scripted and self.name.kind is not PolicyKind.SERVED
+
+    @property
+    def may_see(self) -> bool:
+        """Whether it may ask for images."""
+        return self.name.kind in (PolicyKind.LEROBOT, PolicyKind.MODULE, PolicyKind.SERVED)
 
     @classmethod
     def parse(
@@ -139,18 +131,17 @@ class PolicySource:
 
 
 class ExpertPolicy(Expert):
-    """The scripted expert of an environment's task, as a policy."""
+    """The scripted expert of an environment's task, as a policy; it reads the privileged state.
+
+    Args:
+        env: The environment that it will act in.
+        variety: How its episodes differ from the plain script.
+
+    Raises:
+        PolicyError: The task has no expert.
+    """
 
     def __init__(self, env: gym.Env, variety: Variety = NONE) -> None:
-        """Find the expert.
-
-        Args:
-            env: The environment that it will act in; it reads the privileged state.
-            variety: How its episodes differ from the plain script.
-
-        Raises:
-            PolicyError: If the task has no expert.
-        """
         duo = sim_of(env)
         script = find_script(duo.definition)
         super().__init__(duo.simulation, script, variety=variety, task_id=duo.definition.id)
@@ -166,21 +157,12 @@ class BlindPolicy(Expert):
     metadata = PolicyMetadata(name=PolicyKind.BLIND.value, cameras=())
 
     def __init__(self, env: gym.Env) -> None:
-        """Find the sequence.
-
-        Args:
-            env: The environment that it will act in.
-        """
         duo = sim_of(env)
         super().__init__(duo.simulation, blind.SCRIPTS.get(duo.definition.id, lambda _: wait(0)))
 
 
 def variety_of(name: PolicyName) -> Variety:
-    """The variety of an expert's name.
-
-    Raises:
-        UnknownNameError: There is no such variety.
-    """
+    """The variety of an expert's name."""
     if name.variety is None:
         return NONE
     check_known("variety", name.variety, VARIETIES)
@@ -198,8 +180,7 @@ def source(
     """Look a policy up.
 
     Args:
-        name: `expert`, `expert:VARIETY`, `blind`, a baseline's name, `lerobot:PATH_OR_ID`, or
-            `module:attribute`.
+        name: See `PolicyChoice.parse`.
         tasks: What it will play; an expert's version is that of the scripts of these tasks.
         batching: How many observations a `BatchPolicy` answers together; None takes the default.
 
@@ -261,9 +242,9 @@ def _apart(address: PolicyAddress) -> PolicySource:
     """A policy in a process of its own, which its parent looks after: here is no time limit."""
     from duobench.policy.serving.client import OwnPolicy
 
-    host = f"[{address.host}]" if ":" in address.host else address.host
-    url = f"ws://{host}:{address.port}"
-    remote = OwnPolicy(RemoteServer(url=url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S))
+    remote = OwnPolicy(
+        RemoteServer(url=address.url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S)
+    )
     return PolicySource(
         metadata=remote.metadata,
         bind=lambda _env: remote,

@@ -1,49 +1,35 @@
-"""The watchers that make the record of an episode, and its video."""
+"""The watcher that makes the record of an episode."""
 
 from __future__ import annotations
 
-import io
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import gymnasium as gym
 
-from duobench.backend import Image
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.observation_wrappers import PIXELS
 from duobench.errors import escaped
 from duobench.randomness import SUITE_VERSION
-from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes
+from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes, pack_targets
 from duobench.results.run import Run
 from duobench.results.suite import Episode
-from duobench.results.targets import pack_targets
-from duobench.types import CONTROL_HZ, Array
-from duobench.video import VP9, VideoWriter
+from duobench.types import Array
 
 if TYPE_CHECKING:
-    from duobench.evaluation.picture import Picture
     from duobench.evaluation.rollout import Info, Observation, Step
     from duobench.stages.logic import Words
 
-FRAME_EVERY = 2
-"""Control steps from one frame to the next."""
-FRAME_RATE = Fraction(CONTROL_HZ) / FRAME_EVERY
-"""Frames a second: the video plays in real time."""
-
 
 class EpisodeRecorder:
-    """Watches an episode, and keeps what its record needs, whether or not it ends well."""
+    """Watches an episode, and keeps what its record needs, whether or not it ends well.
+
+    Args:
+        episode: The episode, of which nothing is known but its place in the suite.
+        on_stage: Called when it has begun, and whenever it has reached a new stage.
+    """
 
     def __init__(self, episode: Episode, on_stage: Callable[[], None] = lambda: None) -> None:
-        """Begin with an episode of which nothing is known but its place in the suite.
-
-        Args:
-            episode: The episode.
-            on_stage: Called when the episode has begun, and whenever it has reached a new stage.
-        """
         self._episode = episode
         self._on_stage = on_stage
         self._env: gym.Env | None = None
@@ -104,15 +90,17 @@ class EpisodeRecorder:
         """Highest stage so far."""
         return self._stage_changes[-1][1] if self._stage_changes else 0
 
-    def record(self, run: Run, versions: Mapping[str, str | None]) -> EpisodeRecord:
-        """The record of the episode so far.
+    def record(
+        self, run: Run, versions: Mapping[str, str | None], policy: str = ""
+    ) -> EpisodeRecord:
+        """The record so far, in a run, with versions of all that the result may depend on.
 
-        Args:
-            run: What it belongs to.
-            versions: Versions of everything that the result may depend on.
+        Of several policies of the run, the one that plays is named.
         """
         task, last = self._episode.task, self._last
+        candidate = run.of(policy) if policy else run.candidate
         return EpisodeRecord(
+            run=run.hash,
             suite_version=SUITE_VERSION,
             suite=run.suite.label,
             execution=run.suite.execution_of(task.id, self._episode.shift),
@@ -120,9 +108,9 @@ class EpisodeRecorder:
             episode=self._episode.index,
             seed=self._episode.seed,
             policy_seed=self._episode.policy_seed,
-            policy=run.policy,
-            policy_version=run.metadata.version,
-            config=replace(run.config, shift=self._episode.shift),
+            policy=candidate.policy,
+            policy_version=candidate.metadata.version,
+            config=replace(candidate.config, shift=self._episode.shift),
             instruction=self._instruction,
             success=self.stage == task.max_stage,
             success_at_end=bool(last and last.info["success_at_end"]),
@@ -143,59 +131,6 @@ class EpisodeRecorder:
             clipped=self._clipped,
             versions=dict(versions),
         )
-
-
-class VideoRecorder:
-    """Encodes a video in memory: a frame at the start, and one every other control step.
-
-    A video of an episode is half a megabyte, so it needs no file until it is complete.
-    """
-
-    def __init__(self, render: Callable[[], Image], picture: Picture | None = None) -> None:
-        """Remember what to show; encoding begins with the first frame.
-
-        Args:
-            render: Gives the current image, (height, width, 3), both even.
-            picture: Adds stage, time and the images of observations; None shows the image alone.
-        """
-        self._render = render
-        self._picture = picture
-        self.seconds = 0.0
-        """Seconds that the video has taken so far."""
-        self._file = io.BytesIO()
-        self._writer = VideoWriter(self._file, VP9, FRAME_RATE)
-
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """Show the reset."""
-        self._look(0, observation)
-        self._show(0, info)
-
-    def on_step(self, step: Step) -> None:
-        """Show every other step, and the last."""
-        if not step.is_last:  # after which no policy acts
-            self._look(step.number, step.observation)
-        if step.number % FRAME_EVERY == 0 or step.is_last:
-            self._show(step.number, step.info)
-
-    def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - what there was is shown
-        """Finish the video, whatever the end was."""
-        self._writer.close()
-
-    def video(self) -> bytes | None:
-        """The video as a WebM file, once the episode has ended; None if nothing was shown."""
-        return self._file.getvalue() or None
-
-    def _look(self, number: int, observation: Observation) -> None:
-        if self._picture is not None and PIXELS in observation:
-            self._picture.look(number, observation[PIXELS])
-
-    def _show(self, number: int, info: Info) -> None:
-        start = time.perf_counter()
-        image = self._render()
-        if self._picture is not None:
-            image = self._picture.draw(image, number, info["stage"])
-        self._writer.add(image)
-        self.seconds += time.perf_counter() - start
 
 
 def _state(env: gym.Env) -> EpisodeState | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from functools import partial
 from typing import Any, Protocol, TypeVar
 
@@ -113,8 +113,7 @@ def rollout(
     render = optional_method(env, "set_rendering")
     with ExitStack() as ending:
         ending.callback(render, True)
-        for watcher in reversed(watching):
-            ending.push(partial(_end, watcher))
+        ending.enter_context(watched_by(watching))
         observation, info = env.reset(seed=seed)
         hashed = policy_seed(base_of(env).task, seed, info.get(SPLIT) or EVAL)
         with busy():
@@ -173,6 +172,15 @@ def _changes_observations(env: gym.Env) -> bool:
             return True
         env = env.env
     return False
+
+
+@contextmanager
+def watched_by(watchers: Sequence[Watcher]) -> Iterator[None]:
+    """Tell watchers how an episode ended, whatever happens in the block, the first one first."""
+    with ExitStack() as ending:
+        for watcher in reversed(watchers):
+            ending.push(partial(_end, watcher))
+        yield
 
 
 def _end(watcher: Watcher, _kind: object, error: BaseException | None, _trace: object) -> None:

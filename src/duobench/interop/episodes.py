@@ -1,10 +1,12 @@
-"""Episodes as a program of others plays them: chunks in and observations out, as a format says.
+"""Episodes as vla-eval plays them, and the parameters of its own DuoBench; without vla-eval.
 
 They are the episodes of the evaluation: the same seeds, horizons, stages and success.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -15,27 +17,32 @@ from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.execution import Step, execute, optional_method
 from duobench.envs.registration import make
+from duobench.errors import OptionError
 from duobench.policy.batch import Observation
 from duobench.policy.policy import dimensions
-from duobench.policy.serving.message_format import MessageFormat
+from duobench.policy.serving.message_format import MessageFormat, read_format
+from duobench.policy.serving.vla_eval import MODES
 from duobench.randomness import episode_seed
 from duobench.tasks import catalog
+from duobench.types import HEAD
+
+Size = Sequence[int] | int
+Resolution = Mapping[str, Size] | Size
 
 
 class Episodes:
-    """Plays episodes one after the other, in an environment that fits a format."""
+    """Plays episodes one after the other, in an environment that fits a format.
+
+    Args:
+        message_format: What is shown, and what actions mean.
+        options: Of the environments, beside what follows from the format; see
+            `duobench.envs.config.EnvConfig`.
+
+    Raises:
+        DuoBenchError: If there is no such environment.
+    """
 
     def __init__(self, message_format: MessageFormat, **options: Any) -> None:
-        """Choose the environments; one is made when it is needed.
-
-        Args:
-            message_format: What is shown, and what actions mean.
-            options: Of the environments, beside what follows from the format; see
-                `duobench.envs.config.EnvConfig`.
-
-        Raises:
-            DuoBenchError: If there is no such environment.
-        """
         metadata = message_format.metadata("", "", seeded=False)
         self._options = {
             "cameras": metadata.cameras,
@@ -99,11 +106,11 @@ class Episodes:
         try:
             *_, self._last = execute(self._env, chunk, before=before, render_last=render_last)
         except BaseException:
-            self.close()  # whatever broke may have left it in any state
+            self.close()  # it may be in any state now
             raise
         return self._last
 
-    def shown(self, observation: Observation) -> dict[str, Any]:
+    def request(self, observation: Observation) -> dict[str, Any]:
         """An observation of the running episode as the format says."""
         return self.message_format.request(observation, self._instruction)
 
@@ -131,3 +138,93 @@ class Episodes:
         if self._env is not None:
             self._env.close()
         self._env = self._import_path = self._last = None
+
+
+def format_for(
+    name: str,
+    *,
+    control_mode: str | None,
+    relative_to: str | None,
+    send_state: bool,
+    send_wrist_image: bool,
+    camera_resolution: Resolution | None,
+) -> MessageFormat:
+    """A format with what a configuration changes about it.
+
+    Args:
+        name: Name of a format, or the path of a file that ends in `.toml`.
+        control_mode: What an arm's numbers are; None takes the format's.
+        relative_to: What they are relative to; None takes the format's.
+        send_state: Whether there is a state.
+        send_wrist_image: Whether the wrist cameras are shown.
+        camera_resolution: [height, width] of all images, or of each by its camera.
+
+    Raises:
+        DuoBenchError: If there is no such format, or no environment like that.
+    """
+    message_format = read_format(name)
+    mode = _mode(message_format.actions.mode, control_mode, relative_to)
+    images = {
+        key: camera
+        for key, camera in message_format.images.items()
+        if send_wrist_image or camera == HEAD
+    }
+    return replace(
+        message_format,
+        images=images,
+        image_size=_size(camera_resolution, message_format),
+        state=message_format.state if send_state else {},
+        actions=replace(message_format.actions, mode=mode),
+    )
+
+
+def tasks_by_id(import_paths: Sequence[str] | None) -> dict[str, str]:
+    """Import paths of tasks by their ids: all of the benchmark if there are none.
+
+    Raises:
+        UnknownNameError: If there is no such task.
+        OptionError: If one is named twice.
+    """
+    if isinstance(import_paths, str):
+        import_paths = [import_paths]
+    paths: dict[str, str] = {}
+    for path in import_paths or catalog.names():
+        task_id = catalog.get(path).id
+        if task_id in paths:
+            raise OptionError(f"Task {task_id!r} is named twice in task_ids. Name each task once.")
+        paths[task_id] = path
+    return paths
+
+
+def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
+    control, relative = next((key for key, mode in MODES.items() if mode == usual), (usual, "none"))
+    mode = str(control_mode or control).lower(), str(relative_to or relative).lower()
+    if mode in MODES:
+        return MODES[mode]
+    known = " or ".join(f"{theirs} with {frame}" for theirs, frame in MODES)
+    raise OptionError(
+        f"There are no actions with control_mode {mode[0]!r} and relative_to {mode[1]!r}. There "
+        f"are {known}: poses are x y z qx qy qz qw, displacements of the tool a translation and a "
+        "rotation vector along the axes of the table frame."
+    )
+
+
+def _size(resolution: Resolution | None, message_format: MessageFormat) -> tuple[int, int]:
+    if resolution is None:
+        return message_format.image_size
+    if not isinstance(resolution, Mapping):
+        return _checked(resolution)
+    EnvConfig.from_options({"cameras": resolution.keys()})
+    sizes = {_checked(size) for size in resolution.values()}
+    if not set(message_format.images.values()) <= resolution.keys():
+        sizes.add(message_format.image_size)
+    if len(sizes) > 1:
+        raise OptionError(
+            "All images have one size here: give camera_resolution as [height, width], or with the "
+            f"same size for each camera; got {resolution!r}."
+        )
+    return sizes.pop() if sizes else message_format.image_size
+
+
+def _checked(size: object) -> tuple[int, int]:
+    return EnvConfig.from_options({"image_size": size}).image_size

@@ -20,14 +20,35 @@ from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
 from duobench.envs.execution import Step
 from duobench.errors import OptionError, PolicyError, check_known
-from duobench.interop.episodes import Episodes
-from duobench.interop.vla_eval_options import Resolution, format_for, tasks_by_id
-from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
+from duobench.interop.episodes import Episodes, Resolution, format_for, tasks_by_id
+from duobench.policy.serving.vla_eval import action_spec, observation_spec
 from duobench.tasks import catalog
 
 
 class DuoBench(StepBenchmark):
-    """The tasks of DuoBench, with actions and observations as a format says."""
+    """The tasks of DuoBench, with actions and observations as a format says.
+
+    Args:
+        task_ids: Ids of tasks, or "module:ATTRIBUTE"; all tasks if none is given.
+        seed: Index of the first episode: vla-eval's episode i is episode `seed + i` of
+            `duobench eval`.
+        frequency: Control steps a second; there is only 30.
+        max_steps: Control steps after which an episode is truncated, as a chunk of H actions
+            takes H of them; None takes each task's own.
+        send_state: Whether observations have a state.
+        send_wrist_image: Whether the wrist cameras are shown.
+        camera_resolution: [height, width] of the images, or a map from each camera to the same.
+        control_mode: "joints", "cartesian_tquat" or "cartesian_rotvec"; None takes the
+            format's, which is "joints".
+        relative_to: "none" or "last_step"; None takes the format's, which is "none".
+        binary_gripper: Whether openings are rounded to open or closed.
+        format: Names and orders of observations and actions: the name of a format, or the path
+            of a TOML file.
+        look: How images look.
+
+    Raises:
+        DuoBenchError: If there is no such task or format, or no environment like that.
+    """
 
     _ALL_RECORD_FIELDS: ClassVar = frozenset({"reward", "done", "success", "stage", "steps"})
     render_backends: ClassVar = frozenset({"gpu", "cpu"})
@@ -48,29 +69,6 @@ class DuoBench(StepBenchmark):
         format: str = "vla_eval",
         look: str = "default",
     ) -> None:
-        """Choose what is played; the environment is made at the first reset.
-
-        Args:
-            task_ids: Ids of tasks, or "module:ATTRIBUTE"; all tasks if none is given.
-            seed: Index of the first episode: vla-eval's episode i is episode `seed + i` of
-                `duobench eval`.
-            frequency: Control steps a second; there is only 30.
-            max_steps: Control steps after which an episode is truncated, as a chunk of H actions
-                takes H of them; None takes each task's own.
-            send_state: Whether observations have a state.
-            send_wrist_image: Whether the wrist cameras are shown.
-            camera_resolution: [height, width] of the images, or a map from each camera to the same.
-            control_mode: "joints", "cartesian_tquat" or "cartesian_rotvec"; None takes the
-                format's, which is "joints".
-            relative_to: "none" or "last_step"; None takes the format's, which is "none".
-            binary_gripper: Whether openings are rounded to open or closed.
-            format: Names and orders of observations and actions: the name of a format, or the path
-                of a TOML file.
-            look: How images look.
-
-        Raises:
-            DuoBenchError: If there is no such task or format, or no environment like that.
-        """
         super().__init__()
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
             raise OptionError(f"seed is the index of an episode, counted from 0; got {seed!r}.")
@@ -155,7 +153,7 @@ class DuoBench(StepBenchmark):
 
     def make_obs(self, raw_obs: Step, task: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002 - their signature
         """What the model server sees."""
-        return self._episodes.shown(raw_obs.observation)
+        return self._episodes.request(raw_obs.observation)
 
     def get_step_result(self, step_result: StepResult) -> dict[str, Any]:
         """How the episode has gone so far: `success`, `progress` 0..1 and the highest `stage`."""

@@ -52,14 +52,12 @@ class VLAgentsPolicy:
 
     The server has no word for the start of an episode, so an agent that remembers something goes
     on with it. An observation is sent once: VLAgents' client would send it again after any error.
+
+    Raises:
+        DuoBenchError: If there is no such server or agent, or the format is one for others.
     """
 
     def __init__(self) -> None:
-        """Connect, and wait until the agent is loaded.
-
-        Raises:
-            DuoBenchError: If there is no such server or agent, or the format is one for others.
-        """
         self._address = _address(os.environ.get(AGENT_VARIABLE, ""))
         self._format = read_format(os.environ.get(FORMAT_VARIABLE, _FORMAT))
         _check(self._format)
@@ -117,11 +115,7 @@ class VLAgentsPolicy:
         self._client.close()
 
     def _connected(self, loading_s: float) -> RemoteAgent:
-        """Connect, and wait for a server that is not there and for an agent that is loaded.
-
-        Raises:
-            MachineryError: If there is no such server or agent, or it is not loaded in time.
-        """
+        """Connect, and wait for a server that is not there and for an agent that is loaded."""
         name, host, port = self._address
         client, start = None, time.monotonic()
         while True:

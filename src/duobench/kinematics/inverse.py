@@ -101,7 +101,6 @@ class ArmKinematics:
     """Solves for the joints of one arm; holds no state between calls."""
 
     def __init__(self, side: Side) -> None:
-        """Build the arm's kinematic model and the tasks."""
         # mink brings MuJoCo and SciPy, which joint actions do without.
         import mink
 
@@ -176,7 +175,6 @@ class Kinematics:
     """Solves for joint targets that bring the tools towards poses; holds no state between calls."""
 
     def __init__(self) -> None:
-        """Build the solvers of both arms, which do not depend on each other."""
         self._arms = {side: ArmKinematics(side) for side in SIDES}
 
     def forward(self, joints: Array) -> dict[Side, SE3]:

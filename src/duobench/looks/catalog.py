@@ -112,10 +112,6 @@ def look(name: str) -> Look:
 
     Args:
         name: One of `LOOKS`, or "random:SEED" for the random look of a seed.
-
-    Raises:
-        UnknownNameError: There is no such look; near misses are listed.
-        OptionError: What follows "random:" is no whole number from 0 on, of 18 digits at most.
     """
     if name in LOOKS:
         return LOOKS[name]
@@ -128,12 +124,7 @@ def look(name: str) -> Look:
 
 
 def as_look(value: object) -> Look:
-    """A look from its name, from its JSON form, or as it is.
-
-    Raises:
-        UnknownNameError: There is no look of that name, or the JSON form has an unknown name.
-        OptionError: It is none of these, or invalid.
-    """
+    """A look from its name, from its JSON form, or as it is."""
     if isinstance(value, Look):
         return value
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""Furniture along the walls of the room: seen, never touched, and no part of the model."""
+"""Furniture along the walls of the room: visible, out of reach, and no part of the model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GAP = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Piece:
+class Furniture:
     """A box or an upright cylinder that stands on the floor."""
 
     position: tuple[float, float, float]
@@ -33,13 +33,13 @@ class Piece:
     """Whether it is a cylinder."""
 
 
-def pieces(count: int, seed: int) -> tuple[Piece, ...]:
+def pieces(count: int, seed: int) -> tuple[Furniture, ...]:
     """Some pieces of furniture; the same seed, the same ones, and the first n of more are those."""
     rng = np.random.Generator(np.random.PCG64([seed, *b"clutter"]))
     return tuple(_piece(rng) for _ in range(count))
 
 
-def _piece(rng: np.random.Generator) -> Piece:
+def _piece(rng: np.random.Generator) -> Furniture:
     (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
     width, height, depth = (
         rng.uniform(*ends) for ends in (WIDTHS, HEIGHTS, (0.4 * (DEPTH - GAP), DEPTH - GAP))
@@ -58,7 +58,7 @@ def _piece(rng: np.random.Generator) -> Piece:
         y = (y0 + inset, y1 - inset)[wall - 2]
         x = (x0 + x1) / 2 + along * ((x1 - x0) / 2 - width)
         size = width, depth, height
-    return Piece(
+    return Furniture(
         position=(float(x), float(y), FLOOR_Z + height / 2),
         size=size,
         colour=colour,

@@ -49,7 +49,6 @@ class Material:
     """Path of an image file that takes the place of the texture."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         _check_colour("colour", self.colour)
         _check_colour("second_colour", self.second_colour)
         _check_range("contrast", self.contrast, 0.0, 1.0)
@@ -79,7 +78,6 @@ class Light:
     """Whether it casts shadows; at most one light of a look does."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         _check_colour("colour", self.colour)
         _check_range("highlight", self.highlight, 0.0, 1.0)
         if not _is_vector(self.position) or math.hypot(*self.position) < 1.0:
@@ -103,7 +101,6 @@ class CameraOffset:
     """Added to the vertical field of view, in radians."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         if not (_is_vector(self.position) and _is_vector(self.rotation)):
             raise OptionError(f"The offset of a camera is three finite numbers each, got {self}.")
         limit = MAX_FIELD_OF_VIEW_OFFSET
@@ -131,7 +128,7 @@ class Look:
     ambient: RGB | None = None
     """Light that comes from everywhere; None keeps that of the workcell."""
     clutter: int = 0
-    """Pieces of furniture along the walls, seen and never touched."""
+    """Pieces of furniture along the walls, visible and out of reach."""
     cameras: Mapping[str, CameraOffset] = field(default_factory=dict)
     """Offsets by the name of the camera."""
     exposure: float = 0.0
@@ -143,7 +140,6 @@ class Look:
     of seed, camera and simulation state."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         for name in self.parts:
             check_known("part of the workcell", name, PARTS)
         for name in self.cameras:
@@ -182,11 +178,7 @@ class Look:
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> Look:
-        """From what `to_json` or `dataclasses.asdict` gave.
-
-        Raises:
-            OptionError: A field is unknown or of a wrong type, or a value is invalid.
-        """
+        """From what `to_json` or `dataclasses.asdict` gave."""
         try:
             look = msgspec.convert(dict(data), Look)
         except msgspec.ValidationError as error:

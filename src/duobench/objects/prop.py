@@ -20,19 +20,15 @@ class Built(Generic[T]):
     """
 
     def __init__(self, default: Callable[[], T] | None = None) -> None:
-        """Make the field optional where a default is given."""
         self._default = default
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Note the field's name."""
         self._name = name
 
     def __set__(self, instance: object, value: T | Callable[[], T]) -> None:
-        """Keep what was given."""
         vars(instance)[self._name] = value
 
     def __get__(self, instance: object | None, owner: type) -> T:
-        """The value; for the class, the default, if there is one."""
         if instance is None:
             if self._default is None:
                 raise AttributeError(self._name)

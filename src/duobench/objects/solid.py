@@ -37,7 +37,6 @@ class Mesh:
     """Triangles (m, 3), counter-clockwise from outside."""
 
     def __post_init__(self) -> None:
-        """Keep everybody from writing to them."""
         self.vertices.setflags(write=False)
         self.faces.setflags(write=False)
 

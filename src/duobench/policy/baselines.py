@@ -35,7 +35,6 @@ class RandomPolicy:
     metadata = PolicyMetadata(name="random", cameras=())
 
     def __init__(self) -> None:
-        """Read the limits of an action."""
         sides = [np.vstack([JOINT_RANGES, (0.0, _OPEN)])] * 2
         self._low, self._high = np.vstack(sides).T
         self._generator = np.random.default_rng(_RANDOM_STREAM)
@@ -55,7 +54,6 @@ class HoldPolicy:
     metadata = PolicyMetadata(name="hold", cameras=())
 
     def __init__(self) -> None:
-        """Hold nothing until the first observation."""
         self._action: Array | None = None
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - always does the same

@@ -38,7 +38,7 @@ class Session:
     instruction: str
     """What to do, in words."""
     seed: int
-    """Seed of whatever is sampled in it."""
+    """Seed of what is sampled in it."""
     call: int = 0
     """Answers that were given in it; counted by the caller of `act_batch`, not by the policy."""
 
@@ -76,7 +76,7 @@ class BatchPolicy(Protocol):
 
         Args:
             instruction: What to do, in words.
-            seed: Seed of whatever is sampled in it, which follows from seed and `call`; a hash of
+            seed: Seed of what is sampled in it, which follows from seed and `call`; a hash of
                 the seed of the layout, as in `Policy.reset`.
 
         Returns:
@@ -163,7 +163,6 @@ def answer(
 
 
 def _listed(chunks: Any) -> list[Any]:
-    """The chunks that `act_batch` returned, whatever they are in."""
     if isinstance(chunks, Iterable) and not isinstance(chunks, Mapping):
         return list(chunks)
     raise PolicyError(

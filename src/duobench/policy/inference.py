@@ -50,7 +50,7 @@ class BusyError(Exception):
 
 
 @dataclass(slots=True, eq=False)
-class _Task:
+class _PendingCall:
     call: Callable[[], Any]
     future: Future[Any] = field(default_factory=Future)
 
@@ -75,6 +75,11 @@ class InferenceLoop:
     A batch is what waits at the moment, `batching.size` observations at most. For the episodes that
     the last batch answered the loop waits a little, so that all are answered together; see
     `PATIENCE`.
+
+    Args:
+        policy: The policy, used by the thread that calls `run` only.
+        batching: How many observations are answered together.
+        busy: Surrounds everything that the policy does.
     """
 
     def __init__(
@@ -84,18 +89,11 @@ class InferenceLoop:
         *,
         busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
     ) -> None:
-        """Make a loop; `run` runs it.
-
-        Args:
-            policy: The policy, used by the thread that calls `run` only.
-            batching: How many observations are answered together.
-            busy: Surrounds everything that the policy does.
-        """
         self._policy = policy
         self._batching = batching
         self._busy = busy
         self._events = threading.Condition()
-        self._tasks: deque[_Task] = deque()
+        self._tasks: deque[_PendingCall] = deque()
         self._requests: deque[_InferenceRequest] = deque()
         self._expected: set[int] = set()
         """Ids of the sessions of the last batch that are not back yet."""
@@ -112,7 +110,7 @@ class InferenceLoop:
         Raises:
             BusyError: If too many requests wait, or the loop has ended.
         """
-        task = _Task(lambda: begin(self._policy, instruction, seed))
+        task = _PendingCall(lambda: begin(self._policy, instruction, seed))
         return self._queued(task, self._tasks).future
 
     def act(self, session: Session, observation: Observation) -> Answer:
@@ -133,7 +131,7 @@ class InferenceLoop:
         """Tell the policy, when it has time, that an episode is over."""
         with self._events:
             self._expected.discard(id(session))
-            self._tasks.append(_Task(lambda: end(self._policy, session)))
+            self._tasks.append(_PendingCall(lambda: end(self._policy, session)))
             self._events.notify()
 
     def stop(self) -> None:
@@ -214,7 +212,7 @@ class InferenceLoop:
         for request in batch:
             self._answer([request])
 
-    def _run_task(self, task: _Task) -> None:
+    def _run_task(self, task: _PendingCall) -> None:
         try:
             with self._busy():
                 result = task.call()

@@ -43,7 +43,7 @@ _MOST_NAMED = 3
 class LeRobotSession(Session):
     """One episode of a LeRobot policy."""
 
-    seen: tuple[Observation, ...] = ()
+    past: tuple[Observation, ...] = ()
     """The last observations, for a model that sees more than one."""
     left: Chunk | None = None
     """Actions of the last chunk that are executed one by one, so that what lies between them is
@@ -57,18 +57,16 @@ class LeRobotPolicy:
     stay empty, so that the state of an episode is in its session alone. A model that sees the last
     n observations is shown n consecutive ones, as in training: the last n - 1 actions of a chunk
     are given one at a time.
+
+    Args:
+        text: What stands after `lerobot:` in its name; see `lerobot_checkpoint.Address`.
+
+    Raises:
+        PolicyError: It cannot be loaded, or does not fit this benchmark.
+        UnknownNameError: There is no such option.
     """
 
     def __init__(self, text: str) -> None:
-        """Load a checkpoint.
-
-        Args:
-            text: What stands after `lerobot:` in its name; see `lerobot_checkpoint.Address`.
-
-        Raises:
-            PolicyError: It cannot be loaded, or does not fit this benchmark.
-            UnknownNameError: There is no such option.
-        """
         address = checkpoint.parse(text)
         folder = checkpoint.find(address.checkpoint)
         device = _device(address.device)
@@ -148,14 +146,14 @@ class LeRobotPolicy:
             else:
                 answer, left = np.split(session.left, [1])
             session.left = left if len(left) else None
-            session.seen = window[1:]
+            session.past = window[1:]
             answers.append(answer)
         return answers
 
     def _window(self, session: LeRobotSession, observation: Observation) -> tuple[Observation, ...]:
         """The observations that the model sees, the current one last."""
         past = self._past or 1
-        before = session.seen or (observation,) * (past - 1)
+        before = session.past or (observation,) * (past - 1)
         return (*before, observation)[-past:]
 
     def _predict(
@@ -164,12 +162,12 @@ class LeRobotPolicy:
         """One call of the model: the actions (steps, n) that are executed of each chunk."""
         sessions, windows = zip(*pending, strict=True)
         batch: dict[str, Any] = {
-            STATE: self._stacked(windows, lambda seen: np.asarray(seen["agent_pos"], np.float32))
+            STATE: self._stacked(windows, lambda one: np.asarray(one["agent_pos"], np.float32))
         }
         if self._object_numbers:
             batch[OBJECT_STATE] = self._stacked(windows, self._objects)
         for camera in self._cameras:
-            images = self._stacked(windows, lambda seen, name=camera: seen["pixels"][name])
+            images = self._stacked(windows, lambda one, name=camera: one["pixels"][name])
             channels_first = images.movedim(-1, -3).contiguous().float()
             batch[IMAGE_PREFIX + camera] = channels_first / 255
         batch["task"] = [session.instruction for session in sessions]
@@ -179,9 +177,9 @@ class LeRobotPolicy:
         actions = self._after(actions[:, : self._steps])
         return [self._labels.to_actions(rows) for rows in actions.float().cpu().numpy()]
 
-    def _objects(self, seen: Observation) -> Chunk:
+    def _objects(self, observation: Observation) -> Chunk:
         """Where the objects are; tasks differ in how many numbers that is."""
-        numbers = np.asarray(seen[ENVIRONMENT_STATE], np.float32)
+        numbers = np.asarray(observation[ENVIRONMENT_STATE], np.float32)
         if len(numbers) != self._object_numbers:
             raise PolicyError(
                 f"The checkpoint sees {self._object_numbers} numbers of objects, this task has "
@@ -191,7 +189,7 @@ class LeRobotPolicy:
 
     def _stacked(self, windows: Sequence[tuple[Observation, ...]], value: Any) -> Any:
         """A tensor (B, ...), or (B, n, ...) for a model that sees n observations."""
-        rows = [np.stack([value(seen) for seen in window]) for window in windows]
+        rows = [np.stack([value(one) for one in window]) for window in windows]
         stacked = torch.from_numpy(np.stack(rows))
         return stacked if self._past is not None else stacked[:, 0]
 
@@ -267,14 +265,12 @@ class EpisodeNoise(TorchFunctionMode):
     does in every denoising step, X-VLA takes none. All of them sample with torch and put the batch
     first, so noise is replaced there. It is made on the processor by NumPy, so that it is the same
     on every device.
+
+    Args:
+        keys: Seed of the episode and number of the call in it, for each row of the batch.
     """
 
     def __init__(self, keys: Sequence[tuple[int, int]]) -> None:
-        """Begin a call of the model.
-
-        Args:
-            keys: Seed of the episode and number of the call in it, for each row of the batch.
-        """
         super().__init__()
         self._generators = [np.random.default_rng((NOISE_STREAM, *key)) for key in keys]
         # Whatever else a model samples follows from the whole batch, at least.
@@ -284,7 +280,6 @@ class EpisodeNoise(TorchFunctionMode):
     def __torch_function__(
         self, func: Any, types: Any, args: tuple[Any, ...] = (), kwargs: Any = None
     ) -> Any:
-        """Call a function of torch, and replace the noise that it returns."""
         kwargs = kwargs or {}
         result = func(*args, **kwargs)
         if func not in _NORMAL or not result.ndim or len(result) != len(self._generators):
@@ -314,9 +309,6 @@ def _check_loaded(model: Any, file: Path) -> None:
     Args:
         model: A policy of LeRobot.
         file: The safetensors file that it was loaded from.
-
-    Raises:
-        PolicyError: Weights of the model are not in the file, or have other values.
     """
     state = model.state_dict()
     with safe_open(file, framework="pt") as weights:

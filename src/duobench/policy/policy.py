@@ -119,7 +119,7 @@ class Policy(Protocol):
 
         Args:
             instruction: What to do, in words.
-            seed: Seed of whatever the policy samples, which follows from it alone. It is a hash of
+            seed: Seed of all that the policy samples, which follows from it alone. It is a hash of
                 the seed of the layout: an environment that is reset with it shows another one.
         """
         ...
@@ -216,8 +216,8 @@ def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
     """What a policy expects and an environment does not have, one part of a sentence each."""
     for camera in metadata.cameras:
         if camera not in config.cameras:
-            shown = ", ".join(config.cameras) or "none"
-            yield f"it sees camera {camera!r}, the environment shows {shown}"
+            cameras = ", ".join(config.cameras) or "none"
+            yield f"it sees camera {camera!r}, the environment shows {cameras}"
     size = metadata.image_size
     if metadata.cameras and size is not None and size != config.image_size:
         yield f"it sees images of {size}, the environment's are {config.image_size}"

@@ -6,8 +6,7 @@ from duobench.references import lazy
 
 if TYPE_CHECKING:
     from duobench.replay.recordings import Divergence as Divergence
-    from duobench.replay.recordings import Replayer as Replayer
-    from duobench.replay.recordings import replay_all as replay_all
+    from duobench.replay.recordings import replay as replay
     from duobench.replay.verify import Finding as Finding
     from duobench.replay.verify import Verdict as Verdict
     from duobench.replay.verify import Verification as Verification

@@ -25,12 +25,7 @@ _OUTCOME = (
 def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
     """What a record claims and its replay does not show, though it would on any processor.
 
-    Args:
-        record: The record.
-        replay: What was recorded when its targets were played again, with the same error.
-
-    Returns:
-        What both say, one phrase each.
+    The replay has the same error. What both say is one phrase each.
     """
     claimed, shown = _outcome(record), _outcome(replay)
     found = _different(claimed, shown)

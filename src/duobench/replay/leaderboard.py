@@ -18,12 +18,20 @@ from duobench.files import encode, locked, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.replay.verify import Verdict, Verification, verify
 from duobench.results.bundle import BUNDLE_SUFFIX, MAX_BYTES, Bundle
-from duobench.results.leaderboard.board import Board, Entry, Refused, make_entry
-from duobench.results.leaderboard.site import VERDICTS, begin_site, write_site
+from duobench.results.leaderboard import (
+    VERDICTS,
+    Board,
+    BoardEntry,
+    RefusedBundle,
+    begin_site,
+    make_entry,
+    write_site,
+)
+from duobench.results.records import Key
 from duobench.tasks import catalog
 from duobench.versions import has_avx2, package_versions
 
-JUDGEMENT_SCHEMA = 1
+JUDGEMENT_SCHEMA = 2
 """Version of the fields of `Judgement`."""
 _SHOWN = 3
 """Contradictions that a reason names."""
@@ -35,7 +43,7 @@ _LONGEST_REASON = 600
 class Judgement:
     """What was found out about a bundle; it is kept for the next time."""
 
-    CHECKED_FROM: ClassVar[int] = 1
+    CHECKED_FROM: ClassVar[int] = JUDGEMENT_SCHEMA
     """First schema whose files hold a checksum."""
     verified_by: dict[str, str]
     """What decides a verification: versions, and the kind of processor."""
@@ -43,8 +51,8 @@ class Judgement:
     """Why the bundle is refused, in one line; empty if it is not."""
     verdicts: dict[str, int]
     """How many episodes have which verdict."""
-    unverifiable: tuple[tuple[str, int], ...]
-    """Tasks and indices of episodes that cannot be played again."""
+    unverifiable: tuple[Key, ...]
+    """Names of episodes that cannot be played again."""
 
 
 class _RefusedError(Exception):
@@ -86,8 +94,8 @@ def make_leaderboard(
             f"There is no bundle in {folder}: no file whose name ends in {BUNDLE_SUFFIX}."
         )
     begin_site(out)
-    entries: dict[str, Entry] = {}
-    refused: list[Refused] = []
+    entries: dict[str, BoardEntry] = {}
+    refused: list[RefusedBundle] = []
     with locked(out):
         known: set[str] = set()
         for path in paths:
@@ -98,7 +106,9 @@ def make_leaderboard(
                     raise _RefusedError(f"It is the same file as {twin.file}.")
                 entries[digest] = _entry(path, digest, out, workers, started)
             except (_RefusedError, DuoBenchError, OSError) as error:
-                refused.append(Refused(file=escaped(path.name), reason=_line(str(error), path)))
+                refused.append(
+                    RefusedBundle(file=escaped(path.name), reason=_line(str(error), path))
+                )
         board = Board(entries=tuple(entries.values()), refused=tuple(refused))
         page = write_site(board, out)
         for path in (out / VERDICTS).glob("*.json"):
@@ -108,7 +118,7 @@ def make_leaderboard(
     return board, page
 
 
-def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -> Entry:
+def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -> BoardEntry:
     """The entry of a bundle.
 
     Raises:
@@ -121,6 +131,8 @@ def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -
     run = bundle.read_run()
     if foreign := [task.id for task in run.suite.tasks if task.id not in catalog.names()]:
         raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
+    if len(run.candidates) > 1:
+        raise _RefusedError("It holds several policies; a bundle of a leaderboard holds one.")
     kept = out / VERDICTS / f"{digest}.json"
     judgement = _known(kept)
     if judgement is None:
@@ -130,7 +142,7 @@ def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -
         raise _RefusedError(judgement.reason)
     records = bundle.read_records(run)
     for record in records:
-        if record.error is None and (record.task, record.episode) in judgement.unverifiable:
+        if record.error is None and record.key in judgement.unverifiable:
             raise _RefusedError(
                 f"{record.task}, episode {record.episode} cannot be verified, though no error "
                 "ended it."
@@ -142,6 +154,7 @@ def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -
         records,
         judgement.verdicts,
         judgement.unverifiable,
+        bundle.commands(),
     )
 
 
@@ -183,9 +196,7 @@ def _judge(bundle: Bundle, workers: int, progress: Progress) -> Judgement:
         verified_by=_here(),
         reason=_line(reason, bundle.path),
         verdicts={str(verdict): len(found.of(verdict)) if found else 0 for verdict in Verdict},
-        unverifiable=tuple(
-            (each.task, each.episode) for each in (found.of(Verdict.UNVERIFIABLE) if found else [])
-        ),
+        unverifiable=tuple(each.key for each in (found.of(Verdict.UNVERIFIABLE) if found else [])),
     )
 
 
@@ -193,7 +204,9 @@ def _objection(found: Verification) -> str:
     """Why a bundle is refused; empty if it is not."""
     contradicted = found.of(Verdict.CONTRADICTED)
     if found.objections or contradicted:
-        names = [f"{each.task}, episode {each.episode}: {each.reason}" for each in contradicted]
+        names = [
+            f"{each.key.task}, episode {each.key.episode}: {each.reason}" for each in contradicted
+        ]
         what = [*found.objections, *names]
         more = f" And {len(what) - _SHOWN} more." if len(what) > _SHOWN else ""
         return f"Contradicted. {' '.join(what[:_SHOWN])}{more}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 
@@ -11,14 +11,14 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.data.recording import Recording
-from duobench.envs.action_modes import JOINT
 from duobench.envs.config import FIXED, LAYOUT, EnvConfig
-from duobench.envs.execution import optional_method
-from duobench.envs.protocol import make_env
+from duobench.envs.execution import Step
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, BackendError, DataError, DuoBenchError
-from duobench.looks.catalog import DEFAULT
+from duobench.evaluation.rollout import Info, Observation
 from duobench.randomness import SUITE_VERSION
+from duobench.replay.player import Player, command_config
+from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 
@@ -46,125 +46,101 @@ class Divergence:
         return self.first is None and self.same_stages
 
 
-class Replayer:
-    """Replays episodes of one task; the environment is made once."""
+def replay(task: str | Task, recordings: Iterable[Recording]) -> Iterator[Divergence]:
+    """Run the commands that were sent through the physics again, from the recorded layouts on.
 
-    def __init__(self, task: str | Task) -> None:
-        """Find the task.
-
-        Args:
-            task: The task, its id, or its import path.
-
-        Raises:
-            UnknownNameError: There is no such task.
-        """
-        self._task = catalog.get(task)
-        self._env: gym.Env | None = None
-        self._config: EnvConfig | None = None
-
-    def replay(self, recording: Recording) -> Divergence:
-        """Run the commands that were sent through the physics, from the recorded layout on.
-
-        With the versions of MuJoCo and DuoBench that recorded them, every state is the same to the
-        last bit on every x86-64 processor; on another architecture contacts amplify the last bit.
-
-        Raises:
-            DataError: The recording is of another task or suite, or cannot be begun, or its
-                commands are no numbers.
-        """
-        first: int | None = None
-        stages: list[int] = []
-        largest = 0.0
-        try:
-            for row, (state, agent_pos, stage) in enumerate(self._rows(recording)):
-                if first is None and not np.array_equal(state, recording.state[row]):
-                    first = row
-                largest = max(largest, float(np.abs(agent_pos - recording.agent_pos[row]).max()))
-                stages.append(stage)
-        except BackendError:
-            first = len(stages) if first is None else first
-        except ActionError as error:
-            raise DataError(f"The commands cannot be replayed: {error}") from error
-        return Divergence(
-            steps=len(stages) - 1,
-            first=first,
-            largest=largest,
-            recorded_stage=int(recording.stage.max()),
-            stage=max(stages),
-            same_stages=stages == recording.stage.tolist(),
-        )
-
-    def close(self) -> None:
-        """Free the environment."""
-        if self._env is not None:
-            self._env.close()
-
-    def _rows(self, recording: Recording) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
-        """State, proprioception and stage of every row of the replay."""
-        env = self._environment(recording)
-        simulation = sim_of(env).simulation
-        try:
-            observation, info = env.reset(options={LAYOUT: recording.info.layout})
-        except DuoBenchError as error:
-            raise DataError(f"The episode cannot be begun: {error}") from error
-        yield simulation.get_state(), observation["agent_pos"], info["stage"]
-        allow = optional_method(env, "allow_step_after_end")
-        for command in recording.sent:
-            allow()  # a recording may go on after success
-            observation, *_, info = env.step(command)
-            yield simulation.get_state(), observation["agent_pos"], info["stage"]
-
-    def _environment(self, recording: Recording) -> gym.Env:
-        """An environment that takes the commands as they were sent."""
-        info = recording.info
-        if info.task != self._task.id:
-            raise DataError(f"The episode is of task {info.task!r}, not of {self._task.id!r}.")
-        if info.suite_version != SUITE_VERSION:
-            raise DataError(
-                f"The episode is of suite {info.suite_version}; this version has suite "
-                f"{SUITE_VERSION}, in which its commands lead elsewhere."
-            )
-        config = replace(
-            command_config(info.config or EnvConfig()), horizon=sys.maxsize, instructions=FIXED
-        )
-        if self._env is None or self._config != config:
-            self.close()
-            options = {name: getattr(config, name) for name in EnvConfig.__slots__}
-            self._env, self._config = make_env(self._task, **options), config
-        return self._env
-
-
-def command_config(config: EnvConfig) -> EnvConfig:
-    """A configuration in which the commands that were sent in another one are the actions.
-
-    They are joint targets and openings, one command a step; nothing is rendered.
-    """
-    return replace(
-        config,
-        action_mode=JOINT.name,
-        binary_gripper=False,
-        chunk=None,
-        cameras=(),
-        object_state=False,
-        render_mode=None,
-        look=DEFAULT,
-    )
-
-
-def replay_all(task: str | Task, recordings: Iterator[Recording]) -> Iterator[Divergence]:
-    """Replay episodes of one task, one after the other; see `Replayer.replay`.
+    With the versions of MuJoCo and DuoBench that recorded them, every state is the same to the
+    last bit on every x86-64 processor; on another architecture contacts amplify the last bit.
 
     Args:
         task: The task, its id, or its import path.
-        recordings: Their recordings.
+        recordings: Recordings of it, one after the other.
 
     Yields:
-        How each differs from its recording.
+        How each replayed episode differs from its recording.
 
     Raises:
         UnknownNameError: There is no such task.
-        DataError: A recording cannot be replayed.
+        DataError: A recording is of another task or suite, or cannot be begun, or its commands
+            are no numbers.
     """
-    with closing(Replayer(task)) as replayer:
+    definition = catalog.get(task)
+    with closing(Player()) as player:
         for recording in recordings:
-            yield replayer.replay(recording)
+            env = player.environment(definition, _config(definition, recording))
+            yield _divergence(player, env, recording)
+
+
+def _config(task: Task, recording: Recording) -> EnvConfig:
+    """A configuration that takes the commands of a recording as they were sent."""
+    info = recording.info
+    if info.task != task.id:
+        raise DataError(f"The episode is of task {info.task!r}, not of {task.id!r}.")
+    if info.suite_version != SUITE_VERSION:
+        raise DataError(
+            f"The episode is of suite {info.suite_version}; this version has suite "
+            f"{SUITE_VERSION}, in which its commands lead elsewhere."
+        )
+    config = command_config(info.config or EnvConfig())
+    return replace(config, horizon=sys.maxsize, instructions=FIXED)
+
+
+def _divergence(player: Player, env: gym.Env, recording: Recording) -> Divergence:
+    comparison = _Comparison(recording)
+    start = {LAYOUT: recording.info.layout}
+    try:
+        # A recording may go on after success.
+        for _ in player.play(env, recording.sent, [comparison], options=start, past_end=True):
+            pass
+    except DuoBenchError as error:
+        if not comparison.stages:
+            raise DataError(f"The episode cannot be begun: {error}") from error
+        if isinstance(error, ActionError):
+            raise DataError(f"The commands cannot be replayed: {error}") from error
+        if not isinstance(error, BackendError):
+            raise
+        if comparison.first is None:
+            comparison.first = len(comparison.stages)
+    return Divergence(
+        steps=len(comparison.stages) - 1,
+        first=comparison.first,
+        largest=comparison.largest,
+        recorded_stage=int(recording.stage.max()),
+        stage=max(comparison.stages),
+        same_stages=comparison.stages == recording.stage.tolist(),
+    )
+
+
+class _Comparison:
+    """Watches a replay, and compares each of its rows with the recorded one."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._simulation: Simulation | None = None
+        self.first: int | None = None
+        self.stages: list[int] = []
+        self.largest = 0.0
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:
+        """Compare the start."""
+        self._simulation = sim_of(env).simulation
+        self._compare(observation, info)
+
+    def on_step(self, step: Step) -> None:
+        """Compare the row after a step."""
+        self._compare(step.observation, step.info)
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """Do nothing: what there was is compared."""
+
+    def _compare(self, observation: Observation, info: Info) -> None:
+        if self._simulation is None:
+            raise AssertionError("An episode begins before its steps.")
+        row, recorded = len(self.stages), self._recording
+        if self.first is None and not np.array_equal(
+            self._simulation.get_state(), recorded.state[row]
+        ):
+            self.first = row
+        difference = np.abs(observation["agent_pos"] - recorded.agent_pos[row]).max()
+        self.largest = max(self.largest, float(difference))
+        self.stages.append(info["stage"])

@@ -17,13 +17,12 @@ from duobench.errors import EvaluationError, check_known
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.replay.claims import disagreements
-from duobench.replay.playback import Playback, PoseCollector, SceneCache, StageChanges
-from duobench.replay.player import TargetPlayer, actual_task, obstacle
-from duobench.results.reader import DESCRIPTION as RUN
-from duobench.results.reader import RunReader
+from duobench.replay.player import Latest, RecordPlayer, why_not
+from duobench.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
+from duobench.results.bundle import open_source
+from duobench.results.folder import DESCRIPTION as RUN
+from duobench.results.folder import RunReader
 from duobench.results.records import EpisodeRecord
-from duobench.results.source import open_source
-from duobench.results.suite import TaskInfo
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.web import track
@@ -39,11 +38,9 @@ class Item:
     """Something that can be chosen."""
 
     id: str
-    """What it is known by."""
     title: str
     """What people read."""
     detail: str = ""
-    """What else they read."""
     state: str = ""
     """How it ended; empty where nothing did."""
 
@@ -61,12 +58,8 @@ class ViewSource(Protocol):
         """What can be chosen, in its order."""
         ...
 
-    def load(self, item: str) -> Playback:
-        """Make what is shown of an item; always called in the same thread, and it may take long.
-
-        Raises:
-            DuoBenchError: It cannot be shown.
-        """
+    def load(self, item: str) -> Trajectory:
+        """Make what is shown of an item; always called in the same thread, and it may take long."""
         ...
 
     def close(self) -> None:
@@ -81,37 +74,24 @@ class TaskSource:
     """
 
     def __init__(self, task: str | Task, look: str | Look = DEFAULT) -> None:
-        """Find the task.
-
-        Raises:
-            UnknownNameError: There is no such task or look.
-        """
         self._task, self._look = catalog.get(task), as_look(look)
-        self._env: SimEnv | None = None
+        self._env: Latest[SimEnv] = Latest()
         self._scenes = SceneCache()
-
-    @property
-    def title(self) -> str:
-        """The task's name."""
-        return self._task.title
-
-    @property
-    def items(self) -> Sequence[Item]:
+        self.title = self._task.title
+        self.items = [Item(id=str(seed), title=f"Layout {seed}") for seed in range(LAYOUTS)]
         """The first layouts."""
-        return [Item(id=str(seed), title=f"Layout {seed}") for seed in range(LAYOUTS)]
 
-    def load(self, item: str) -> Playback:
+    def load(self, item: str) -> Trajectory:
         """Reset the environment."""
-        self._env = self._env or SimEnv(self._task, look=self._look)
-        _, info = self._env.reset(options={LAYOUT_SEED: int(item)})
-        collector = PoseCollector(self._scenes, self._look)
-        collector.on_episode_start(self._env, {}, info)
-        return _playback(collector, self._task, info["instruction"], ())
+        env = self._env.get(self._task.id, lambda: SimEnv(self._task, look=self._look))
+        _, info = env.reset(options={LAYOUT_SEED: int(item)})
+        recorder = TrajectoryRecorder(self._scenes, self._look)
+        recorder.on_episode_start(env, {}, info)
+        return recorder.trajectory()
 
     def close(self) -> None:
         """Close the environment."""
-        if self._env is not None:
-            self._env.close()
+        self._env.close()
 
 
 class DataSource:
@@ -120,23 +100,16 @@ class DataSource:
     def __init__(
         self, data: DataSet, look: str | Look = DEFAULT, tasks: Sequence[str] = ()
     ) -> None:
-        """List the episodes of some tasks, or of all if none is named.
-
-        Raises:
-            UnknownNameError: There is no such look, or no episode of a task.
-            DataError: An episode cannot be read.
-        """
         self._look = as_look(look)
         self.title = data.path.name
         """Name of the folder."""
         self._paths = {f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)}
         self.items = [_recorded(name, path) for name, path in self._paths.items()]
         """All episodes."""
-        self._source: ImageSource | None = None
-        self._task = ""
+        self._source: Latest[ImageSource] = Latest()
         self._scenes = SceneCache()
 
-    def load(self, item: str) -> Playback:
+    def load(self, item: str) -> Trajectory:
         """Collect the poses of every recorded state."""
         recording = Recording.read(self._paths[item])
         info = recording.info
@@ -146,17 +119,15 @@ class DataSource:
                 "It was played on real arms, whose objects nobody measured: there is no state of a "
                 "simulation to show."
             )
-        if self._source is None or self._task != info.task:
-            self.close()
-            self._source, self._task = ImageSource(task, cameras=(), look=self._look), info.task
-        simulation, poses = self._source.simulation, []
-        self._source.show(recording, 0)  # with the variants of its layout
-        geometry = self._scenes.of(simulation, self._look)
+        source = self._source.get(info.task, lambda: ImageSource(task, cameras=(), look=self._look))
+        source.show(recording, 0)  # with the variants of its layout
+        geometry = self._scenes.of(source.simulation, self._look)
+        poses = []
         for row in range(len(recording) + 1):
-            self._source.show(recording, row)
-            poses.append(geometry.poses(simulation.data))
+            source.show(recording, row)
+            poses.append(geometry.poses(source.simulation.data))
         rises = np.flatnonzero(np.diff(recording.stage, prepend=0) > 0).tolist()
-        return Playback(
+        return Trajectory(
             task=info.task,
             instruction=info.instruction,
             stages=tuple(stage.name for stage in task.stages),
@@ -169,12 +140,19 @@ class DataSource:
 
     def close(self) -> None:
         """Close the simulation."""
-        if self._source is not None:
-            self._source.close()
+        self._source.close()
 
 
 class RunSource:
-    """The finished episodes of a run, played again from the joint targets in their records."""
+    """The finished episodes of a run, played again from the joint targets in their records.
+
+    Args:
+        run: The run.
+        look: How it looks.
+        tasks: Only the episodes of these tasks; of all if none is named.
+        import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
+            the modules that the run names.
+    """
 
     def __init__(
         self,
@@ -184,65 +162,40 @@ class RunSource:
         *,
         import_tasks: bool = False,
     ) -> None:
-        """List the episodes of some tasks, or of all if none is named.
-
-        Args:
-            run: The run.
-            look: How it looks.
-            tasks: The tasks.
-            import_tasks: Whether to import tasks that are not of the benchmark, which runs the code
-                of the modules that the run names.
-
-        Raises:
-            UnknownNameError: There is no such look, or the run has no such task.
-            EvaluationError: There is no run, or a record is of another one.
-            FileError: A file of it cannot be read.
-        """
-        self._look, self._import_tasks = as_look(look), import_tasks
-        self._run = run.read_run()
-        self.title = f"{run.path.name}: {self._run.title}"
+        self._look = as_look(look)
+        played = run.read_run()
+        titles = ", ".join(candidate.title for candidate in played.candidates)
+        self.title = f"{run.path.name}: {titles}"
         """Name of the folder, and the policy."""
-        self._tasks = {task.id: task for task in self._run.suite.tasks}
-        wanted = {catalog.plain(task) for task in tasks} or self._tasks.keys()
+        known = {task.id for task in played.suite.tasks}
+        wanted = {catalog.plain(task) for task in tasks} or known
         for task in wanted:
-            check_known("task in the run", task, self._tasks)
+            check_known("task in the run", task, known)
         self._records = {
-            f"{record.task}/{record.episode}": record
-            for record in run.read_records(self._run)
+            _item_name(record, with_condition=len(played.conditions) > 1): record
+            for record in run.read_records(played)
             if record.task in wanted
         }
         self.items = [_finished(name, record) for name, record in self._records.items()]
         """All finished episodes."""
-        self._player: TargetPlayer | None = None
-        self._task: TaskInfo | None = None
+        self._player = RecordPlayer(played, import_tasks=import_tasks)
         self._scenes = SceneCache()
 
-    def load(self, item: str) -> Playback:
+    def load(self, item: str) -> Trajectory:
         """Play the targets of a record, and collect the poses."""
         record = self._records[item]
-        if reason := obstacle(record):
+        if reason := why_not(record):
             raise EvaluationError(f"{reason} {record.reason}".rstrip())
-        task = actual_task(self._tasks[record.task], import_tasks=self._import_tasks)
-        if self._player is None or self._task != task:
-            self.close()
-            self._player, self._task = TargetPlayer(task), task
-        collector = PoseCollector(self._scenes, self._look)
-        replay = self._player.play(self._run, record, [collector])
+        recorder = TrajectoryRecorder(self._scenes, self._look)
+        replay = self._player.replay(record, [recorder])
         notes = [record.reason] if record.error else [record.missing] if record.missing else []
         if found := disagreements(record, replay):
             notes.append(f"Played again here it comes out differently: {'; '.join(found)}.")
-        return _playback(
-            collector,
-            catalog.get(task.reference),
-            record.instruction,
-            replay.stage_changes,
-            " ".join(notes),
-        )
+        return recorder.trajectory(" ".join(notes))
 
     def close(self) -> None:
         """Close the environment."""
-        if self._player is not None:
-            self._player.close()
+        self._player.close()
 
 
 def open_view(
@@ -261,9 +214,7 @@ def open_view(
         import_tasks: See `RunSource`.
 
     Raises:
-        UnknownNameError: It is no such file, and no task either.
-        EvaluationError: Nothing in it can be viewed.
-        DuoBenchError: It cannot be read.
+        DuoBenchError: There is no such thing, nothing in it can be viewed, or it cannot be read.
     """
     path = Path(what)
     if (path / DATA_SET).exists():
@@ -281,28 +232,6 @@ def open_view(
     return source
 
 
-def _playback(
-    collector: PoseCollector,
-    task: Task,
-    instruction: str,
-    stage_changes: StageChanges,
-    note: str = "",
-) -> Playback:
-    if collector.geometry is None:
-        raise AssertionError("An episode begins before it is shown.")
-    return Playback(
-        task=task.id,
-        instruction=instruction,
-        stages=tuple(stage.name for stage in task.stages),
-        subinstructions=collector.subinstructions,
-        stage_changes=stage_changes,
-        scene=collector.geometry.name,
-        scene_data=collector.geometry.data,
-        track=collector.track(),
-        note=note,
-    )
-
-
 def _recorded(name: str, path: Path) -> Item:
     info = Recording.read_info(path)
     outcome = info.outcome
@@ -312,6 +241,11 @@ def _recorded(name: str, path: Path) -> Item:
     state = SUCCESS if succeeded else FAILURE
     detail = f"{actor}: {state}{stage}"
     return Item(id=name, title=name.replace("/", " "), detail=detail, state=state)
+
+
+def _item_name(record: EpisodeRecord, *, with_condition: bool) -> str:
+    condition = f"{record.condition.name}/" if with_condition else ""
+    return f"{record.task}/{condition}{record.episode}"
 
 
 def _finished(name: str, record: EpisodeRecord) -> Item:

@@ -14,13 +14,18 @@ from enum import StrEnum
 from functools import partial
 
 from duobench.data.processes import Progress, run_all
-from duobench.errors import DuoBenchError, ImportPathError, UnknownNameError, escaped
+from duobench.errors import (
+    DuoBenchError,
+    ImportPathError,
+    OtherRunError,
+    UnknownNameError,
+    escaped,
+)
 from duobench.replay.claims import differing_bits, disagreements
-from duobench.replay.player import TargetPlayer, actual_task, obstacle
-from duobench.results.reader import RunReader
-from duobench.results.records import EpisodeRecord
+from duobench.replay.player import RecordPlayer, actual_task, why_not
+from duobench.results.folder import RunReader
+from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
-from duobench.results.suite import TaskInfo
 from duobench.versions import differing_arithmetic
 
 
@@ -43,12 +48,9 @@ class Verdict(StrEnum):
 class Finding:
     """What was found out about one record."""
 
-    task: str
-    """Id of the task."""
-    episode: int
-    """Index of the episode."""
+    key: Key
+    """Which."""
     verdict: Verdict
-    """What the replay says."""
     reason: str = ""
     """Why it is not verifiable or not equal to the bit, or what the record says and what its
     replay gives, in one line; empty where it agrees."""
@@ -59,7 +61,6 @@ class Verification:
     """What was found out about a run."""
 
     run: Run
-    """The run."""
     findings: tuple[Finding, ...]
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
@@ -94,7 +95,7 @@ def verify(
     MuJoCo and NumPy on x86-64 processors with AVX2, elsewhere in stages and outcome alone.
 
     Args:
-        source: The run; see `duobench.results.source.open_source`.
+        source: The run; see `duobench.results.bundle.open_source`.
         workers: Processes that verify side by side; 0 verifies in this process. See `run_all`.
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
             the modules that the run names. Their episodes are not verifiable without.
@@ -109,50 +110,44 @@ def verify(
         DataError: A process ended by itself.
     """
     run = source.read_run()
-    tasks, unknown, objections = _tasks(run, import_tasks)
-    findings: dict[tuple[str, int], Finding] = {}
+    unknown, objections = _check_tasks(run, import_tasks)
+    findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
-    for episode in source.finished(run):
-        key = episode.task.id, episode.index
+    for key in source.finished(run):
         try:
-            record = source.read_record(run, episode)
+            record = source.read_record(run, key)
+        except OtherRunError:
+            raise
         except DuoBenchError as error:
-            findings[key] = _finding(*key, Verdict.CONTRADICTED, str(error))
+            findings[key] = _finding(key, Verdict.CONTRADICTED, str(error))
             continue
         if wrong := _other_versions(run, record):
-            findings[key] = _finding(*key, Verdict.CONTRADICTED, wrong)
-        elif reason := unknown.get(record.task) or obstacle(record):
-            findings[key] = _finding(*key, Verdict.UNVERIFIABLE, reason)
+            findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
+        elif reason := unknown.get(record.task) or why_not(record):
+            findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)
         else:
             jobs.append(record)
-    order = [*findings, *((record.task, record.episode) for record in jobs)]
+    order = [*findings, *(record.key for record in jobs)]
     progress(len(findings), len(order))
-    with closing(run_all(partial(_checker, run, tasks), jobs, workers)) as results:
+    check = partial(_checker, run, import_tasks)
+    with closing(run_all(check, jobs, workers)) as results:
         for finding in results:
-            findings[finding.task, finding.episode] = finding
+            findings[finding.key] = finding
             progress(len(findings), len(order))
-    places = {task.id: number for number, task in enumerate(run.suite.tasks)}
+    places = {key: number for number, key in enumerate(source.finished(run))}
     return Verification(
         run=run,
-        findings=tuple(
-            findings[key] for key in sorted(order, key=lambda key: (places[key[0]], key[1]))
-        ),
+        findings=tuple(findings[key] for key in sorted(order, key=places.__getitem__)),
         objections=tuple(objections),
     )
 
 
-def _finding(task: str, episode: int, verdict: Verdict, reason: str = "") -> Finding:
-    line = " ".join(escaped(reason).split())
-    return Finding(task=task, episode=episode, verdict=verdict, reason=line)
+def _finding(key: Key, verdict: Verdict, reason: str = "") -> Finding:
+    return Finding(key=key, verdict=verdict, reason=" ".join(escaped(reason).split()))
 
 
-Tasks = Mapping[str, TaskInfo]
-"""Tasks as they are, by their ids."""
-
-
-def _tasks(run: Run, import_tasks: bool) -> tuple[Tasks, Mapping[str, str], list[str]]:
-    """The tasks of a run, why others cannot be played, and what the run says wrongly of them."""
-    tasks: dict[str, TaskInfo] = {}
+def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[str]]:
+    """Why tasks of a run cannot be played, by id, and what the run says wrongly of others."""
     unknown: dict[str, str] = {}
     objections: list[str] = []
     for claimed in run.suite.tasks:
@@ -161,14 +156,13 @@ def _tasks(run: Run, import_tasks: bool) -> tuple[Tasks, Mapping[str, str], list
         except (UnknownNameError, ImportPathError) as error:
             unknown[claimed.id] = str(error)
             continue
-        tasks[claimed.id] = actual
         objections += [
             f"The run says of {claimed.id} that its {name} is {getattr(claimed, name)}, not "
             f"{getattr(actual, name)}."
             for name in ("id", "category", "max_stage", "horizon")
             if getattr(claimed, name) != getattr(actual, name)
         ]
-    return tasks, unknown, [escaped(sentence) for sentence in objections]
+    return unknown, [escaped(sentence) for sentence in objections]
 
 
 def _other_versions(run: Run, record: EpisodeRecord) -> str:
@@ -180,25 +174,19 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
     )
 
 
-def _checker(run: Run, tasks: Tasks) -> Callable[[EpisodeRecord], Finding]:
+def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:
     """What checks one record after the other; it keeps the environment of one for the next."""
-    players: dict[str, TargetPlayer] = {}
+    player = RecordPlayer(run, import_tasks=import_tasks)
 
     def check(record: EpisodeRecord) -> Finding:
-        if record.task not in players:
-            for player in players.values():
-                player.close()
-            players.clear()
-            players[record.task] = TargetPlayer(tasks[record.task])
-        verdict, reason = _judged(run, record, players[record.task])
-        return _finding(record.task, record.episode, verdict, reason)
+        return _finding(record.key, *_judged(record, player))
 
     return check
 
 
-def _judged(run: Run, record: EpisodeRecord, player: TargetPlayer) -> tuple[Verdict, str]:
+def _judged(record: EpisodeRecord, player: RecordPlayer) -> tuple[Verdict, str]:
     try:
-        replay = player.play(run, record)
+        replay = player.replay(record)
     except DuoBenchError as error:
         return Verdict.CONTRADICTED, f"its targets cannot be played: {error}"
     different, bits = disagreements(record, replay), differing_bits(record, replay)

@@ -8,22 +8,22 @@ import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from duobench.errors import DuoBenchError, MessageError
-from duobench.replay.commands import Command, Play, Seek, Select, read_command
-from duobench.replay.playback import Playback
 from duobench.replay.sources import ViewSource
+from duobench.replay.trajectory import Trajectory
 from duobench.types import CONTROL_HZ
 from duobench.web.messages import pack_frame
 
 if TYPE_CHECKING:
     from duobench.web.server import PageServer
 
-MAX_PLAYBACKS = 64
+MAX_TRAJECTORIES = 64
 """Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""
 _MAX_COMMANDS = 100
 MAX_ITEMS = 500
@@ -34,19 +34,49 @@ _IDLE_S = 0.1
 """How often is looked whether an episode is ready, or somebody came, in seconds."""
 
 
+class SelectItem(msgspec.Struct, tag="select", tag_field="kind", frozen=True):
+    """Show an item, from its beginning."""
+
+    id: Annotated[str, msgspec.Meta(max_length=300)]
+
+
+class SeekStep(msgspec.Struct, tag="seek", tag_field="kind", frozen=True):
+    """Go to a control step."""
+
+    step: Annotated[int, msgspec.Meta(ge=0, le=10**9)]
+
+
+class SetPlaying(msgspec.Struct, tag="play", tag_field="kind", frozen=True):
+    """Go on, or stop."""
+
+    on: bool
+
+
+Command = SelectItem | SeekStep | SetPlaying
+_decoder = msgspec.json.Decoder(Command)
+
+
+def read_command(data: bytes) -> Command:
+    """Read a command, or raise a `MessageError`."""
+    try:
+        return _decoder.decode(data)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise MessageError(
+            f"Here one selects, seeks and plays; got something else: {error}."
+        ) from error
+
+
 class Viewer:
-    """Shows a source on a page, and does what its visitors ask for.
+    """Shows a source on a page, its first item at first, and does what its visitors ask for.
 
     All of them see the same. Nothing moves while nobody looks.
+
+    Args:
+        source: What can be viewed; closed at the end of `run`.
+        server: The page, which takes its messages here from now on.
     """
 
     def __init__(self, source: ViewSource, server: PageServer) -> None:
-        """Show the first item.
-
-        Args:
-            source: What can be viewed; closed at the end of `run`.
-            server: The page, which takes its messages here from now on.
-        """
         self._source, self._server = source, server
         self._items = [asdict(item) for item in source.items[:MAX_ITEMS]]
         self._title = source.title
@@ -55,14 +85,14 @@ class Viewer:
         self._known = {item["id"] for item in self._items}
         self._commands: queue.Queue[Command] = queue.Queue(_MAX_COMMANDS)
         self._loader = ThreadPoolExecutor(1, "viewer")
-        self._loading: Future[Playback] | None = None
-        self._load = lru_cache(MAX_PLAYBACKS)(source.load)
+        self._loading: Future[Trajectory] | None = None
+        self._load = lru_cache(MAX_TRAJECTORIES)(source.load)
         self._selected = ""
-        self._shown: Playback | None = None
+        self._shown: Trajectory | None = None
         self._poses: NDArray[np.float32] = np.empty((0, 0, 7), np.float32)
         self._step, self._plays, self._note, self._due = 0, False, "", 0.0
         self._over = threading.Event()
-        server.on_message = self._take
+        server.on_message = self._on_message
         self._select(self._items[0]["id"])
 
     def run(self) -> None:
@@ -70,7 +100,7 @@ class Viewer:
         try:
             while not self._over.is_set():
                 self._act()
-                self._look_for_playback()
+                self._begin_loaded()
                 self._advance()
         finally:
             self._loader.submit(self._source.close)
@@ -82,10 +112,10 @@ class Viewer:
 
     # --- what visitors ask for -------------------------------------------------------------------
 
-    def _take(self, _is_driver: bool, data: bytes) -> str | None:
+    def _on_message(self, _is_driver: bool, data: bytes) -> str | None:
         """Take a message, in the server's thread; anybody who has the page may choose."""
         command = read_command(data)
-        if isinstance(command, Select) and command.id not in self._known:
+        if isinstance(command, SelectItem) and command.id not in self._known:
             raise MessageError(f"There is no {command.id!r} to show.")
         try:
             self._commands.put_nowait(command)
@@ -101,16 +131,16 @@ class Viewer:
         except queue.Empty:
             return
         match command:
-            case Select(id=item):
+            case SelectItem(id=item):
                 self._select(item)
-            case Seek(step=step):
+            case SeekStep(step=step):
                 self._show(step)
-            case Play(on=on):
+            case SetPlaying(on=on):
                 if on and self._step >= self._last:
                     self._show(0)
                 self._plays = on and self._last > 0
                 self._due = time.monotonic() + 1 / CONTROL_HZ
-        self._tell()
+        self._publish()
 
     # --- what is shown ---------------------------------------------------------------------------
 
@@ -128,25 +158,25 @@ class Viewer:
         if self._loading is not None:
             self._loading.cancel()
         self._loading = self._loader.submit(self._load, item)
-        self._tell()
+        self._publish()
 
-    def _look_for_playback(self) -> None:
+    def _begin_loaded(self) -> None:
         """Begin to play what has been loaded."""
         if self._loading is None or not self._loading.done():
             return
         loading, self._loading = self._loading, None
         try:
-            playback = loading.result()
+            trajectory = loading.result()
         except DuoBenchError as error:
             self._note = str(error)
-            self._tell()
+            self._publish()
             return
-        self._shown, self._poses, self._note = playback, playback.poses(), playback.note
+        self._shown, self._poses, self._note = trajectory, trajectory.poses(), trajectory.note
         self._plays = self._last > 0
         self._due = time.monotonic()
-        self._server.publish_scene(playback.scene, playback.scene_data)
+        self._server.publish_scene(trajectory.scene, trajectory.scene_data)
         self._show(0)
-        self._tell()
+        self._publish()
 
     def _advance(self) -> None:
         """Show the next step, when it is due."""
@@ -162,7 +192,7 @@ class Viewer:
         if self._step >= self._last:
             self._plays = False
         if not self._plays or self._stage != stage:
-            self._tell()
+            self._publish()
 
     def _show(self, step: int) -> None:
         if len(self._poses):
@@ -174,18 +204,18 @@ class Viewer:
     def _stage(self) -> int:
         return 0 if self._shown is None else self._shown.stage_after(self._step)
 
-    def _tell(self) -> None:
+    def _publish(self) -> None:
         self._server.publish_status(
             {
                 "title": self._title,
                 "items": self._items,
                 "selected": self._selected,
                 "note": self._note,
-                **self._of_playback(),
+                **self._of_trajectory(),
             }
         )
 
-    def _of_playback(self) -> dict[str, Any]:
+    def _of_trajectory(self) -> dict[str, Any]:
         shown = self._shown
         if shown is None:
             return {}

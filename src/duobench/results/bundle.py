@@ -21,11 +21,13 @@ from typing import ClassVar
 
 from duobench.errors import EvaluationError, FileError, OutputError
 from duobench.files import decode, encode, write
-from duobench.results.reader import DESCRIPTION, RunReader, record_name
+from duobench.results.folder import DESCRIPTION, RunFolder, RunReader, record_name
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
 
 BUNDLE_SUFFIX = ".duobench.zip"
 """Ending of a bundle's name."""
-BUNDLE_SCHEMA = 1
+BUNDLE_SCHEMA = 2
 """Version of the manifest's fields."""
 MAX_PARTS = 65_000
 """Most parts of a bundle: more than that is another kind of archive."""
@@ -35,7 +37,7 @@ MAX_BYTES = 512 * 2**20
 """Largest bundle, packed and unpacked; eleven tasks with a hundred episodes have a tenth of it."""
 
 _MANIFEST = "manifest.json"
-_NAMES = re.compile(rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/[0-9]{{5,9}}\.json")
+_NAMES = re.compile(rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/\w[\w.-]*/[0-9]{{5,9}}\.json")
 _DATE = (1980, 1, 1, 0, 0, 0)
 _FILE_MODE = stat.S_IFREG | 0o644
 _ENTRY = b"PK\x01\x02"
@@ -51,10 +53,12 @@ _DAMAGE = (
 class Manifest:
     """What a bundle holds."""
 
-    CHECKED_FROM: ClassVar[int] = 1
+    CHECKED_FROM: ClassVar[int] = BUNDLE_SCHEMA
     """First schema whose files hold a checksum."""
     missing: int
     """Episodes of the run that have no record; 0 for a finished run."""
+    commands: tuple[str, ...]
+    """The commands that played it; none where that is not known."""
     parts: dict[str, str]
     """SHA-256 of each other part, by its name."""
 
@@ -77,10 +81,8 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
     if path.exists() and not zipfile.is_zipfile(path):
         raise OutputError(f"{path} is there and is no bundle; give the bundle another name.")
     description = run.read_run()
-    episodes = run.finished(description)
-    for episode in episodes:
-        run.read_record(description, episode)
-    names = [DESCRIPTION, *(record_name(each.task.id, each.index) for each in episodes)]
+    records = run.read_records(description)
+    names = [DESCRIPTION, *(record_name(record.key) for record in records)]
     parts = {name: run.file(name).read_bytes() for name in names}
     if len(parts) >= MAX_PARTS or sum(map(len, parts.values())) > MAX_BYTES // 2:
         raise EvaluationError(
@@ -88,7 +90,8 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
             f"{MAX_BYTES // 2} bytes altogether; evaluate fewer episodes in a run."
         )
     manifest = Manifest(
-        missing=description.size - len(episodes),
+        missing=description.size - len(records),
+        commands=tuple(run.commands()),
         parts={name: hashlib.sha256(content).hexdigest() for name, content in parts.items()},
     )
     write(path, _packed({_MANIFEST: encode(manifest, BUNDLE_SCHEMA).encode(), **parts}))
@@ -105,15 +108,32 @@ def _packed(parts: Mapping[str, bytes]) -> bytes:
     return file.getvalue()
 
 
+def open_source(path: Path) -> RunReader:
+    """What reads a run and its records: the folder of a run, or a bundle.
+
+    Raises:
+        FileError: A file is no bundle, or a damaged one.
+    """
+    return Bundle(path) if path.is_file() else RunFolder(path)
+
+
+def read_source(path: Path) -> tuple[Run, list[EpisodeRecord]]:
+    """A run and its records, finished or not; see `open_source`.
+
+    Raises:
+        EvaluationError: There is no run, or a record of another one.
+        FileError: A record or a bundle cannot be read.
+    """
+    source = open_source(path)
+    run = source.read_run()
+    return run, source.read_records(run)
+
+
 class Bundle(RunReader):
     """A bundle that was found to be whole."""
 
     def __init__(self, path: Path) -> None:
-        """Read and check everything but the run and its records themselves.
-
-        Raises:
-            FileError: It is no bundle, a damaged one, or not made by `write_bundle`.
-        """
+        """Read and check everything but the run and its records themselves."""
         super().__init__(path)
         try:
             self._parts = _unpacked(path)
@@ -127,17 +147,21 @@ class Bundle(RunReader):
         """A part by its name, whether or not there is one."""
         return _Part(f"{self.path}: {name}", self._parts.get(name))
 
-    def names(self, folder: str) -> Iterable[str]:
-        """Names of the parts in a folder."""
-        names = (name.rpartition("/") for name in self._parts)
-        return [name for parent, _, name in names if parent == folder]
+    def names(self) -> Iterable[str]:
+        """Names of all records."""
+        return [name for name in self._parts if name != DESCRIPTION]
+
+    def commands(self) -> list[str]:
+        """The commands that its manifest names."""
+        return list(self.manifest.commands)
 
     def _check_run(self) -> None:
         """Check that it holds the records of its run, and none beside them."""
         run = self.read_run()
-        records = {record_name(each.task.id, each.index) for each in self.finished(run)}
-        if foreign := self._parts.keys() - records - {DESCRIPTION}:
-            raise FileError(f"{min(foreign)} belongs to no episode of its run.")
+        try:
+            records = self.finished(run)
+        except EvaluationError as error:
+            raise FileError(str(error)) from error
         if self.manifest.missing != run.size - len(records):
             raise FileError(
                 f"Its manifest says that {self.manifest.missing} records are missing, not "
@@ -191,7 +215,6 @@ def _unpacked(path: Path) -> dict[str, bytes]:
 
 
 def _check_entries(entries: Iterable[zipfile.ZipInfo]) -> None:
-    """Reject what `write_bundle` does not write."""
     names: set[str] = set()
     size = 0
     for entry in entries:

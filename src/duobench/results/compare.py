@@ -6,30 +6,36 @@ order give the same bytes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from itertools import combinations
 from pathlib import Path
 
-from duobench.errors import OtherRunError
-from duobench.files import make_folder, write
-from duobench.results.comparison import figures
-from duobench.results.comparison.comparison import Comparison
-from duobench.results.comparison.document import document
-from duobench.results.comparison.entrants import read_entrants
-from duobench.results.comparison.page import page
-from duobench.results.comparison.pairs import compare_pair
-from duobench.results.comparison.rows import table_rows
-from duobench.results.comparison.tables import csv_text, latex, markdown
-from duobench.results.figures import as_svg
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from duobench.pages import render
+from duobench.results import figures, tables
+from duobench.results.entrants import (
+    Entrant,
+    Group,
+    RowKind,
+    entrant_of,
+    lettered,
+    read_entrants,
+    sections,
+    table_rows,
+)
+from duobench.results.pages import PAGE, check_free, write_files
+from duobench.results.pairs import RunComparison, compare_pair
+from duobench.results.paper import paper_results
+from duobench.results.scores import RunPart
 
 DOCUMENT = "comparison.json"
 """The comparison for programs; a folder that has it holds a comparison."""
-PAGE = "index.html"
-"""The comparison for people."""
 
 
-def compare(sources: Sequence[str]) -> Comparison:
+def compare(sources: Sequence[str]) -> RunComparison:
     """Compare runs, any two of them; nothing is written.
 
     Args:
@@ -40,19 +46,28 @@ def compare(sources: Sequence[str]) -> Comparison:
         UnknownNameError: The paper has no such policy.
         FileError: A record cannot be read.
     """
-    entrants = read_entrants(sources)
+    return _compared(read_entrants(sources))
+
+
+def compare_parts(parts: Iterable[RunPart]) -> RunComparison:
+    """Compare what was played under several conditions, such as those of one run."""
+    return _compared(lettered([entrant_of(part) for part in parts]))
+
+
+def _compared(entrants: Sequence[Entrant]) -> RunComparison:
     rows = table_rows(entrants)
     pairs = [compare_pair(a, b, rows) for a, b in combinations(entrants, 2)]
     tested = sorted((pair for pair in pairs if pair), key=lambda pair: pair.crosses_groups)
-    return Comparison(entrants=entrants, rows=rows, pairs=tuple(tested))
+    return RunComparison(entrants=tuple(entrants), rows=rows, pairs=tuple(tested))
 
 
-def write_comparison(comparison: Comparison, out: Path) -> Path:
+def write_comparison(comparison: RunComparison, out: Path, *, is_beside: bool = False) -> Path:
     """Write page, tables, figures and the JSON form of a comparison.
 
     Args:
         comparison: What `compare` gave.
         out: Folder, which is made; an earlier comparison in it is replaced.
+        is_beside: Whether the folder is that of the run, beside whose records it is written.
 
     Returns:
         The page.
@@ -61,21 +76,67 @@ def write_comparison(comparison: Comparison, out: Path) -> Path:
         OtherRunError: The folder holds something else.
         OutputError: It cannot be written.
     """
-    is_ours = (out / DOCUMENT).exists()
-    if not is_ours and out.is_dir() and any(out.iterdir()):
-        raise OtherRunError(f"{out} is not empty and holds no comparison.")
-    make_folder(out)
+    if not is_beside:
+        check_free(out, DOCUMENT, "comparison")
     svgs = {
-        name: as_svg(name, partial(make, comparison.entrants, comparison.rows))
-        for name, make in figures.FIGURES.items()
+        "stages": figures.as_svg("stages", partial(_stages, comparison)),
+        "progress": figures.as_svg("progress", partial(_progress, comparison)),
     }
-    write(out / DOCUMENT, document(comparison))
-    for name, content in (
-        ("table.md", markdown(comparison)),
-        ("table.csv", csv_text(comparison)),
-        ("table.tex", latex(comparison)),
-        *((f"figures/{name}.svg", svg) for name, svg in svgs.items()),
-        (PAGE, page(comparison, svgs)),
-    ):
-        write(out / name, content)
-    return out / PAGE
+    return write_files(
+        out,
+        {
+            DOCUMENT: tables.comparison_json(comparison),
+            "table.md": tables.markdown(comparison),
+            "table.csv": tables.csv_text(tables.csv_rows(comparison)),
+            "table.tex": tables.latex(comparison),
+            **{f"figures/{name}.svg": svg for name, svg in svgs.items()},
+            PAGE: _page(comparison, svgs),
+        },
+    )
+
+
+def _stages(comparison: RunComparison) -> Figure:
+    rows = [row for row in comparison.rows if row.kind is RowKind.TASK]
+    return figures.grouped_stage_bars(
+        [
+            (
+                row.label,
+                [
+                    (one.key, result)
+                    for one in comparison.entrants
+                    if (result := one.result(row.tasks[0].id))
+                ],
+            )
+            for row in rows
+        ]
+    )
+
+
+def _progress(comparison: RunComparison) -> Figure:
+    tasks = [row.tasks[0] for row in comparison.rows if row.kind is RowKind.TASK]
+    runs = [
+        (
+            f"{one.key}  {one.title}",
+            {task.id: result for task in tasks if (result := one.result(task.id))},
+        )
+        for one in comparison.entrants
+        if one.part
+    ]
+    return figures.overlaid_progress(tasks, runs)
+
+
+def _page(comparison: RunComparison, svgs: Mapping[str, str]) -> str:
+    return render(
+        "duobench.results",
+        "comparison.html.j2",
+        comparison=comparison,
+        runs=[one for one in comparison.entrants if one.part],
+        quoted=[one for one in comparison.entrants if not one.part],
+        source=paper_results().source,
+        sections=sections(comparison.rows),
+        caption=tables.caption(comparison),
+        svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
+        Group=Group,
+        RowKind=RowKind,
+        text=tables,
+    )

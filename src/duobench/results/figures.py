@@ -1,4 +1,4 @@
-"""The figures of a report, as SVG whose bytes follow from the results alone.
+"""The figures of reports, as SVG whose bytes follow from the results alone.
 
 Stages have the same colours in every figure and on every page. Stages are ordered, so their colours
 are a ramp of rising lightness, from rust where nothing happened to sand just before the end;
@@ -20,9 +20,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
-from duobench.results.metrics import TIME_POINTS, Results, TaskResult, percent
+from duobench.results.scores import TIME_POINTS, Results, Score, TaskResult, percent
 from duobench.results.suite import TaskInfo
+from duobench.shifts.shift import ALL_AXES, LEVELS
 
 INK = "#1c2024"
 """Colour of text and axes."""
@@ -63,6 +65,21 @@ MOST_COLUMNS = 4
 """Panels side by side."""
 TIME = tuple(100 * point / (TIME_POINTS - 1) for point in range(TIME_POINTS))
 """Times of a progress curve in percent of the horizon."""
+COLOURS = (CURVE, "#d9822b", INK, "#9b6bb5", "#4f9d69")
+"""Colours of several runs, apart for people who are colour-blind; they begin anew after the
+last."""
+DASHES = ("solid", (0, (5, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)), (0, (3, 3)))
+"""Dashes of several runs, of another number than colours."""
+Levels = Mapping[str, Mapping[int, Score]]
+"""What was reached at each level of each axis."""
+_GAP = 0.5
+"""Between the bars of two tasks, in bars."""
+_LONG_NAME = 27
+"""Letters of a name, its key included, above which a legend has one name a line."""
+_LEVELS_HEIGHT = 1.75
+"""Of a row of panels of levels, in inches."""
+_APART = 0.06
+"""Between the markers of two runs at one level, in levels."""
 _SHORTEST_LABELLED = 0.035
 """Share of a bar below which a segment is too short for its stage's number."""
 
@@ -165,6 +182,110 @@ def progress_panels(tasks: Sequence[TaskInfo]) -> tuple[Figure, list[Axes]]:
     figure.supxlabel("Time / % of the horizon", fontsize=9)
     figure.supylabel("Mean progress", fontsize=9)
     return figure, panels
+
+
+def grouped_stage_bars(groups: Sequence[tuple[str, Sequence[tuple[str, TaskResult]]]]) -> Figure:
+    """One bar for each run in each task, with a word beside it.
+
+    Args:
+        groups: Title of each task, and the runs that have episodes of it with their words.
+    """
+    titles: list[tuple[float, str]] = []
+    bars: list[tuple[float, str, TaskResult]] = []
+    at = 0.0
+    for title, runs in groups:
+        titles.append((at, title))
+        for word, result in runs:
+            bars.append((at, word, result))
+            at += 1
+        at += _GAP
+    figure = Figure(figsize=(WIDTH, 0.75 + 0.27 * at), layout="constrained")
+    axes = figure.add_subplot()
+    for place, _, result in bars:
+        stage_bar(axes, place, result)
+    axes.set_yticks([place for place, *_ in bars], [word for _, word, _ in bars], weight="bold")
+    named = axes.secondary_yaxis(-0.035)
+    named.set_yticks([place for place, _ in titles], [title for _, title in titles])
+    named.tick_params(length=0)
+    named.spines["left"].set_visible(False)
+    axes.set_ylim(max(1.0, at - _GAP) - 0.5, -0.5)
+    frame_bars(axes)
+    return figure
+
+
+def overlaid_progress(
+    tasks: Sequence[TaskInfo], runs: Sequence[tuple[str, Mapping[str, TaskResult]]]
+) -> Figure:
+    """One panel a task, with a curve for each run, and the legend above.
+
+    Args:
+        tasks: The tasks.
+        runs: Name of each run, and its results by the task's id.
+    """
+    figure, panels = progress_panels(tasks)
+    lines = [_line(index, name) for index, (name, _) in enumerate(runs)]
+    for axes, task in zip(panels, tasks, strict=True):
+        for line, (_, results) in zip(lines, runs, strict=True):
+            if result := results.get(task.id):
+                style = {"color": line.get_color(), "linestyle": line.get_linestyle()}
+                axes.step(TIME, result.progress, where="post", linewidth=1.6, **style)
+    columns = 1 if max(len(name) for name, _ in runs) > _LONG_NAME else 3
+    figure.legend(
+        handles=lines, loc="outside upper left", ncols=columns, frameon=False, handlelength=3.5
+    )
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + 0.2 * -(-len(runs) // columns))
+    return figure
+
+
+def levels(axes: Sequence[str], runs: Sequence[tuple[str, Levels]]) -> Figure:
+    """One panel for each axis of shifts; whiskers are 95 % Wilson intervals.
+
+    Args:
+        axes: Names of the axes.
+        runs: Name of each run, and by the axis what it reached at which level.
+    """
+    columns = min(MOST_COLUMNS, max(1, len(axes)))
+    rows = -(-max(1, len(axes)) // columns)
+    figure = Figure(figsize=(WIDTH, _LEVELS_HEIGHT * rows + 0.5), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    lines = [_line(index, name) for index, (name, _) in enumerate(runs)]
+    for panel, axis in zip(panels, axes, strict=False):
+        panel.set_title("all axes" if axis == ALL_AXES else axis, fontsize=9, loc="left")
+        panel.set_xticks(range(LEVELS + 1))
+        panel.set_xlim(-0.3, LEVELS + 0.3)
+        panel.set_ylim(-4, 104)
+        panel.set_yticks([0, 25, 50, 75, 100])
+        panel.grid(axis="y", linewidth=0.4, alpha=0.5)
+        for index, (line, (_, reached)) in enumerate(zip(lines, runs, strict=True)):
+            _level_curve(panel, reached.get(axis, {}), line, _APART * (index - (len(runs) - 1) / 2))
+    for panel in panels[len(axes) :]:
+        panel.set_visible(False)
+    figure.supxlabel("Level", fontsize=9)
+    figure.supylabel("Success / %", fontsize=9)
+    if len(runs) > 1:
+        figure.legend(
+            handles=lines, loc="outside upper left", ncols=3, frameon=False, handlelength=3.5
+        )
+    return figure
+
+
+def _level_curve(panel: Axes, reached: Mapping[int, Score], line: Line2D, aside: float) -> None:
+    if not reached:
+        return
+    at = [level + aside for level in reached]
+    rates = [100 * (score.success_rate or 0.0) for score in reached.values()]
+    style = {"color": line.get_color(), "linestyle": line.get_linestyle()}
+    panel.plot(at, rates, marker="o", markersize=3.2, linewidth=1.5, **style)
+    lows = [100 * score.interval[0] for score in reached.values()]
+    highs = [100 * score.interval[1] for score in reached.values()]
+    panel.vlines(at, lows, highs, color=line.get_color(), linewidth=1.0, alpha=0.6)
+
+
+def _line(index: int, label: str) -> Line2D:
+    """How the curves of a run look: in colour and in dashes, so that neither alone is needed."""
+    colour, dashes = COLOURS[index % len(COLOURS)], DASHES[index % len(DASHES)]
+    return Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=label)
 
 
 FIGURES: Mapping[str, Callable[[Results], Figure]] = {

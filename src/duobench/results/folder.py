@@ -1,85 +1,213 @@
-"""The folder of a run: where things lie in it, and how a run is begun, continued and read."""
+"""The folder of a run: self-describing records, written by any number of writers.
+
+`records/TASK/CONDITION/INDEX.json` names every episode, so that writers never meet and the folders
+of two machines are merged by copying one into the other. Every record names the description of its
+run (`run.json`, the same for all writers) by its hash; records of two runs are refused.
+"""
 
 from __future__ import annotations
 
-import json
+import re
 import shutil
-from collections.abc import Iterable
-from contextlib import suppress
-from dataclasses import asdict
+from abc import ABC, abstractmethod
+from collections.abc import Container, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from duobench.errors import EvaluationError
-from duobench.files import begin_or_continue, encode, remove_temporary, write, writing
-from duobench.results.reader import DESCRIPTION, RunReader, record_name
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
-from duobench.results.reporting.times import EpisodeTimes, TimeNote
-from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
+from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError
+from duobench.files import (
+    Readable,
+    begin_or_continue,
+    encode,
+    held,
+    is_locked,
+    locked,
+    make_folder,
+    read,
+    remove_temporary,
+    write,
+    writing,
+)
+from duobench.results.journal import Entry, Journal, Started, read_entries
+from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
+from duobench.results.run import RUN_SCHEMA, Run
+from duobench.results.shard import WHOLE, Shard, shard_of_writer
+from duobench.results.suite import Episode
 
+DESCRIPTION = "run.json"
+"""The file that describes the run."""
+CONDITIONS = "conditions"
+"""Folder of the pages of each condition, where there are several."""
 VIDEO_SUFFIX = ".webm"
 """Ending of a video's name."""
 TRACK_SUFFIX, SCENE_SUFFIX = ".track", ".scene"
 """Endings of the names of what replays are made of."""
-POSTER_SUFFIX = ".jpg"
+_WAIT_S = 30.0
+"""Seconds that a writer waits for others, which begin in the folder too."""
+_REPORT = (
+    *("index.html", "summary.json", "robustness.json", "comparison.json"),
+    *("table.md", "table.csv", "table.tex"),
+)
+"""Files of a report."""
+_RECORD = re.compile(r"records/([^/]+)/([^/]+)/([0-9]+)\.json")
+
+
+def record_name(key: Key) -> str:
+    """The file of an episode's record in the folder of its run."""
+    return f"records/{key.path}.json"
+
+
+class RunReader(ABC):
+    """A run and the records of its finished episodes, read file by file."""
+
+    advice = ""
+    """What to do about a record that cannot be read."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path.absolute()
+        """What is read."""
+
+    @abstractmethod
+    def file(self, name: str) -> Readable:
+        """A file by its name, whether or not there is one."""
+
+    @abstractmethod
+    def names(self) -> Iterable[str]:
+        """Names of all records."""
+
+    @abstractmethod
+    def commands(self) -> list[str]:
+        """The commands that its writers were last started with, each once."""
+
+    def read_run(self) -> Run:
+        """The description of the run.
+
+        Raises:
+            EvaluationError: If there is none.
+            FileError: If it cannot be read.
+        """
+        return read(self.file(DESCRIPTION), Run, RUN_SCHEMA)
+
+    def finished(self, run: Run) -> list[Key]:
+        """What has a record: condition by condition, task by task."""
+        conditions = {name: place for place, name in enumerate(run.conditions)}
+        tasks = {task.id: place for place, task in enumerate(run.suite.tasks)}
+        found: list[Key] = []
+        for name in self.names():
+            if (match := _RECORD.fullmatch(name)) is None:
+                continue
+            key = Key(match[1], match[2], int(match[3]))
+            is_known = key.task in tasks and key.condition in conditions
+            if not is_known or key.episode not in run.suite.indices or record_name(key) != name:
+                raise EvaluationError(
+                    f"{self.path} has a record of no episode of its run, {name}: {DESCRIPTION} "
+                    f"says {run.suite.episodes} episodes of {len(tasks)} tasks under "
+                    f"{len(conditions)} conditions. It was copied from another run, or from a part "
+                    f"of this one with more to play, whose {DESCRIPTION} belongs to all."
+                )
+            found.append(key)
+        return sorted(found, key=lambda key: (conditions[key.condition], tasks[key.task], key[2]))
+
+    def read_record(self, run: Run, key: Key) -> EpisodeRecord:
+        """The record of one episode of a run."""
+        return self._record(run, run.hash, run.conditions[key.condition], key)
+
+    def read_records(self, run: Run, wanted: Container[Key] | None = None) -> list[EpisodeRecord]:
+        """The records of the episodes that are finished, in the order of the run.
+
+        Args:
+            run: The run.
+            wanted: Which of them; None takes all.
+
+        Raises:
+            FileError: If a record cannot be read.
+            OtherRunError: If one is of another run.
+            EvaluationError: If one is of another episode.
+        """
+        conditions, digest = run.conditions, run.hash
+        return [
+            self._record(run, digest, conditions[key.condition], key)
+            for key in self.finished(run)
+            if wanted is None or key in wanted
+        ]
+
+    def _record(self, run: Run, digest: str, condition: Condition, key: Key) -> EpisodeRecord:
+        file = self.file(record_name(key))
+        record = read(file, EpisodeRecord, RECORD_SCHEMA, advice=self.advice)
+        (task,) = (task for task in run.suite.tasks if task.id == key.task)
+        split = run.of(condition.policy).config.split
+        episode = Episode(task=task, index=key.episode, split=split, shift=condition.shift)
+        objection = run.objection(record, episode)
+        if record.run != digest:
+            raise OtherRunError(
+                f"{file} belongs to another run than {DESCRIPTION} describes, though every record "
+                f"of a folder is of one run: {objection or 'something else differs'} Take apart "
+                "what was copied together, or give the run a folder of its own."
+            )
+        if objection:
+            raise EvaluationError(f"{file} does not belong to this run: {objection}")
+        return record
 
 
 class RunFolder(RunReader):
-    """Names in the folder of a run."""
+    """Names in the folder of a run, and how it is begun, continued and written."""
 
     advice = "Delete the file and run the evaluation again: it plays only the missing episodes."
 
     def __init__(self, path: Path) -> None:
-        """Find the folder now: a policy may change the working folder."""
         super().__init__(path)
         self.description = self.file(DESCRIPTION)
         """What was run."""
-        self.timing = self.path / "timing.jsonl"
-        """How long each episode took: one JSON object a line, see `TimeNote`."""
-        self.parts: tuple[Path, ...] = ()
-        """Folders in it that runs lie in."""
         self.summary = self.path / "summary.json"
         """The results as JSON."""
         self.page = self.path / "index.html"
         """The report."""
 
-    @property
-    def timings(self) -> list[Path]:
-        """Where it is noted how long episodes took."""
-        return [self.timing]
-
     def file(self, name: str) -> Path:
         """A file by its name, whether or not there is one."""
         return self.path / name
-
-    def names(self, folder: str) -> Iterable[str]:
-        """Names of the JSON files in a folder."""
-        return [path.name for path in (self.path / folder).glob("*.json")]
 
     def figure(self, name: str) -> Path:
         """A figure by its name."""
         return self.path / "figures" / f"{name}.svg"
 
-    def record(self, task_id: str, episode: int) -> Path:
+    def names(self) -> Iterable[str]:
+        """Names of all records."""
+        return [
+            path.relative_to(self.path).as_posix() for path in self.path.glob("records/*/*/*.json")
+        ]
+
+    def commands(self) -> list[str]:
+        """The commands that its writers were last started with, each once."""
+        found: dict[str, None] = {}
+        for shard in self.writers:
+            entries = read_entries(self.journal(shard))
+            started = [entry.command for entry in entries if isinstance(entry, Started)]
+            found |= dict.fromkeys(filter(None, started[-1:]))
+        return list(found)
+
+    def record(self, key: Key) -> Path:
         """Record of an episode."""
-        return self.file(record_name(task_id, episode))
+        return self.file(record_name(key))
 
-    def video(self, task_id: str, episode: int) -> Path:
+    def video(self, key: Key) -> Path:
         """Video of an episode, if it has one."""
-        return self.path / "videos" / task_id / f"{episode:05d}{VIDEO_SUFFIX}"
+        return self.path / "videos" / f"{key.path}{VIDEO_SUFFIX}"
 
-    def poster(self, task_id: str, episode: int) -> Path:
+    def poster(self, key: Key) -> Path:
         """Image that stands for a video where none is played, if there is one."""
-        return self.video(task_id, episode).with_suffix(POSTER_SUFFIX)
+        return self.video(key).with_suffix(".jpg")
 
-    def replay(self, task_id: str, episode: int) -> Path | None:
+    def replay(self, key: Key) -> Path | None:
         """Track of an episode for its replay in 3D, if there is one."""
         # Its name ends with that of the scene: "00003.0123456789ab.track".
-        found = sorted((self.path / "replays" / task_id).glob(f"{episode:05d}.*{TRACK_SUFFIX}"))
+        path = self.path / "replays" / key.path
+        found = sorted(path.parent.glob(f"{path.name}.*{TRACK_SUFFIX}"))
         return found[0] if found else None
 
-    def new_replay(self, task_id: str, episode: int, scene: str) -> Path:
+    def new_replay(self, key: Key, scene: str) -> Path:
         """Where the track of an episode is to be, which plays in a scene."""
-        return self.path / "replays" / task_id / f"{episode:05d}.{scene}{TRACK_SUFFIX}"
+        return self.path / "replays" / f"{key.path}.{scene}{TRACK_SUFFIX}"
 
     def scene(self, name: str) -> Path:
         """What a browser needs to show the scene of replays."""
@@ -88,91 +216,146 @@ class RunFolder(RunReader):
     @property
     def has_records(self) -> bool:
         """Whether an episode is finished."""
-        return any(self.path.glob("records/*/*.json"))
+        return any(self.path.glob("records/*/*/*.json"))
 
-    def has_only_errors_of_another(self, run: Run) -> bool:
-        """Whether it holds another run, of which every finished episode failed with an error.
+    # --- writers -----------------------------------------------------------------------------
+
+    def journal(self, shard: Shard) -> Path:
+        """What the writer of a shard notes."""
+        return self.path / "attempts" / f"{shard.writer}.jsonl"
+
+    @property
+    def writers(self) -> list[Shard]:
+        """The shards that a writer has begun, in their order."""
+        found: list[Shard] = []
+        for path in self.path.glob("attempts/*.jsonl"):
+            with suppress(EvaluationError):
+                found.append(shard_of_writer(path.stem))
+        return sorted(found)
+
+    def entries(self) -> list[Entry]:
+        """What all writers have noted, one writer after the other."""
+        return [entry for shard in self.writers for entry in read_entries(self.journal(shard))]
+
+    @contextmanager
+    def writer(self, shard: Shard = WHOLE) -> Iterator[Journal]:
+        """Be the writer of a shard while a block lasts; a killed one leaves nothing locked.
+
+        Yields:
+            Its journal.
 
         Raises:
-            FileError: If a record cannot be read.
-            EvaluationError: If a record is of yet another run.
+            OtherRunError: The folder holds files that belong to no run.
+            LockedError: Another process writes the shard, or one that overlaps with it.
+            OutputError: Nothing can be written.
         """
+        path = self.journal(shard)
+        with ExitStack() as ending:
+            with locked(self.path, wait_s=_WAIT_S):  # in which alone others' locks are looked at
+                self._check_free()
+                for other in self.writers:
+                    if shard.overlaps(other):
+                        with held(self.journal(other)):
+                            pass
+                make_folder(path.parent)
+                with writing(path):
+                    path.touch()
+                ending.enter_context(held(path))
+            yield Journal(path, self.entries())
+
+    def begin(self, run: Run, shard: Shard = WHOLE) -> None:
+        """Begin a run in this folder, or continue the one that is there.
+
+        A run may grow: with more episodes or shifts than before, those that are there stay. A run
+        that has not finished a single episode holds nothing to keep, so that whatever was wrong
+        with it can be corrected, unless somebody else is writing it: its description is replaced.
+
+        Raises:
+            OtherRunError: If the folder holds another run, or files that belong to none.
+        """
+        with locked(self.path, wait_s=_WAIT_S):
+            is_shared = self._is_written_beside(shard)
+            is_final = self.has_records or is_shared
+            begin_or_continue(
+                self.path,
+                self.description,
+                run,
+                RUN_SCHEMA,
+                what="evaluation",
+                kept=[self.journal(each).name for each in self.writers],
+                is_final=is_final,
+            )
+            if is_final:
+                run = run.with_shifts_of(self.read_run())
+            write(self.description, encode(run, RUN_SCHEMA))
+            if not is_shared:
+                remove_temporary(self.path)
+
+    def gives_way(self, run: Run) -> bool:
+        """Whether every episode of another run that is here, finished, failed with an error."""
         if not (self.has_records and self.description.exists()):
             return False
         other = self.read_run()
         records = self.read_records(other) if run.differences(other) else []
         return bool(records) and all(record.error is not None for record in records)
 
-    def clear(self) -> None:
-        """Remove what the run that is there has finished, and nothing else; another may begin.
-
-        Raises:
-            OutputError: If it cannot be removed.
-        """
+    def clear(self, run: Run, shard: Shard = WHOLE) -> None:
+        """Remove what was played of a shard of a run, or all of another run that is here."""
         if not self.description.exists():
             return
-        for folder in ("records", "videos", "replays", "figures"):
-            with writing(self.path / folder), suppress(FileNotFoundError):
-                shutil.rmtree(self.path / folder)
-        for path in (self.summary, self.page, self.timing):
+        with locked(self.path, wait_s=_WAIT_S):
+            if shard.is_whole or not self._holds(run):
+                if self._is_written_beside(shard):
+                    raise LockedError(f"Another process is writing another run into {self.path}.")
+                self._clear_all(shard)
+                return
+            places = {task.id: place for place, task in enumerate(run.suite.tasks)}
+            before = self.read_run()
+            for key in self.finished(before):
+                if key.episode in shard.part(places[key.task], before.suite.indices):
+                    self.discard(key)
+
+    def _holds(self, run: Run) -> bool:
+        """Whether it holds this run, as far as that can be read."""
+        with suppress(FileError):
+            return self.read_run().hash == run.hash
+        return False
+
+    def _clear_all(self, shard: Shard) -> None:
+        for name in ("records", "videos", "replays", "figures", CONDITIONS):
+            with writing(self.path / name), suppress(FileNotFoundError):
+                shutil.rmtree(self.path / name)
+        others = [self.journal(each) for each in self.writers if each != shard]
+        for path in (*(self.path / name for name in _REPORT), *others):
             with writing(path):
                 path.unlink(missing_ok=True)
 
-    def begin(self, run: Run) -> None:
-        """Begin a run in this folder, or continue the one that is there.
+    def _is_written_beside(self, shard: Shard) -> bool:
+        return any(is_locked(self.journal(each)) for each in self.writers if each != shard)
 
-        A run may grow: with more episodes than before, those that are there stay. A run that has
-        not finished a single episode holds nothing to keep, so that whatever was wrong with it can
-        be corrected: its description is replaced.
-
-        Raises:
-            OtherRunError: If the folder holds another run, or files that belong to none.
-        """
-        begin_or_continue(
-            self.path,
-            self.description,
-            run,
-            RUN_SCHEMA,
-            oldest=OLDEST_RUN_SCHEMA,
-            what="evaluation",
-            is_final=self.has_records,
-        )
-        write(self.description, encode(run, RUN_SCHEMA))
-        remove_temporary(self.path)
+    def _check_free(self) -> None:
+        if not self.description.exists():
+            ours = {self.journal(each) for each in self.writers}
+            names = f".{DESCRIPTION}.*"  # of one that was killed while it began
+            paths = (path for path in self.path.rglob("*") if not path.is_dir())
+            if any(path not in ours and not path.match(names) for path in paths):
+                raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
 
     def read_run(self) -> Run:
         """The description of the run; see `RunReader.read_run`."""
         if not self.description.exists():
-            raise EvaluationError(
-                f"{self.path} holds no evaluation: {self.description.name} is missing."
-            )
+            raise EvaluationError(f"{self.path} holds no evaluation: {DESCRIPTION} is missing.")
         return super().read_run()
 
-    def write(self, record: EpisodeRecord, video: bytes | None) -> None:
-        """Write what an episode has left: its video first, so that a record means all of it.
-
-        Raises:
-            OutputError: It cannot be written.
-        """
+    def write(self, record: EpisodeRecord, video: bytes | None = None) -> None:
+        """Write what an episode has left: its video first, so that a record means all of it."""
         if video is not None:
-            write(self.video(record.task, record.episode), video)
-        write(self.record(record.task, record.episode), encode(record, RECORD_SCHEMA))
+            write(self.video(record.key), video)
+        write(self.record(record.key), encode(record, RECORD_SCHEMA))
 
-    def discard(self, record: EpisodeRecord) -> None:
+    def discard(self, key: Key) -> None:
         """Remove what an episode has left, which makes it one that is still to be played."""
         for name in (self.poster, self.video, self.replay, self.record):
-            if path := name(record.task, record.episode):
+            if path := name(key):
                 with writing(path):
                     path.unlink(missing_ok=True)
-
-    def note_timing(self, record: EpisodeRecord, times: EpisodeTimes | None, workers: int) -> None:
-        """Append one line to the timing notes.
-
-        Args:
-            record: The episode.
-            times: How long it took; None if its policy had to be stopped.
-            workers: How many processes play side by side.
-        """
-        note = asdict(TimeNote.of(record, times, workers))
-        with writing(self.timing), self.timing.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(note) + "\n")

@@ -23,7 +23,6 @@ class TimeLimits:
     """Seconds for an episode, looked at whenever the policy acts."""
 
     def __post_init__(self) -> None:
-        """Reject limits that are not positive; infinite ones become very long."""
         if not (self.act_timeout > 0 and self.episode_timeout > 0):
             raise EvaluationError(
                 f"Time limits are positive, got {self.act_timeout} s for an answer and "

@@ -6,31 +6,90 @@ same bytes however it was run: with another number of workers, in another order,
 
 from __future__ import annotations
 
+import hashlib
+import re
+import zlib
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, TypedDict
+from typing import Annotated, ClassVar, NamedTuple, TypedDict
 
+import numpy as np
 from msgspec import Meta
+from numpy.typing import ArrayLike
 
 from duobench.envs.config import EnvConfig
-from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
+from duobench.envs.execution import ChunkExecution
 from duobench.errors import (
     EvaluationError,
     PolicyFailedError,
     PolicyTimeoutError,
     traceback_text,
 )
-from duobench.results.suite import CUSTOM
-from duobench.results.targets import unpack_targets
-from duobench.types import Array
+from duobench.shifts.shift import Shift
+from duobench.types import FLAT_SIZE, Array
 
-RECORD_SCHEMA = 7
+RECORD_SCHEMA = 8
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
-OLDEST_RECORD_SCHEMA = 3
-"""The first version that can still be read: what it lacks has a default."""
 SIM, REAL, MIXED = "sim", "real", "mixed"
 """Where something was played or recorded: in simulation, on real arms, or both."""
 DOMAINS = (SIM, REAL)
 """Where an episode is played."""
+CUSTOM_LOOK = "custom"
+"""Stands for a look that has no name."""
+_LONGEST_PART = 40
+"""Characters of a part of a condition's name."""
+
+_TYPES = (np.dtype("<f4"), np.dtype("<f8"))
+"""Numbers that joint targets are kept as."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Condition:
+    """What episodes of a task and an index differ in: by whom, where and how they are played.
+
+    Records that have it in common are added up; every table has a row or a column for each.
+    """
+
+    policy: str
+    """Name of the policy."""
+    domain: str
+    """Where it is played: "sim" or "real"."""
+    shift: Shift
+    """What differs from the usual episodes."""
+    look: str
+    """Name of the look; "custom" for one that has none."""
+
+    @classmethod
+    def of(cls, policy: str, domain: str, config: EnvConfig) -> Condition:
+        """The condition of episodes in environments of a configuration."""
+        look = config.look if isinstance(config.look, str) else CUSTOM_LOOK
+        return cls(policy=policy, domain=domain, shift=config.shift, look=look)
+
+    @property
+    def name(self) -> str:
+        """Readable name of a folder, another one for every condition."""
+        return ".".join(map(_slug, (self.policy, self.domain, self.shift.name, self.look)))
+
+
+def _slug(text: str) -> str:
+    """A text as a part of a name; where that loses something, a hash tells it from others."""
+    plain = re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:_LONGEST_PART].strip("-")
+    return plain if plain == text else f"{plain}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
+
+
+class Key(NamedTuple):
+    """What names an episode in a run's folder."""
+
+    task: str
+    """Id of the task."""
+    condition: str
+    """Name of the condition."""
+    episode: int
+    """Index of the episode."""
+
+    @property
+    def path(self) -> str:
+        """Where its files lie in a folder of such files, without an ending."""
+        return f"{self.task}/{self.condition}/{self.episode:05d}"
 
 
 class SampledLayout(TypedDict, total=False):
@@ -39,7 +98,6 @@ class SampledLayout(TypedDict, total=False):
     poses: dict[str, Annotated[list[float], Meta(min_length=7, max_length=7)]]
     """Positions in metres and quaternions [x, y, z, qx, qy, qz, qw], in the table frame."""
     variants: dict[str, str]
-    """Named choices."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -84,16 +142,28 @@ class Judged:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class EpisodeRecord:
-    """One episode of one task, from its seed to its last stage."""
+class Software:
+    """Which source of the benchmark played an episode; empty where that is not known."""
 
-    CHECKED_FROM: ClassVar[int] = 5
+    decisive: str = ""
+    """SHA-256 of all files that decide what an episode is."""
+    package: str = ""
+    """SHA-256 of all files of the package."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EpisodeRecord:
+    """One episode of one task under one condition, from its seed to its last stage."""
+
+    CHECKED_FROM: ClassVar[int] = RECORD_SCHEMA
     """First schema whose files hold a checksum."""
+    run: str
+    """SHA-256 of the description of the run that it belongs to, see `Run.hash`."""
     suite_version: str
     """Version of the benchmark's episodes that the seed belongs to."""
-    suite: str = CUSTOM
+    suite: str
     """Name and version of the suite, see `Suite.label`."""
-    execution: ChunkExecution = WHOLE_CHUNKS
+    execution: ChunkExecution
     """What was executed of the policy's chunks, and when."""
     task: str
     """Id of the task."""
@@ -101,9 +171,12 @@ class EpisodeRecord:
     """Index of the episode in the suite."""
     seed: int
     """Seed of the reset; a pure function of (task, suite version, episode)."""
-    policy_seed: int | None = None
-    """Seed of the policy, a hash of that of the reset; None before suite 4, whose policies got that
-    of the reset itself."""
+    policy_seed: int
+    """Seed of the policy, a hash of that of the reset."""
+    attempt: int = 1
+    """The how-manyeth attempt at this episode it is."""
+    earlier: tuple[str, ...] = ()
+    """How each earlier attempt ended."""
     policy: str
     """Name of the policy, as the user gave it."""
     policy_version: str | None
@@ -120,10 +193,10 @@ class EpisodeRecord:
     """Highest stage that was reached, 0 for none."""
     max_stage: int
     """The task's last stage."""
-    unmet: tuple[str, ...] | None = None
+    unmet: tuple[str, ...] | None
     """Why the next stage was not reached: what of its constraints did not hold after the last step,
-    in words; empty after a success, None if the last step failed, or there is none, and in records
-    of earlier versions."""
+    in words; empty after a success, None if the last step failed, or there is none, and where a
+    person judged."""
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage): after how many steps each newly reached stage was reached."""
     steps: int
@@ -144,18 +217,20 @@ class EpisodeRecord:
     state_hash: str | None
     """SHA-256 of the whole state after the last step, with what relative actions add up to; None
     after an error."""
-    start: StateHashes | None = None
-    """The state after the reset; None before schema 4, and where there is no simulation."""
-    end: StateHashes | None = None
+    start: StateHashes | None
+    """The state after the reset; None before it, and where there is no simulation."""
+    end: StateHashes | None
     """The state after the last step; None as `start` is, and after an error."""
-    sent: bytes | None = None
-    """Joint targets that were sent, one command a step, see `targets`; None before schema 4, and
-    where a policy was stopped that took too long."""
-    clipped: int | None = None
-    """Control steps at which limits of the arms changed what was to be sent; None where `sent` is,
-    and in records that do not have it."""
+    sent: bytes | None
+    """Joint targets that were sent, one command a step, see `targets`; None where a policy was
+    stopped that took too long."""
+    clipped: int | None
+    """Control steps at which limits of the arms changed what was to be sent; None where `sent`
+    is."""
     versions: dict[str, str | None]
     """Versions of everything that the result may depend on."""
+    software: Software = Software()
+    """Which source of the benchmark played it."""
     domain: str = SIM
     """Where it was played: "sim" or "real"."""
     rig: str | None = None
@@ -164,7 +239,6 @@ class EpisodeRecord:
     """How a person judged it; None in simulation."""
 
     def __post_init__(self) -> None:
-        """Reject a record that contradicts itself."""
         reached = [stage for _, stage in self.stage_changes]
         when = [step for step, _ in self.stage_changes]
         problems = {
@@ -183,6 +257,8 @@ class EpisodeRecord:
                 self.late_success is not None
                 and (self.success or self.error is not None or self.late_success <= self.horizon)
             ),
+            "attempts count from 1, and each earlier one has ended somehow": self.attempt
+            != 1 + len(self.earlier),
             "error must say something": self.error is not None and not self.error.strip(),
             "domain must be sim or real": self.domain not in DOMAINS,
             "an episode on real arms has a rig and is judged by a person": (
@@ -195,6 +271,16 @@ class EpisodeRecord:
             raise EvaluationError(
                 f"Record of {self.task}, episode {self.episode}: {'; '.join(broken)}."
             )
+
+    @property
+    def condition(self) -> Condition:
+        """By whom, where and how it was played."""
+        return Condition.of(self.policy, self.domain, self.config)
+
+    @property
+    def key(self) -> Key:
+        """What names it in the folder of its run."""
+        return Key(self.task, self.condition.name, self.episode)
 
     @property
     def progress(self) -> float:
@@ -215,9 +301,6 @@ class EpisodeRecord:
         """Joint targets in radians and openings (steps, 16) that were sent; None if unknown.
 
         From the record's task and seed, in action mode "joint", they play the episode again.
-
-        Raises:
-            EvaluationError: They are damaged.
         """
         return None if self.sent is None else unpack_targets(self.sent, self.steps)
 
@@ -243,3 +326,37 @@ class EpisodeRecord:
             sent=sent,
             clipped=clipped,
         )
+
+
+def pack_targets(sent: ArrayLike) -> bytes:
+    """Compress the commands of an episode.
+
+    They are kept as float32, in which policies act. Where that would change one, because it was
+    clipped to a limit that is no float32, all of the episode are kept as float64. What neighbouring
+    numbers share is brought side by side: the bytes are sorted by their significance.
+
+    Args:
+        sent: Commands (T, 16).
+    """
+    exact = np.asarray(sent, dtype=_TYPES[1]).reshape(-1, FLAT_SIZE)
+    short = exact.astype(_TYPES[0])
+    kept = short if np.array_equal(short, exact) else exact
+    columns = np.ascontiguousarray(kept.T)
+    planes = columns.view(np.uint8).reshape(-1, kept.itemsize).T
+    return zlib.compress(planes.tobytes(), level=9)
+
+
+def unpack_targets(content: bytes, steps: int) -> Array:
+    """The commands (steps, 16) that `pack_targets` compressed, as float64."""
+    sizes = {steps * FLAT_SIZE * kind.itemsize: kind for kind in _TYPES}
+    unpacking = zlib.decompressobj()
+    try:
+        data = unpacking.decompress(content, max(sizes) + 1)  # a few bytes can become many
+    except zlib.error as error:
+        raise EvaluationError(f"The joint targets of a record are damaged: {error}.") from error
+    if len(data) not in sizes:
+        raise EvaluationError(f"A record of {steps} steps does not hold as many joint targets.")
+    kind = sizes[len(data)]
+    planes = np.frombuffer(data, np.uint8).reshape(kind.itemsize, -1)
+    columns = np.ascontiguousarray(planes.T).view(kind).reshape(FLAT_SIZE, steps)
+    return columns.T.astype(np.float64)

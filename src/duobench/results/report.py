@@ -1,161 +1,213 @@
-"""The report of a run: one page, its figures and a summary, computed from the records.
+"""The report of a run: one page a condition, its figures and a summary, computed from the records.
 
 No file written here depends on a clock, a folder or an order: the same records and videos give the
-same bytes. The one exception is the block of times on the page, which is about nothing else.
+same bytes. The one exception is the block of times on a page, which is about nothing else.
 """
 
 from __future__ import annotations
 
 import json
-from typing import Any
+import os
+from collections.abc import Mapping
+from pathlib import Path
 
 from markupsafe import Markup
 
 from duobench.errors import OtherRunError
-from duobench.files import write
+from duobench.files import writing
 from duobench.pages import render
-from duobench.results import figures, metrics
-from duobench.results.folder import RunFolder
-from duobench.results.metrics import Results, Score, summarize
-from duobench.results.reader import RunReader
-from duobench.results.reporting.clipping import clipping
-from duobench.results.reporting.failures import failed_stages
-from duobench.results.reporting.identity import identity, stacks, trials
-from duobench.results.reporting.replays import PageReplays
-from duobench.results.reporting.times import duration, read_notes, run_times, side_by_side
-from duobench.results.reporting.videos import PageVideos
+from duobench.results import figures, scores
+from duobench.results.compare import compare_parts, write_comparison
+from duobench.results.folder import CONDITIONS, RunFolder, RunReader
+from duobench.results.journal import duration, run_times, side_by_side
+from duobench.results.pages import (
+    PAGE,
+    PageReplays,
+    PageVideos,
+    check_free,
+    identity,
+    stacks,
+    trials,
+    write_files,
+)
+from duobench.results.robustness import robustness_of, write_robustness
 from duobench.results.run import Run
-from duobench.results.suites.catalog import deviations, latency_text, suite_text
+from duobench.results.scores import Results, RunPart, group_by_condition
+from duobench.results.shard import Shard
+from duobench.results.suites import deviations, latency_text, suite_text
 from duobench.types import CONTROL_HZ
 
-SUMMARY_SCHEMA = 4
+SUMMARY_SCHEMA = 5
 """Version of the summary's fields."""
+SUMMARY = "summary.json"
+"""The results of a condition for programs."""
+_NAMED = 6
+"""Shards that a sentence names."""
 _MOST_UNMET = 6
 """Constraints that did not hold of one stage that the page shows; others are folded away."""
 
 
-def read_results(source: RunReader) -> tuple[Run, Results]:
-    """What the records of a run add up to; nothing is written.
+def read_parts(source: RunReader) -> list[RunPart]:
+    """What the records of a run add up to, condition by condition; nothing is written.
 
     Args:
         source: The folder of the run, or what else reads one.
 
     Raises:
-        EvaluationError: If there is no run, or a record of another one.
+        EvaluationError: If there is no run, or a record of another episode.
+        OtherRunError: If a record is of another run.
         FileError: If a record cannot be read.
     """
     run = source.read_run()
-    return run, summarize(run.suite.tasks, source.read_records(run))
+    return group_by_condition(run, source.read_records(run))
+
+
+def read_results(source: RunReader) -> tuple[Run, Results]:
+    """A run and what all its records add up to, whatever their conditions; see `read_parts`."""
+    run = source.read_run()
+    return run, scores.summarize(run.suite.tasks, source.read_records(run))
 
 
 def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
     """Compute everything from the records of a run, and write it into a folder.
 
+    A run under one condition has one page. Another one has a page for each, and a first one that
+    shows all: success by axis and level, or policies against each other.
+
     Args:
         folder: The folder of the run, beside whose records it is written.
-        source: What reads the run, where that is not its folder; this holds no run then, or the
-            shards of it.
+        source: What reads the run, where that is not its folder; this holds no run then.
 
     Returns:
         What the records of the run, finished or not, add up to.
 
     Raises:
-        EvaluationError: If there is no run, or a record of another one.
+        EvaluationError: If there is no run, or a record of another episode.
+        OtherRunError: If a record is of another run, or the folder holds a run beside the source's,
+            or files of something else.
         FileError: If a record cannot be read.
-        OtherRunError: If the folder holds a run beside the source's, or files of something else.
         OutputError: If nothing can be written into the folder.
     """
-    run, results = read_results(source or folder)
+    reader = source or folder
+    parts = read_parts(reader)
+    run = parts[0].run
     if source is not None:
-        _check_free(folder)
-    svgs = {name: figures.plot(name, results) for name in figures.FIGURES}
-    for name, svg in svgs.items():
-        write(folder.figure(name), svg)
-    write(folder.summary, summary_json(run, results))
-    write(folder.page, _page(folder, run, results, svgs))
-    return results
+        if folder.description.exists():
+            raise OtherRunError(f"{folder.path} holds a run, and no report of a bundle.")
+        check_free(folder.path, PAGE, "report of a bundle")
+    if len(parts) == 1:
+        _write_part(folder, reader, parts[0], folder.path)
+    else:
+        for stale in (folder.summary, *(folder.figure(name) for name in figures.FIGURES)):
+            with writing(stale):  # of the time when there was one condition
+                stale.unlink(missing_ok=True)
+        for part in parts:
+            out = folder.path / CONDITIONS / part.condition.name
+            _write_part(folder, reader, part, out)
+        if len(run.suite.shifts) > 1:
+            write_robustness(robustness_of(parts), folder.path, is_beside=True)
+        elif len(played := [part for part in parts if part.results.overall.episodes]) > 1:
+            write_comparison(compare_parts(played), folder.path, is_beside=True)
+    return scores.summarize(run.suite.tasks, [each for part in parts for each in part.records])
 
 
-def _check_free(folder: RunFolder) -> None:
-    """Reject a folder that holds anything but a report without its run."""
-    is_report = folder.page.exists() and not folder.description.exists()
-    there = set(folder.path.iterdir()) if folder.path.is_dir() else set()
-    if there - set(folder.parts) and not is_report:
-        raise OtherRunError(
-            f"{folder.path} is not empty and holds no report of a bundle or of shards."
-        )
+def _write_part(folder: RunFolder, source: RunReader, part: RunPart, out: Path) -> None:
+    svgs = {name: figures.plot(name, part.results) for name in figures.FIGURES}
+    write_files(
+        out,
+        {
+            **{f"figures/{name}.svg": svg for name, svg in svgs.items()},
+            SUMMARY: summary_json(part),
+            PAGE: _page(folder, source, part, svgs, out),
+        },
+    )
 
 
-def summary_json(run: Run, results: Results) -> str:
+def summary_json(part: RunPart) -> str:
     """The results as JSON text: per task, per category and overall."""
+    candidate, suite, results = part.candidate, part.suite, part.results
     document = {
         "schema": SUMMARY_SCHEMA,
-        "policy": run.policy,
-        "policy_version": run.metadata.version,
-        "privileged": run.privileged,
-        "domain": run.domain,
-        "rig": run.rig,
-        "trained_on": run.trained_on,
-        "suite_version": run.suite.version,
-        "suite": run.suite.label,
-        "suite_deviations": deviations(run.suite),
-        "execute": run.suite.execution.execute,
-        "latency": run.suite.execution.latency,
-        "overtime": run.suite.overtime,
-        "shift": run.suite.shift.name,
-        "shard": run.shard and str(run.shard),
-        "versions": run.versions,
-        "first_episode": run.suite.first_episode,
-        "expected_episodes": run.size,
+        "policy": candidate.policy,
+        "policy_version": candidate.metadata.version,
+        "privileged": candidate.privileged,
+        "domain": part.condition.domain,
+        "rig": part.run.rig,
+        "trained_on": candidate.trained_on,
+        "suite_version": suite.version,
+        "suite": suite.label,
+        "suite_deviations": deviations(suite),
+        "execute": suite.execution.execute,
+        "latency": suite.execution.latency,
+        "overtime": suite.overtime,
+        "look": part.condition.look,
+        "shift": part.condition.shift.name,
+        "versions": part.run.versions,
+        "first_episode": suite.first_episode,
+        "expected_episodes": part.size,
         "tasks": {
             one.task.id: {
-                **_score(one.score),
+                **one.score.numbers(),
                 "max_stage": one.task.max_stage,
                 "last_stage_counts": list(one.last_stage_counts),
             }
             for one in results.tasks
         },
-        "categories": {category.label: _score(category) for category in results.categories},
-        "overall": _score(results.overall),
+        "categories": {category.label: category.numbers() for category in results.categories},
+        "overall": results.overall.numbers(),
     }
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
 
 
-def _score(score: Score) -> dict[str, Any]:
-    """A score for the summary."""
-    return {
-        "episodes": score.episodes,
-        "successes": score.successes,
-        "success_rate": score.success_rate,
-        "wilson_95": list(score.interval),
-        "mean_final_progress": score.mean_final_progress,
-        "errors": score.errors,
-        "late_successes": score.late_successes,
-    }
+def missing_shards(folder: RunFolder, run: Run) -> str:
+    """Which shards of an unfinished run lack episodes, in a sentence; empty if it has no shards."""
+    writers = folder.writers
+    counts = {shard.count for shard in writers}
+    if len(counts) != 1 or counts == {1}:
+        return ""
+    (count,) = counts
+    there = set(folder.finished(run))
+    parts: list[str] = []
+    for number in range(1, count + 1):
+        shard = Shard(number=number, count=count)
+        if lacking := sum(key not in there for key in run.episode_keys(shard)):
+            word = "" if shard in writers else ", not begun"
+            parts.append(f"shard {shard} ({lacking} episode{'s' if lacking > 1 else ''}{word})")
+    more = f", and {len(parts) - _NAMED} more" if len(parts) > _NAMED else ""
+    return f"Missing are: {', '.join(parts[:_NAMED])}{more}." if parts else ""
 
 
-def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -> str:
-    """The page as HTML text."""
-    videos, replays = PageVideos(folder, run), PageReplays(folder, results)
-    times = run_times(results, read_notes(*folder.timings))
+def _page(
+    folder: RunFolder, source: RunReader, part: RunPart, svgs: Mapping[str, str], out: Path
+) -> str:
+    run, results = part.run, part.results
+    commands = source.commands()
+    is_finished = results.overall.episodes == part.size
+    videos = PageVideos(folder, run, out, has_command=bool(commands))
+    replays = PageReplays(folder, results)
+    times = run_times(results, folder.entries())
     return render(
         "duobench.results",
         "report.html.j2",
+        part=part,
         run=run,
-        suite=run.suite,
+        candidate=part.candidate,
+        suite=part.suite,
         results=results,
-        identity=identity(run),
-        stacks=stacks(record for one in results.tasks for record in one.records),
+        commands=commands,
+        home=os.path.relpath(folder.path, out) if out != folder.path else "",
+        missing="" if is_finished or source is not folder else missing_shards(folder, run),
+        identity=identity(part),
+        stacks=stacks(part.records),
         svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
-        trials=trials(record for one in results.tasks for record in one.records),
+        trials=trials(part.records),
         control_rate_hz=CONTROL_HZ,
         figures=figures,
-        metrics=metrics,
-        failed_stages=failed_stages,
+        scores=scores,
+        failed_stages=scores.failed_stages,
         most_unmet=_MOST_UNMET,
-        clipping=clipping,
+        clipping=scores.clipping,
         suite_text=suite_text,
-        expected=lambda members: sum(run.counts[one.task.id] for one in members),
         latency_text=latency_text,
         video=videos.video,
         video_command=videos.command,
@@ -164,6 +216,6 @@ def _page(folder: RunFolder, run: Run, results: Results, svgs: dict[str, str]) -
         replay=replays.id,
         replays=replays.fragment(),
         times=times,
-        side_by_side=side_by_side(times.workers),
+        side_by_side=side_by_side(times.workers, len(folder.writers)),
         duration=duration,
     )

@@ -1,89 +1,62 @@
-"""A run: a suite played by a policy.
+"""A run: a suite played by one or several policies, described once for all that write its records.
 
-The description of a run stands in its folder, and must match when the run is resumed.
+The description holds what decides what records say. It does not hold how much of the run is played
+(episodes and shifts may grow), nor by whom: every writer of a run writes the same description.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar
 
+import msgspec
+
 from duobench.envs.config import EnvConfig
 from duobench.errors import EvaluationError
-from duobench.files import differences
+from duobench.files import checksum, differences
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
 from duobench.randomness import SUITE_VERSION
 from duobench.results.limits import TimeLimits
-from duobench.results.records import DOMAINS, MIXED, REAL, SIM, EpisodeRecord
+from duobench.results.records import DOMAINS, MIXED, REAL, SIM, Condition, EpisodeRecord, Key
+from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
-from duobench.results.suites.shard import Shard
-from duobench.shifts.shift import Shift
+from duobench.shifts.shift import NO_SHIFT, every_shift
 
-RUN_SCHEMA = 7
+RUN_SCHEMA = 8
 """Version of the description's fields."""
-OLDEST_RUN_SCHEMA = 3
-"""The first version that can still be read: what it lacks has a default."""
 TRAININGS = (SIM, REAL, MIXED)
 """What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Run:
-    """Everything that decides what a run's records say. The number of workers is not part of it."""
+class Candidate:
+    """A policy that is evaluated."""
 
-    CHECKED_FROM: ClassVar[int] = 5
-    """First schema whose files hold a checksum."""
     policy: str
-    """Name of the policy."""
-    suite: Suite
-    """What is played."""
-    videos: int
-    """How many episodes of each task, from the first on, have a video."""
-    limits: TimeLimits
-    """How long the policy may take."""
+    """Its name, as the user gave it."""
     metadata: PolicyMetadata
-    """What the policy says about itself, with its version."""
+    """What it says about itself, with its version."""
     config: EnvConfig
-    """Configuration of the environments."""
-    versions: dict[str, str]
-    """Versions of the packages that scores depend on."""
+    """Configuration of its environments, without a shift."""
     batching: Batching | None = None
-    """How many observations the policy answers together, if that is known."""
-    command: str = ""
-    """The command that started it, without what another machine has elsewhere; empty if none."""
-    shard: Shard | None = None
-    """Which part of the suite's episodes it has; None for all."""
-    domain: str = SIM
-    """Where it is played: "sim" or "real"."""
-    rig: str | None = None
-    """SHA-256 of the rig on which it is played; None in simulation."""
+    """How many observations it answers together, if that is known."""
     trained_on: str = ""
-    """What the policy was trained on, as whoever started the run says: "sim", "real" or "mixed";
-    empty if nobody said."""
+    """What it was trained on, as whoever started the run says: "sim", "real" or "mixed"; empty if
+    that is not known."""
 
     def __post_init__(self) -> None:
-        """Reject what no run can be."""
-        if self.videos < 0:
-            raise EvaluationError(f"A number of videos is not negative, got {self.videos}.")
-        if self.domain not in DOMAINS or (self.domain == REAL) != (self.rig is not None):
-            raise EvaluationError(
-                f"A run is played in {' or '.join(DOMAINS)}, and on real arms it names its rig; "
-                f"got {self.domain!r} and {self.rig!r}."
-            )
         if self.trained_on not in ("", *TRAININGS):
             raise EvaluationError(
                 f"A policy is trained on {', '.join(TRAININGS)}; got {self.trained_on!r}."
             )
-
-    @property
-    def is_real(self) -> bool:
-        """Whether it is played on real arms."""
-        return self.domain == REAL
+        if self.config.shift != NO_SHIFT:
+            raise EvaluationError(f"Shifts are those of the suite; got {self.config.shift}.")
 
     @property
     def privileged(self) -> bool:
-        """Whether the policy knows what a camera does not see and a real table does not tell.
+        """Whether it knows what a camera does not see and a real table does not tell.
 
         It has the numbers of the objects in its observation, or is a script that reads the
         simulation.
@@ -92,51 +65,131 @@ class Run:
 
     @property
     def title(self) -> str:
-        """Name of the policy for people, with a word if it is privileged."""
+        """Its name for people, with a word if it is privileged."""
         return f"{self.policy} (privileged)" if self.privileged else self.policy
 
-    def episodes(self) -> list[Episode]:
-        """Every episode of every task, task by task."""
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Run:
+    """Everything that decides what a run's records say. The number of workers is not part of it."""
+
+    CHECKED_FROM: ClassVar[int] = RUN_SCHEMA
+    """First schema whose files hold a checksum."""
+    candidates: tuple[Candidate, ...]
+    """The policies; each plays the same episodes."""
+    suite: Suite
+    limits: TimeLimits
+    """How long a policy may take."""
+    versions: dict[str, str]
+    """Versions of the packages that scores depend on."""
+    domain: str = SIM
+    """Where it is played: "sim" or "real"."""
+    rig: str | None = None
+    """SHA-256 of the rig on which it is played; None in simulation."""
+
+    def __post_init__(self) -> None:
+        if self.domain not in DOMAINS or (self.domain == REAL) != (self.rig is not None):
+            raise EvaluationError(
+                f"A run is played in {' or '.join(DOMAINS)}, and on real arms it names its rig; "
+                f"got {self.domain!r} and {self.rig!r}."
+            )
+        if not self.candidates:
+            raise EvaluationError("A run has at least one policy.")
+        if len(self.conditions) < len(self.candidates) * len(self.suite.shifts):
+            raise EvaluationError("Two policies of a run have the same name.")
+
+    @property
+    def is_real(self) -> bool:
+        """Whether it is played on real arms."""
+        return self.domain == REAL
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of what decides: all but how many episodes and under which shifts."""
+        part = replace(self, suite=replace(self.suite, episodes=1, shifts=(NO_SHIFT,)))
+        return checksum(msgspec.to_builtins(part))
+
+    @property
+    def candidate(self) -> Candidate:
+        """Its policy, where it has one alone."""
+        (candidate,) = self.candidates
+        return candidate
+
+    def of(self, policy: str) -> Candidate:
+        """One of its policies by name."""
+        for candidate in self.candidates:
+            if candidate.policy == policy:
+                return candidate
+        raise EvaluationError(f"The run has no policy {policy!r}.")
+
+    @property
+    def conditions(self) -> dict[str, Condition]:
+        """Its conditions by name: policy by policy, shift by shift."""
+        each = (
+            Condition.of(candidate.policy, self.domain, replace(candidate.config, shift=shift))
+            for candidate in self.candidates
+            for shift in self.suite.shifts
+        )
+        return {condition.name: condition for condition in each}
+
+    def key(self, episode: Episode, policy: str = "") -> Key:
+        """What names an episode that a policy plays, by default the only one."""
+        candidate = self.of(policy) if policy else self.candidate
+        config = replace(candidate.config, shift=episode.shift)
+        condition = Condition.of(candidate.policy, self.domain, config)
+        return Key(episode.task.id, condition.name, episode.index)
+
+    def episodes(self, shard: Shard = WHOLE, videos: int = 0) -> list[Episode]:
+        """Every episode that each of its policies plays, task by task and shift by shift.
+
+        Args:
+            shard: Which part of them.
+            videos: How many of each task and shift, from the first on, have a video.
+        """
         return [
             Episode(
                 task=task,
                 index=index,
-                has_video=index - self.suite.first_episode < self.videos,
-                split=self.config.split,
-                shift=self.suite.shift,
+                has_video=index - self.suite.first_episode < videos,
+                split=self.candidates[0].config.split,
+                shift=shift,
             )
             for place, task in enumerate(self.suite.tasks)
-            for index in self.indices(place)
+            for shift in self.suite.shifts
+            for index in shard.part(place, self.suite.indices)
         ]
 
-    def under(self, shift: Shift) -> Run:
-        """The same run with another shift."""
-        suite, config = replace(self.suite, shift=shift), replace(self.config, shift=shift)
-        return replace(self, suite=suite, config=config)
+    def episode_keys(self, shard: Shard = WHOLE) -> Iterator[Key]:
+        """What names each of its episodes: condition by condition, task by task."""
+        for name in self.conditions:
+            for place, task in enumerate(self.suite.tasks):
+                for index in shard.part(place, self.suite.indices):
+                    yield Key(task.id, name, index)
+
+    def counts(self, shard: Shard = WHOLE) -> dict[str, int]:
+        """How many episodes it has of each task, by the task's id, under all conditions."""
+        conditions = len(self.candidates) * len(self.suite.shifts)
+        return {
+            task.id: conditions * len(shard.part(place, self.suite.indices))
+            for place, task in enumerate(self.suite.tasks)
+        }
 
     @property
     def size(self) -> int:
-        """How many episodes it has."""
-        return sum(self.counts.values())
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many episodes it has of each task, by the task's id."""
-        return {task.id: len(self.indices(place)) for place, task in enumerate(self.suite.tasks)}
-
-    def indices(self, place: int) -> range:
-        """Indices of its episodes of a task, by the place of the task in the suite."""
-        indices = self.suite.indices
-        return indices if self.shard is None else self.shard.part(place, indices)
+        """How many episodes it has under all conditions."""
+        return sum(self.counts().values())
 
     def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
         """Why a record is not that of an episode of this run; None if it is."""
-        expected = {
+        if record.policy not in [candidate.policy for candidate in self.candidates]:
+            names = ", ".join(candidate.policy for candidate in self.candidates)
+            return f"its policy is {record.policy}, expected was {names}."
+        candidate = self.of(record.policy)
+        expected: dict[str, object] = {
             "task": episode.task.id,
             "episode": episode.index,
-            "policy": self.policy,
-            "policy_version": self.metadata.version,
-            "config": replace(self.config, shift=episode.shift),
+            "policy_version": candidate.metadata.version,
+            "config": replace(candidate.config, shift=episode.shift),
             "suite_version": self.suite.version,
             "suite": self.suite.label,
             "execution": self.suite.execution_of(episode.task.id, episode.shift),
@@ -152,9 +205,10 @@ class Run:
         return None
 
     def differences(self, other: Run) -> list[str]:
-        """What another run has differently, field by field; its number of episodes may be lower."""
+        """What another run has differently, field by field; it may have less to play."""
         # What another policy says about itself differs too, which says no more.
-        is_same = self.policy == other.policy
+        ours, theirs = ([each.policy for each in run.candidates] for run in (self, other))
+        is_same = ours == theirs
         differing = differences(self._facts(is_same), other._facts(is_same))
         if self.suite.episodes < other.suite.episodes:
             differing.append(
@@ -162,30 +216,37 @@ class Run:
             )
         return differing
 
-    def _facts(self, with_metadata: bool) -> dict[str, object]:
-        """Everything but the number of episodes, by its name in words."""
+    def with_shifts_of(self, other: Run) -> Run:
+        """The same run with the shifts of another one too."""
+        more = (shift for shift in other.suite.shifts if shift not in self.suite.shifts)
+        both = (*self.suite.shifts, *more)
+        order = tuple(shift for shift in every_shift() if shift in both)
+        return replace(self, suite=replace(self.suite, shifts=order))
+
+    def _facts(self, with_candidates: bool) -> dict[str, object]:
         suite = self.suite
-        return {
-            "policy": self.policy,
+        facts: dict[str, object] = {
+            "policy": ", ".join(candidate.policy for candidate in self.candidates),
             "tasks": " ".join(task.id for task in suite.tasks),
             **{f"task {task.id}": task for task in suite.tasks},
             "first episode": suite.first_episode,
             "suite version": suite.version,
             "suite": suite.label,
+            "look": suite.look,
             "actions executed of a chunk": suite.execution.execute or "all",
             "latency": suite.execution.latency,
             "overtime": suite.overtime,
-            "shard": self.shard,
-            "videos": self.videos,
             **_fields("time limit", self.limits),
-            **(_fields("policy's", self.metadata) if with_metadata else {}),
-            "batches": self.batching,
             "domain": self.domain,
             "rig": self.rig,
-            "trained on": self.trained_on,
-            **_fields("environment's", self.config),
             **{f"version of {name}": value for name, value in self.versions.items()},
         }
+        for candidate in self.candidates if with_candidates else ():
+            of = "" if len(self.candidates) == 1 else f"of {candidate.policy} "
+            facts |= _fields(f"{of}policy's", candidate.metadata)
+            facts |= _fields(f"{of}environment's", candidate.config)
+            facts |= {f"{of}batches": candidate.batching, f"{of}trained on": candidate.trained_on}
+        return facts
 
 
 def _fields(what: str, value: TimeLimits | PolicyMetadata | EnvConfig) -> dict[str, object]:

@@ -12,7 +12,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from duobench.results.metrics import CONFIDENCE, wilson_interval
+from duobench.results.scores import CONFIDENCE, wilson_interval
 
 LEVEL = 1.0 - CONFIDENCE
 """Probability of claiming a difference where there is none."""

@@ -28,16 +28,13 @@ class TaskInfo:
     id: str
     """Id of the task, which is also the name of a folder."""
     title: str
-    """Name for people."""
     category: str
-    """Coordination category."""
     stages: tuple[str, ...]
     """Names of the stages 1, 2, ..."""
     horizon: int
     """Control steps after which an episode is truncated."""
 
     def __post_init__(self) -> None:
-        """Reject a task that cannot have records."""
         if not re.fullmatch(r"\w[\w.-]*", self.id):
             raise EvaluationError(
                 f"Task {self.reference!r} has the id {self.id!r}. An id names a folder: letters, "
@@ -57,7 +54,6 @@ class Episode:
     """One episode to play."""
 
     task: TaskInfo
-    """The task."""
     index: int
     """Index of the episode in the suite."""
     has_video: bool = False
@@ -93,19 +89,18 @@ class Suite:
     version: str = SUITE_VERSION
     """Version of the benchmark's episodes."""
     name: str = CUSTOM
-    """Name of the suite that it is, or that it was made from; see `results.suites.catalog`."""
+    """Name of the suite that it is, or that it was made from; see `duobench.results.suites`."""
     revision: int = 1
     """Version of the suite of that name: of what it fixes beside the episodes."""
     execution: ChunkExecution = WHOLE_CHUNKS
     """What is executed of the chunks of a policy, and when."""
-    shift: Shift = NO_SHIFT
-    """What differs from the usual episodes."""
+    shifts: tuple[Shift, ...] = (NO_SHIFT,)
+    """What differs from the usual episodes, condition by condition; each has all episodes."""
     overtime: float = 1.0
     """Horizons after which an episode without success ends. What happens after the first one is no
     part of its result; 1 plays none of it."""
 
     def __post_init__(self) -> None:
-        """Reject an empty or impossible suite."""
         if self.episodes < 1 or self.first_episode < 0:
             raise EvaluationError(
                 "A suite has at least one episode, counted from 0; got "
@@ -119,9 +114,16 @@ class Suite:
         if not self.tasks:
             raise EvaluationError("A suite has at least one task, got none.")
         looks.look(self.look)
-        ids = [task.id for task in self.tasks]
-        if twice := sorted({task_id for task_id in ids if ids.count(task_id) > 1}):
-            raise EvaluationError(f"Named more than once: {', '.join(twice)}. Name each task once.")
+        if not self.shifts:
+            raise EvaluationError("A suite is played under at least one shift, or none.")
+        for what, names in (
+            ("task", [task.id for task in self.tasks]),
+            ("shift", [shift.name for shift in self.shifts]),
+        ):
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                raise EvaluationError(
+                    f"Named more than once: {', '.join(twice)}. Name each {what} once."
+                )
 
     @property
     def label(self) -> str:
@@ -140,7 +142,7 @@ class Suite:
 
     @property
     def size(self) -> int:
-        """Episodes of all tasks."""
+        """Episodes of all tasks under one shift."""
         return self.episodes * len(self.tasks)
 
 

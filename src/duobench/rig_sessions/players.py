@@ -21,7 +21,7 @@ from duobench.hardware.env import FAULT_KIND
 from duobench.policy import Policy
 from duobench.results.limits import TimeLimits
 from duobench.results.records import REAL, EpisodeRecord, Judged
-from duobench.results.run import Run
+from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite
 from duobench.rig_sessions.judging import PersonJudge
 from duobench.rig_sessions.trial_plan import Plan, Trial, TrialPolicy
@@ -136,7 +136,9 @@ class Players:
             command: The command that started it, if there is one.
         """
         self._plan, self._sources, self._make_env = plan, sources, make_env
-        self._judge, self._command = judge, command
+        self._judge = judge
+        self.command = command
+        """The command that started it; empty if there was none."""
         self._made: dict[int, tuple[LaidOut, Policy]] = {}
 
     def run(self, policy: int) -> Run:
@@ -144,13 +146,8 @@ class Players:
         plan, chosen = self._plan, self._plan.policies[policy]
         metadata = chosen.metadata
         usual = catalog.get(plan.task.reference).horizon
-        return Run(
+        candidate = Candidate(
             policy=chosen.spec,
-            suite=Suite(
-                tasks=(plan.task,), episodes=plan.episodes, first_episode=plan.first_episode
-            ),
-            videos=plan.episodes,
-            limits=TimeLimits(),
             metadata=metadata,
             config=EnvConfig(
                 cameras=metadata.cameras,
@@ -160,12 +157,18 @@ class Players:
                 image_size=metadata.image_size or IMAGE_SIZE,
                 horizon=None if plan.task.horizon == usual else plan.task.horizon,
             ),
-            versions=package_versions(),
             batching=self._sources[policy].batching,
-            command=self._command,
+            trained_on=chosen.trained_on,
+        )
+        return Run(
+            candidates=(candidate,),
+            suite=Suite(
+                tasks=(plan.task,), episodes=plan.episodes, first_episode=plan.first_episode
+            ),
+            limits=TimeLimits(),
+            versions=package_versions(),
             domain=REAL,
             rig=plan.rig,
-            trained_on=chosen.trained_on,
         )
 
     def prepare(self) -> None:
@@ -222,7 +225,7 @@ class Players:
     def _prepared(self, policy: int) -> tuple[LaidOut, Policy]:
         if policy not in self._made:
             chosen = self._plan.policies[policy]
-            env = LaidOut(self._make_env(self.run(policy).config, self._judge, chosen))
+            env = LaidOut(self._make_env(self.run(policy).candidate.config, self._judge, chosen))
             self._made[policy] = env, self._sources[policy].bind(env)
         return self._made[policy]
 

@@ -9,9 +9,12 @@ from pathlib import Path
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.files import begin_or_continue, encode, read, write
 from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
+from duobench.looks.catalog import DEFAULT
 from duobench.results.folder import RunFolder
+from duobench.results.records import REAL, Condition, Key
 from duobench.rig_sessions.trial_log import Entry, Kind, TrialLog, read_entries
 from duobench.rig_sessions.trial_plan import PLAN_SCHEMA, Plan, Trial
+from duobench.shifts.shift import NO_SHIFT
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
@@ -170,4 +173,8 @@ class TrialsFolder:
         ]
 
     def _record(self, plan: Plan, trial: Trial) -> Path:
-        return self.run(plan.letter(trial.policy)).record(plan.task.id, trial.episode)
+        condition = Condition(
+            policy=plan.policies[trial.policy].spec, domain=REAL, shift=NO_SHIFT, look=DEFAULT
+        )
+        key = Key(plan.task.id, condition.name, trial.episode)
+        return self.run(plan.letter(trial.policy)).record(key)

@@ -9,11 +9,11 @@ from typing import Any
 from duobench.files import write
 from duobench.hardware.doctor.checks import Report
 from duobench.pages import render
-from duobench.results import metrics
+from duobench.results import scores
 from duobench.results.compare import compare, write_comparison
-from duobench.results.comparison import words
-from duobench.results.metrics import Score
 from duobench.results.report import write_report
+from duobench.results.scores import Score
+from duobench.results.tables import verdict
 from duobench.rig_sessions.trial_folder import Standing, TrialsFolder
 from duobench.rig_sessions.trial_plan import Plan
 
@@ -107,7 +107,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
     if len(policies) > 1:
         comparison = compare([str(folder.run(one.letter).path) for one in policies])
         write_comparison(comparison, folder.comparison)
-        verdicts = [words.verdict(pair) for pair in comparison.pairs]
+        verdicts = [verdict(pair) for pair in comparison.pairs]
     reasons = Counter(reason for each in standing.invalid.values() for reason in each)
     report = TrialsReport(
         plan=plan,
@@ -127,5 +127,5 @@ def _page(report: TrialsReport) -> str:
         "trials.html.j2",
         report=report,
         plan=report.plan,
-        metrics=metrics,
+        scores=scores,
     )

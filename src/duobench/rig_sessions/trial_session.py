@@ -274,7 +274,9 @@ class TrialsSession:
         at_end = True if self._at_end is None else self._at_end
         run_folder = self._folder.run(self._plan.letter(trial.policy))
         if not run_folder.description.exists() or trial.policy not in self._begun:
-            run_folder.begin(played.run)
+            with run_folder.writer() as journal:
+                run_folder.begin(played.run)
+                journal.start(self._players.command, 1)
             self._begun.add(trial.policy)
         run_folder.write(played.record(judged, presses.changes(), at_end=at_end), video)
         self._players.settle(trial, counts=True)

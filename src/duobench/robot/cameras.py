@@ -36,11 +36,7 @@ OVERVIEW = "overview"
 
 
 def check_image_size(height: int, width: int) -> None:
-    """Check that a camera can give images of a size, in pixels.
-
-    Raises:
-        RenderingError: The size is larger than the native one, or not positive.
-    """
+    """Check that a camera can give images of a size, in pixels."""
     if not (0 < height <= NATIVE_HEIGHT and 0 < width <= NATIVE_WIDTH):
         raise RenderingError(
             f"An image of {width}x{height} cannot be rendered: the cameras have "

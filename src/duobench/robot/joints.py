@@ -34,9 +34,6 @@ def duo_limits(speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float 
     Args:
         speed_fractions: Part of the joints' speed limits that the left and the right arm may use.
         margin: Distance in radians from the ends of the joints' ranges.
-
-    Raises:
-        OptionError: A fraction is not over 0 and at most 1.
     """
     low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
     max_change = np.full(FLAT_SIZE, np.inf)
@@ -50,11 +47,7 @@ def duo_limits(speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float 
 
 
 def check_speed_fraction(fraction: float) -> None:
-    """Reject what is no part of the joints' speed limits.
-
-    Raises:
-        OptionError: It is not over 0 and at most 1.
-    """
+    """Reject what is no part of the joints' speed limits."""
     if not (math.isfinite(fraction) and 0.0 < fraction <= 1.0):
         raise OptionError(f"speed_fraction is over 0 and at most 1, got {fraction!r}.")
 

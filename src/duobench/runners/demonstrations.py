@@ -22,7 +22,7 @@ from duobench.evaluation.rollout import Observer
 from duobench.files import begin_or_continue, encode, locked, read, remove_temporary, write
 from duobench.randomness import TRAIN
 from duobench.results.limits import TimeLimits
-from duobench.results.run import OLDEST_RUN_SCHEMA, RUN_SCHEMA, Run
+from duobench.results.run import RUN_SCHEMA, Run
 from duobench.results.suite import Episode, Suite, TaskInfo
 from duobench.runners.executor import executor_for
 from duobench.types import CONTROL_HZ
@@ -39,11 +39,9 @@ class Attempt:
     """An episode that was played for a data set; sorted by task and index."""
 
     task: str
-    """Id of the task."""
     episode: int
     """Index of the episode in its split."""
     success: bool
-    """Whether it reached the last stage."""
     stage: int
     """The last stage that it reached."""
     steps: int
@@ -60,6 +58,8 @@ class Attempts:
 
     attempts: tuple[Attempt, ...] = ()
     """In order."""
+    command: str = ""
+    """The command that played the last of them; empty if there was none."""
 
 
 def record(  # noqa: PLR0913
@@ -94,7 +94,7 @@ def record(  # noqa: PLR0913
         limits: How long the policy may take.
         workers: Processes that play side by side; with 0 this process plays.
         observers: Called about the progress, in this process.
-        command: The command that starts the recording, for its description.
+        command: The command that starts the recording, for the list of attempts.
 
     Returns:
         Every episode that was played, by task and index.
@@ -117,7 +117,6 @@ def record(  # noqa: PLR0913
         policy=PolicyChoice.parse(policy),
         suite=Suite(tasks=tuple(tasks), episodes=episodes),
         limits=limits or TimeLimits(),
-        command=command,
         recording=plan,
     )
     executor = executor_for(job, workers)
@@ -134,8 +133,8 @@ def record(  # noqa: PLR0913
             for result in executor.play(missing):
                 attempt = _write(data, result)
                 log[attempt.task, attempt.episode] = attempt
-                played = encode(Attempts(attempts=tuple(sorted(log.values()))), ATTEMPTS_SCHEMA)
-                write(data.path / ATTEMPTS, played)
+                played = Attempts(attempts=tuple(sorted(log.values())), command=command)
+                write(data.path / ATTEMPTS, encode(played, ATTEMPTS_SCHEMA))
                 for observer in observers:
                     observer.on_episode(attempt)
             if executor.unplayed:
@@ -158,7 +157,6 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
         path,
         run,
         RUN_SCHEMA,
-        oldest=OLDEST_RUN_SCHEMA,
         what="recording",
         foreign=f"{EPISODES}/*/*{SUFFIX}",
         advice=_ADVICE,
@@ -178,13 +176,7 @@ def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
 
 
 def _kept(path: Path, plan: RecordingPlan) -> Attempt:
-    """The attempt that an episode of the data set comes from.
-
-    Raises:
-        OtherRunError: It comes from none: it was merged, renamed or recovered, or it goes on for
-            another time after success.
-        DataError: It cannot be read.
-    """
+    """The attempt that an episode of the data set comes from, or an `OtherRunError`."""
     task, index = path.parent.name, int(path.stem) if path.stem.isdecimal() else 0
     info = Recording.read_info(path)
     outcome = info.outcome

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Protocol
 
 from duobench.errors import EvaluationError, MachineryError, RenderingError
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
-from duobench.policy.registry import PolicyKind
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.runners.process_executor import ProcessExecutor
-from duobench.runners.ray_cluster import Cluster
+from duobench.runners.ray_cluster import Cluster, RayLauncher, check_environment
 from duobench.runners.schedule import Schedule
 from duobench.sim import rendering
-
-_MAY_SEE = (PolicyKind.LEROBOT, PolicyKind.MODULE, PolicyKind.SERVED)
-"""Kinds of policies that may ask for images."""
 
 
 class Executor(Protocol):
@@ -30,11 +26,7 @@ class Executor(Protocol):
         ...
 
     def prepare(self) -> Run:
-        """Make the policy, and say what is played by what.
-
-        Raises:
-            DuoBenchError: If the policy cannot be made.
-        """
+        """Make the policy, and say what is played by what."""
         ...
 
     def rehearse(self, episode: Episode) -> None:
@@ -43,24 +35,20 @@ class Executor(Protocol):
         A scripted policy is not asked: it answers whatever it sees.
 
         Raises:
-            PolicyError: If it fails, or its answer is no chunk of actions.
-            MachineryError: If it cannot be asked.
-            DuoBenchError: If the policy does not fit, or an environment cannot be made.
+            PolicyError: It fails, or its answer is no chunk of actions.
         """
         ...
 
-    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
-        """Play episodes, each exactly once, after `prepare`; what cannot be played is `unplayed`.
+    def play(
+        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = ...
+    ) -> Iterator[EpisodeResult]:
+        """Play episodes in any order, each exactly once; what cannot be played is `unplayed`.
 
-        Args:
-            episodes: What to play, in any order.
-
-        Yields:
-            Their results, in the order in which they are finished.
+        Whenever an attempt at an episode is going to begin, `begun` is told.
 
         Raises:
-            MachineryError: If what they need is not there.
-            DuoBenchError: If the policy does not fit, or an environment cannot be made.
+            MachineryError: What they need is not there.
+            DuoBenchError: The policy does not fit, or an environment cannot be made.
         """
         ...
 
@@ -83,7 +71,6 @@ class LocalExecutor:
     """
 
     def __init__(self, job: Job) -> None:
-        """Remember what to play, and how."""
         self._job = job
         self._schedule = Schedule()
         self._runner: EpisodeRunner | None = None
@@ -93,8 +80,7 @@ class LocalExecutor:
     def prepare(self) -> Run:
         """Make the policy, and say what is played by what."""
         job = self._job
-        source = find_source(job.policy, job.suite.tasks, job.limits)
-        self._runner = EpisodeRunner(source, job)
+        self._runner = EpisodeRunner(find_source(job.policy, job.suite.tasks, job.limits), job)
         return self._runner.run
 
     def rehearse(self, episode: Episode) -> None:
@@ -102,12 +88,15 @@ class LocalExecutor:
         if not self._job.policy.is_scripted:
             self._prepared.rehearse(episode)
 
-    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
+    def play(
+        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = lambda _episode: None
+    ) -> Iterator[EpisodeResult]:
         """Play episodes in their order."""
         runner = self._prepared
         for episode in episodes:
             result = None
             while result is None:
+                begun(episode)
                 try:
                     result = runner.play(episode)
                 except MachineryError as fault:
@@ -115,7 +104,7 @@ class LocalExecutor:
             yield result
 
     def failures(self) -> Iterator[EpisodeResult]:
-        """None."""
+        """Nothing."""
         return iter(())
 
     def close(self) -> None:
@@ -132,41 +121,28 @@ class LocalExecutor:
 
 
 def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Executor:
-    """What does a job.
-
-    Args:
-        job: What to play.
-        workers: Processes that play side by side; with 0 this process plays.
-        cluster: The Ray cluster on which they are; None for this machine alone.
+    """What does a job, with so many processes side by side, or with 0 in this one.
 
     Raises:
-        EvaluationError: If the number of workers is negative, or 0 on a cluster, or Ray cannot be
-            used.
-        RenderingError: If there are to be videos, and nothing renders.
+        EvaluationError: The number of workers is negative, or 0 on a cluster, or there is no Ray.
+        RenderingError: There are to be videos, and nothing renders.
     """
     if workers < 0:
         raise EvaluationError(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
         )
     if cluster is not None:
-        return _on_cluster(job, workers, cluster)
+        if workers == 0:
+            raise EvaluationError("On a cluster there is at least one worker; got 0.")
+        check_environment()
+        return ProcessExecutor(job, workers, RayLauncher(cluster, job, workers))
     if workers == 0:
         return LocalExecutor(job)
     # How to render is chosen before there are workers, so that not each of them finds out for
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if job.videos:
         rendering.choose(processes=workers)
-    elif job.policy.name.kind in _MAY_SEE and workers > 1:
+    elif job.policy.may_see and workers > 1:
         with suppress(RenderingError):
             rendering.choose(processes=workers)
     return ProcessExecutor(job, workers)
-
-
-def _on_cluster(job: Job, workers: int, cluster: Cluster) -> Executor:
-    from duobench.runners.ray_cluster import check_environment
-    from duobench.runners.ray_executor import RayExecutor
-
-    if workers == 0:
-        raise EvaluationError("On a cluster there is at least one worker; got 0.")
-    check_environment()
-    return RayExecutor(job, workers, cluster)

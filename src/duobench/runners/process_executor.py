@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from duobench import errors
@@ -17,28 +17,18 @@ from duobench.errors import (
 )
 from duobench.evaluation.episode import EpisodeResult, Job
 from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.files import differences
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode
-from duobench.runners.child import Refused
-from duobench.runners.messages import (
-    EpisodeError,
-    Progress,
-    Ready,
-    Rehearsed,
-    Report,
-)
-from duobench.runners.policy_process import Answering, PolicyProcess
+from duobench.runners.policy_process import Answering
+from duobench.runners.pool import Launcher, LocalLauncher, RunningPolicy, Worker, WorkerPool
+from duobench.runners.process import DEATH_SEEN_S, ProcessFailed, death_within
 from duobench.runners.schedule import Schedule
-from duobench.runners.team import Team
-from duobench.runners.worker import Worker
+from duobench.runners.worker import EpisodeError, EpisodeProgress, Ready, Rehearsed, Report
 
 _log = logging.getLogger(__name__)
 
-MAX_FAILED_STARTS = 3
-"""Processes that die one after the other while they start, until the run gives up."""
-DEATH_SEEN_S = 1.0
-"""How long after a lost connection the end of a process may be seen, in seconds."""
 HANG_S = 1.0
 """How long a policy's process may be late, in seconds, before it is ended: one that comes back
 until then says itself that it was too slow."""
@@ -56,38 +46,34 @@ class ProcessExecutor:
 
     Workers are new processes that import only what they need: a script that calls this needs no
     `if __name__ == "__main__":` guard.
+
+    Args:
+        job: What to play.
+        workers: Most workers at a time, which are started when needed.
+        launcher: What starts them; None starts them on this machine.
     """
 
-    def __init__(self, job: Job, workers: int) -> None:
-        """Remember what to play, by at most so many workers, which are started when needed.
-
-        Args:
-            job: What to play.
-            workers: Most workers at a time.
-        """
-        self._job = job
+    def __init__(self, job: Job, workers: int, launcher: Launcher | None = None) -> None:
+        self._job, self._most = job, workers
+        self._launcher: Launcher = launcher or LocalLauncher()
         self._schedule = Schedule()
-        self._most = workers
-        self._team = self._make_team()
+        self._pool = WorkerPool(job, self._launcher)
         self._failed_starts = 0
-        self._most_failed_starts = MAX_FAILED_STARTS
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
         self._at_horizon: dict[Episode, EpisodeRecord] = {}
-
-    def _make_team(self) -> Team:
-        """Who does the job, without a process yet."""
-        return Team(self._job)
+        self._begun: Callable[[Episode], None] = lambda _episode: None
 
     @property
     def unplayed(self) -> dict[Episode, str]:
         """Episodes that could not be played, and why, in words."""
-        return self._schedule.set_aside
+        return self._schedule.abandoned
 
     def prepare(self) -> Run:
         """Start a first worker, and say what is played by what."""
+        self._launcher.open()
         while self._ready is None:
-            self._team.start(1)
+            self._pool.start(1)
             for _ in self._poll():
                 pass
         return self._ready.run
@@ -96,16 +82,19 @@ class ProcessExecutor:
         """Have the policy answer a first observation."""
         if self._job.policy.is_scripted:
             return
-        (self._rehearsing,) = self._team.workers
+        (self._rehearsing,) = self._pool.workers
         self._rehearsing.rehearse(episode)
         while self._rehearsing is not None:
             for _ in self._poll():
                 pass
 
-    def play(self, episodes: Sequence[Episode]) -> Iterator[EpisodeResult]:
+    def play(
+        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = lambda _episode: None
+    ) -> Iterator[EpisodeResult]:
         """Play episodes; those of a task go to as few workers as keeps all of them busy."""
         self._schedule.add(episodes)
-        while self._schedule.left or self._team.playing:
+        self._begun = begun
+        while self._schedule.left or self._pool.playing:
             self._dispatch()
             yield from self._poll()
         for episode in self._at_horizon.keys() & self.unplayed.keys():
@@ -120,73 +109,75 @@ class ProcessExecutor:
 
     def close(self) -> None:
         """Let processes free what they hold, then end them and all that they have started."""
-        self._team.close()
+        self._pool.close()
+        self._launcher.close()
 
     @property
-    def _run(self) -> Run:
+    def _prepared(self) -> Ready:
         if self._ready is None:
             raise AssertionError("An executor is prepared before it plays.")
-        return self._ready.run
+        return self._ready
 
     def _dispatch(self) -> None:
         """Give waiting episodes to idle workers, and start more processes for the rest."""
-        playing = len(self._team.playing)
-        alone = self._schedule.has_suspects
-        if alone and playing:
+        playing = len(self._pool.playing)
+        isolated = self._schedule.has_quarantined
+        if isolated and playing:
             return
-        self._team.start(1 if alone else min(self._schedule.left + playing, self._most))
-        for worker in self._team.workers:
+        self._pool.start(1 if isolated else min(self._schedule.left + playing, self._most))
+        for worker in self._pool.workers:
             if worker.is_ready and worker.episode is None and self._schedule.left:
-                worker.play(self._schedule.next(worker.task))
-                if alone:
+                episode = self._schedule.next(worker.task)
+                self._begun(episode)
+                worker.play(episode)
+                if isolated:
                     return
 
     # --- what processes say, and how they end --------------------------------------------------
 
     def _poll(self) -> Iterator[EpisodeResult]:
         """Wait for reports, a moment at most, and act on them."""
-        children = self._team.children
-        readable = self._team.wait(TICK_S)
-        for child in children:
-            if child not in self._team.children:
+        members = self._pool.members
+        readable = self._pool.wait(TICK_S)
+        for member in members:
+            if member not in self._pool.members:
                 continue
-            reports, fault = _read(child, is_readable=child in readable)
+            reports, fault = _read(member, is_readable=member in readable)
             for report in reports:
-                if child in self._team.children:
-                    yield from self._receive(child, report)
-            if child not in self._team.children:
+                if member in self._pool.members:
+                    yield from self._receive(member, report)
+            if member not in self._pool.members:
                 continue
             if fault is not None:
-                self._lose(child, fault)
-            elif isinstance(child, Worker):
-                yield from self._check_episode(child)
+                self._lose(member, fault)
+            elif isinstance(member, Worker):
+                yield from self._check_episode(member)
             else:
-                yield from self._check_answer(child)
+                yield from self._check_answer(member)
 
     def _receive(
-        self, child: Worker | PolicyProcess, report: Report | Answering
+        self, member: Worker | RunningPolicy, report: Report | Answering
     ) -> Iterator[EpisodeResult]:
         """Act on a report."""
-        if isinstance(report, Refused):
+        if isinstance(report, ProcessFailed):
             raise getattr(errors, report.error, EvaluationError).from_message(report.message)
-        if isinstance(child, Worker):
-            yield from self._receive_from_worker(child, report)
+        if isinstance(member, Worker):
+            yield from self._receive_from_worker(member, report)
         elif isinstance(report, Answering):
-            self._team.note_address(child, report.address)
+            self._pool.note_address(member, report.address)
 
     def _receive_from_worker(
         self, worker: Worker, report: Report | Answering
     ) -> Iterator[EpisodeResult]:
         match report:
             case Ready():
-                if self._ready is not None:
-                    self._check_same(self._ready, report)
+                self._check_same(report.run)
                 self._ready = report
                 self._failed_starts = 0
                 worker.is_ready = True
             case Rehearsed():
                 self._rehearsing = worker.episode = None
-            case Progress(record=record):
+            case EpisodeProgress(record=record):
                 self._note_progress(worker, record)
             case EpisodeResult():
                 yield from self._accept(worker, report)
@@ -197,26 +188,29 @@ class ProcessExecutor:
 
     def _note_progress(self, worker: Worker, record: EpisodeRecord) -> None:
         """Note how far the episode of a worker is, and the end of one that is played on."""
-        if worker.episode and self._run.objection(record, worker.episode) is None:
+        if worker.episode and self._prepared.run.objection(record, worker.episode) is None:
             worker.progress = record
             if record.end is not None:
                 self._at_horizon.setdefault(worker.episode, record)
 
-    def _check_same(self, first: Ready, other: Ready) -> None:
-        """Check that two workers play the same.
-
-        Raises:
-            EvaluationError: They do not.
-        """
-        if first != other:
-            raise EvaluationError("The policy has changed while the run was going on.")
+    def _check_same(self, run: Run) -> None:
+        """Workers may differ in processor and renderer, as records say, and in nothing else."""
+        if self._ready is None or self._ready.run == run:
+            return
+        first = self._ready.run
+        found = first.differences(run) or differences(first.versions, run.versions)
+        raise EvaluationError(
+            f"Workers do not play the same: one of them has {'; '.join(found) or 'other details'}. "
+            "The policy has changed while the run was going on, or nodes of a cluster have other "
+            "software: install the same on all."
+        )
 
     def _accept(self, worker: Worker, result: EpisodeResult) -> Iterator[EpisodeResult]:
         """Pass on what was asked for, and drop anything else."""
         if worker.episode is None:
             _log.warning("A result that nobody asked for was dropped.")
             return
-        objection = result.objection(worker.episode, self._run, self._job.recording)
+        objection = result.objection(worker.episode, self._prepared.run, self._job.recording)
         if objection is None:
             kept = self._at_horizon.pop(worker.episode, None)
             worker.episode = None
@@ -229,7 +223,7 @@ class ProcessExecutor:
     def _note_fault(self, worker: Worker, fault: str) -> None:
         """Act on an episode that its worker could not play, most often for the policy's death."""
         policy = worker.policy
-        if policy is not None and (death := policy.death_within(DEATH_SEEN_S)):
+        if policy is not None and (death := death_within(policy.process, DEATH_SEEN_S)):
             self._lose(policy, death)
         elif worker.episode is not None and worker is self._rehearsing:
             self._schedule.note_fault(worker.episode, fault)
@@ -238,26 +232,26 @@ class ProcessExecutor:
             self._schedule.retry(worker.episode, fault)
             worker.episode = None
 
-    def _lose(self, child: Worker | PolicyProcess, fault: str) -> None:
+    def _lose(self, member: Worker | RunningPolicy, fault: str) -> None:
         """Let go of a process that is of no more use, and have what it played be played again."""
-        if not child.is_ready:
+        if not member.is_ready:
             self._note_failed_start(fault)
-        for worker in self._team.wait(0):  # what they said before their policy died
-            if isinstance(worker, Worker) and worker.policy is child:
+        for worker in self._pool.wait(0):  # what they said before their policy died
+            if isinstance(worker, Worker) and worker.policy is member:
                 for report in _read(worker, is_readable=True)[0]:
-                    if isinstance(report, Progress):
+                    if isinstance(report, EpisodeProgress):
                         self._note_progress(worker, report.record)
-        played = self._remove(child)
+        played = self._remove(member)
         if len(played) > 1:
-            self._schedule.suspect(played)
-        elif isinstance(child, Worker):
+            self._schedule.quarantine(played)
+        elif isinstance(member, Worker):
             self._schedule.replay(played, fault)
         else:
-            self._schedule.replay(played, f"of the policy, {fault}", alone=True)
+            self._schedule.replay(played, f"of the policy, {fault}", isolated=True)
 
-    def _remove(self, child: Worker | PolicyProcess) -> list[Episode]:
+    def _remove(self, member: Worker | RunningPolicy) -> list[Episode]:
         """End a process, with the workers that need it; what they were playing."""
-        removed = self._team.remove(child)
+        removed = self._pool.remove(member)
         if self._rehearsing in removed:
             raise PolicyError(
                 "The policy does not answer a first observation: its process ended, or did not "
@@ -268,25 +262,25 @@ class ProcessExecutor:
     def _note_failed_start(self, fault: str) -> None:
         """Note that a process was of no use; too many in a row end the run."""
         self._failed_starts += 1
-        if self._failed_starts == self._most_failed_starts:
+        if self._failed_starts == self._launcher.max_failed_starts:
             raise MachineryError(
-                f"{self._most_failed_starts} workers in a row failed while they were starting, the "
-                f"last one like this: {fault}"
+                f"{self._failed_starts} workers in a row failed while they were starting, the last "
+                f"one like this: {fault}"
             )
 
     # --- time limits ---------------------------------------------------------------------------
 
-    def _check_answer(self, policy: PolicyProcess) -> Iterator[EpisodeResult]:
+    def _check_answer(self, policy: RunningPolicy) -> Iterator[EpisodeResult]:
         """End a policy that hangs; alone with an episode, it has failed it."""
         act_s = self._job.limits.act_timeout
-        if policy.clock.answer_s() <= act_s + HANG_S:
+        if policy.process.clock().answer_s <= act_s + HANG_S:
             return
-        mates = [worker for worker in self._team.playing if worker.policy is policy]
+        mates = [worker for worker in self._pool.playing if worker.policy is policy]
         played = self._remove(policy)
         if len(played) == 1:
             yield self._failed(mates[0], PolicyTimeoutError.of_answer(act_s))
         else:
-            self._schedule.suspect(played)
+            self._schedule.quarantine(played)
 
     def _check_episode(self, worker: Worker) -> Iterator[EpisodeResult]:
         """Fail the episode of a policy that takes too long; its worker cannot be used again."""
@@ -295,10 +289,11 @@ class ProcessExecutor:
         limits = self._job.limits
         if worker.policy is not None:
             limits = replace(limits, act_timeout=float("inf"))
-        if late := worker.clock.late(limits):
+        clock = worker.process.clock()
+        if late := clock.late(limits):
             self._remove(worker)
             yield self._failed(worker, late)
-        elif worker.clock.episode_s() > limits.episode_timeout + GRACE_S:
+        elif clock.episode_s > limits.episode_timeout + GRACE_S:
             self._lose(worker, "the simulation did not come back within the time limit.")
 
     def _failed(self, worker: Worker, late: PolicyTimeoutError) -> EpisodeResult:
@@ -309,25 +304,25 @@ class ProcessExecutor:
             return EpisodeResult(record=record)
         record = worker.progress or self._unknown(worker.episode)
         # The clock is shared memory, and nonsense in it must not end the run.
-        steps = min(max(worker.clock.steps, record.steps), record.horizon)
+        steps = min(max(worker.process.clock().steps, record.steps), record.horizon)
         return EpisodeResult(record=record.broken(late, steps))
 
     def _unknown(self, episode: Episode) -> EpisodeRecord:
         """The record of an episode of which nothing is known."""
-        if self._ready is None:
-            raise AssertionError("An executor is prepared before it plays.")
-        return EpisodeRecorder(episode).record(self._ready.run, self._ready.versions)
+        ready = self._prepared
+        return EpisodeRecorder(episode).record(ready.run, ready.versions)
 
 
 def _read(
-    child: Worker | PolicyProcess, *, is_readable: bool
+    member: Worker | RunningPolicy, *, is_readable: bool
 ) -> tuple[Sequence[Report | Answering], str | None]:
     """What a process has said, and what has become of it if it is of no more use."""
+    process = member.process
     try:
         if is_readable:
-            return child.receive(), None
-        return (), child.death()
+            return process.receive(), None
+        return (), process.death()
     except EOFError:
-        return (), child.death_within(DEATH_SEEN_S) or "its process closed the connection."
+        return (), death_within(process, DEATH_SEEN_S) or "its process closed the connection."
     except MessageError as error:
         return (), f"its result cannot be read ({error})."

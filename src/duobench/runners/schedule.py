@@ -16,22 +16,21 @@ class Schedule:
     """The episodes that wait to be played, task by task."""
 
     def __init__(self) -> None:
-        """Begin without any."""
         self._waiting: dict[str, deque[Episode]] = {}
-        self._suspects: deque[Episode] = deque()
+        self._quarantined: deque[Episode] = deque()
         self._faults: Counter[Episode] = Counter()
-        self.set_aside: dict[Episode, str] = {}
+        self.abandoned: dict[Episode, str] = {}
         """Episodes that are not played any more, and how their processes ended, in words."""
 
     @property
     def left(self) -> int:
         """How many episodes wait."""
-        return sum(map(len, self._waiting.values())) + len(self._suspects)
+        return sum(map(len, self._waiting.values())) + len(self._quarantined)
 
     @property
-    def has_suspects(self) -> bool:
-        """Whether the next episode is played alone, beside no other."""
-        return bool(self._suspects)
+    def has_quarantined(self) -> bool:
+        """Whether the next episode is played beside no other."""
+        return bool(self._quarantined)
 
     def add(self, episodes: Iterable[Episode]) -> None:
         """Let episodes wait."""
@@ -39,41 +38,41 @@ class Schedule:
             self._waiting.setdefault(episode.task.id, deque()).append(episode)
 
     def next(self, task: TaskInfo | None) -> Episode:
-        """Take the next episode; suspects come first.
+        """Take the next episode; those in quarantine come first.
 
         Args:
             task: The task to go on with, if one of its episodes waits; else it is the one with most
                 left.
         """
-        if self._suspects:
-            return self._suspects.popleft()
+        if self._quarantined:
+            return self._quarantined.popleft()
         longest = max(self._waiting.values(), key=len)
         queue = self._waiting.get(task.id) if task else None
         return (queue or longest).popleft()
 
-    def suspect(self, episodes: Iterable[Episode]) -> None:
+    def quarantine(self, episodes: Iterable[Episode]) -> None:
         """Let episodes wait of which one has hung or killed a policy that all of them shared.
 
-        They are played alone, until it is known which one it was.
+        They are played one at a time, until it is known which one it was.
         """
-        self._suspects.extend(episodes)
+        self._quarantined.extend(episodes)
 
-    def replay(self, episodes: Iterable[Episode], death: str, *, alone: bool = False) -> None:
-        """Let episodes wait again whose process has ended; too many ends set one aside.
+    def replay(self, episodes: Iterable[Episode], death: str, *, isolated: bool = False) -> None:
+        """Let episodes wait again whose process has ended; after too many one is abandoned.
 
         Args:
             episodes: The episodes.
             death: How the process ended, in words.
-            alone: Whether they are played alone, beside no other.
+            isolated: Whether they are played beside no other.
         """
         for episode in episodes:
             self._faults[episode] += 1
             if self._faults[episode] == MAX_PLAYS:
-                self.set_aside[episode] = (
+                self.abandoned[episode] = (
                     f"in each of {MAX_PLAYS} attempts something failed, the last time: {death}"
                 )
-            elif alone:
-                self._suspects.append(episode)
+            elif isolated:
+                self._quarantined.append(episode)
             else:
                 self._waiting[episode.task.id].appendleft(episode)
 

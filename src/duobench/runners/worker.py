@@ -1,97 +1,81 @@
-"""A worker: a process with a simulator, which plays episodes."""
+"""A worker: a process with a simulator, which plays episodes; and what it and its parent say."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import msgspec
 
 from duobench.errors import MachineryError, escaped
 from duobench.evaluation.clock import EpisodeClock
-from duobench.evaluation.episode import EpisodeRunner, Job
+from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
 from duobench.results.records import EpisodeRecord
-from duobench.results.suite import Episode, TaskInfo
-from duobench.runners.child import Child, Parent, Requests, run_child
-from duobench.runners.messages import (
-    EpisodeError,
-    Play,
-    Progress,
-    Ready,
-    Rehearse,
-    Rehearsed,
-    Report,
-    Request,
-    Stop,
-)
-from duobench.runners.policy_process import PolicyProcess
+from duobench.results.run import Run
+from duobench.results.suite import Episode
+from duobench.runners.process import Parent, ProcessFailed, Requests, Stop, run_child
 
 
-class Worker(Child[Report]):
-    """A worker as its parent sees it."""
+class PlayEpisode(msgspec.Struct, tag=True, frozen=True):
+    """To a worker: play an episode."""
 
-    module = __name__
+    episode: Episode
 
-    def __init__(self, policy: PolicyProcess | None = None) -> None:
-        """Start the process, which waits for a job.
 
-        Args:
-            policy: The process of the policy; None if the worker has the policy itself.
+class Rehearse(msgspec.Struct, tag=True, frozen=True):
+    """To a worker: have the policy answer the first observation of an episode."""
 
-        Raises:
-            MachineryError: The process cannot be started.
-        """
-        super().__init__(Report)
-        self.policy = policy
-        """The process of its policy."""
-        self.episode: Episode | None = None
-        """What it is playing."""
-        self.progress: EpisodeRecord | None = None
-        """The record of that so far, once it has begun."""
-        self.task: TaskInfo | None = None
-        """The task whose environment it has."""
+    episode: Episode
 
-    def begin(self, job: Job) -> None:
-        """Have it make the policy, or connect to it."""
-        if self.policy is not None:
-            choice = replace(job.policy, address=self.policy.address)
-            job = msgspec.structs.replace(job, policy=choice)
-        self.send(job)
 
-    def rehearse(self, episode: Episode) -> None:
-        """Have its policy answer the first observation of an episode."""
-        self.episode = episode
-        self.send(Rehearse(episode=episode))
+class Ready(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the policy is made."""
 
-    def play(self, episode: Episode) -> None:
-        """Have it play an episode."""
-        self.episode, self.task, self.progress = episode, episode.task, None
-        self.send(Play(episode=episode))
+    run: Run
+    """What is played, and by what."""
+    versions: dict[str, str | None]
+    """Versions of everything that a result may depend on."""
+
+
+class Rehearsed(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the policy has answered."""
+
+
+class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the episode has begun, reached a new stage, or is played on."""
+
+    record: EpisodeRecord
+    """Its record so far."""
+
+
+class EpisodeError(msgspec.Struct, tag=True, frozen=True):
+    """From a worker: the machinery failed, and the episode is unplayed; play it again."""
+
+    fault: str
+
+
+Request = Job | PlayEpisode | Rehearse | Stop
+"""To a worker; a job comes first, which has it make the policy."""
+Report = Ready | Rehearsed | EpisodeProgress | EpisodeResult | EpisodeError | ProcessFailed
+"""From a worker."""
 
 
 def main(connection: int, clock: int) -> None:
-    """Play episodes until asked to stop.
+    """Play episodes until asked to stop; see `WorkerProcess`."""
 
-    Args:
-        connection: File descriptor of the socket to the parent.
-        clock: File descriptor of the clock.
-    """
-    run_child(
-        connection, Request, lambda parent, requests: _play(parent, requests, EpisodeClock(clock))
-    )
+    def play(parent: Parent, requests: Requests) -> None:
+        job = requests.get()
+        if isinstance(job, Job):
+            _play(job, parent, requests, EpisodeClock(clock))
+
+    run_child(connection, Request, play)
 
 
-def _play(parent: Parent, requests: Requests, clock: EpisodeClock) -> None:
+def _play(job: Job, parent: Parent, requests: Requests, clock: EpisodeClock) -> None:
     """Make the policy, then play one episode after the other."""
-    job = requests.get()
-    if not isinstance(job, Job):
-        return
-    source = find_source(job.policy, job.suite.tasks, job.limits)
     runner = EpisodeRunner(
-        source,
+        find_source(job.policy, job.suite.tasks, job.limits),
         job,
         clock,
-        lambda record: parent.report(Progress(record=record)),
+        lambda record: parent.report(EpisodeProgress(record=record)),
         is_interruptible=False,
     )
     parent.report(Ready(run=runner.run, versions=runner.versions))

@@ -14,7 +14,7 @@ from duobench.robot.cameras import (
     WRIST_FOCAL,
     View,
 )
-from duobench.scene.surfaces import Group, add_box, collide_as_metal, distal
+from duobench.scene.surfaces import CollisionGroup, add_box, collide_as_metal, distal
 from duobench.spatial import SE3
 from duobench.types import HEAD, Side, wrist_name
 
@@ -48,7 +48,7 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
     middle = ZED_BASELINE / 2
     housing = add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.1244, 0.0304, 0.0260), _HOUSING)
     housing.name = f"{HEAD}/housing"
-    collide_as_metal(housing, Group.FIXTURE)
+    collide_as_metal(housing, CollisionGroup.FIXTURE)
     for x in (0.0, ZED_BASELINE):
         add_box(world, pose @ SE3.at(x, 0.0, 0.001), (0.022, 0.022, 0.0012), _LENS)
 

@@ -22,7 +22,7 @@ from duobench.scene.surfaces import (
     CONTACT_SOLIMP,
     CONTACT_SOLREF,
     VISUAL_GEOM_GROUP,
-    Group,
+    CollisionGroup,
     collide_as,
     stiffen,
     visual_only,
@@ -55,9 +55,6 @@ def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoc
     Returns:
         A specification that is ready to be compiled. Body, joint and geom names are those of
         `scene.naming` and of the props.
-
-    Raises:
-        DuoBenchError: Two props share a name, or the overview is seen from outside the room.
     """
     _check_in_room(overview)
     spec = mujoco.MjSpec()
@@ -89,17 +86,17 @@ def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoc
     add_robot(spec)
     add_head_camera(spec.worldbody)
     add_overview_camera(spec.worldbody, overview)
-    seen: set[str] = set()
+    names: set[str] = set()
     for prop in props:
-        if prop.name in seen:
+        if prop.name in names:
             raise DuoBenchError(f"Two props are called {prop.name!r}; give each its own name.")
-        seen.add(prop.name)
+        names.add(prop.name)
         add_prop(spec, prop)
     return spec
 
 
 def _check_in_room(view: View) -> None:
-    """Reject an eye outside: walls and ceiling would be seen from behind, or not at all."""
+    """Reject an eye outside: walls and ceiling would be visible from behind, or not at all."""
     room = {"x": ROOM_X, "y": ROOM_Y, "z": (FLOOR_Z, FLOOR_Z + ROOM_HEIGHT)}
     if not all(low < at < high for at, (low, high) in zip(view.eye, room.values(), strict=True)):
         ends = ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, (low, high) in room.items())
@@ -160,7 +157,7 @@ def _fill(
     body.ipos = properties.centre
     i = properties.inertia
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
-    group = Group.FIXTURE if prop.fixed and not moving else Group.OBJECT
+    group = CollisionGroup.FIXTURE if prop.fixed and not moving else CollisionGroup.OBJECT
     kinds = [shape.kind for shape in solid.shapes]
     rendered_alone = solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
     for number, shape in enumerate(solid.shapes):
@@ -219,7 +216,7 @@ def add_ribs(mesh: Mesh) -> Mesh:
     face of the shadow map away from the light by one and a half texels times the face's slope, so
     that no surface lies in its own shadow. A wall that runs along the light is so steep that it
     moves by centimetres, to beyond the floor: its seam is lit, in bright dashes. A level face moves
-    by 2 mm only. Inside the wall nobody sees it, and light for the seam has to pass it.
+    by 2 mm only. Inside the wall it is invisible, and light for the seam has to pass it.
     """
     corners = mesh.vertices[mesh.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

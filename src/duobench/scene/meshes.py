@@ -23,7 +23,7 @@ FILE = "robot_meshes.npz"
 vertices and triangles, and one mesh after the other `points` (n, 3) on the grid and `faces` (m, 3).
 """
 SHA256 = "485c87be44e231ad27eb7e0bb349f7de128cfac48f59821f65245509ccc70b1e"
-"""Digest of the file: any other bytes are rejected, so that nobody simulates another robot."""
+"""Digest of the file: any other bytes are rejected: they are another robot."""
 POINTS_PER_METRE = 100_000
 """Grid of the coordinates, which are kept as whole numbers."""
 
@@ -32,11 +32,7 @@ _ADVICE = "Install duobench again."
 
 @functools.cache
 def robot_meshes() -> Mapping[str, Mesh]:
-    """Return all meshes by name, read once per process; their arrays are read-only.
-
-    Raises:
-        AssetError: The data file is missing or damaged.
-    """
+    """Return all meshes by name, read once per process; their arrays are read-only."""
     try:
         data = resources.files("duobench.scene").joinpath(FILE).read_bytes()
     except OSError as error:
@@ -45,11 +41,7 @@ def robot_meshes() -> Mapping[str, Mesh]:
 
 
 def decode(data: bytes) -> Mapping[str, Mesh]:
-    """Return the meshes that the bytes of the data file hold.
-
-    Raises:
-        AssetError: The bytes are not those of the file.
-    """
+    """Return the meshes that the bytes of the data file hold."""
     digest = hashlib.sha256(data).hexdigest()
     if digest != SHA256:
         raise AssetError(
@@ -81,12 +73,7 @@ def add_mesh(
     position: Vector = (0.0, 0.0, 0.0),
     wxyz: Vector = (1.0, 0.0, 0.0, 0.0),
 ) -> mujoco.MjsGeom:
-    """Add one of the robot's meshes to a body, at a pose in its frame; the model has it once.
-
-    Raises:
-        UnknownNameError: There is no such mesh.
-        AssetError: The data file is missing or damaged.
-    """
+    """Add one of the robot's meshes to a body, at a pose in its frame; the model has it once."""
     meshes = robot_meshes()
     check_known("mesh of the robot", mesh, meshes)
     if spec.mesh(mesh) is None:

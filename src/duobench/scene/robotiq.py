@@ -38,7 +38,7 @@ MOUNT = SE3.about((0.0, 0.0, 1.0), math.pi / 2)
 CTRL_CLOSED = 255.0
 """Actuator input for closed; 0 is open."""
 TENDON_SHARE = 0.485
-"""Part of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
+"""FingerLink of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
 TENDON_CLOSED = 0.8
 """Length of the tendon at which the pads meet [Menagerie robotiq_2f85_v4]."""
 DRIVER_CLOSED = TENDON_CLOSED / (2 * TENDON_SHARE)
@@ -85,7 +85,7 @@ with the hexagonal peg)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Part(Link):
+class FingerLink(Link):
     """One link of the linkage on either side of the gripper."""
 
     name: str
@@ -113,12 +113,12 @@ _SPRING_JOINT = {
 }
 
 
-def _finger(*, mirrored: bool) -> tuple[Part, ...]:
+def _finger(*, mirrored: bool) -> tuple[FingerLink, ...]:
     """The four moving bodies of one finger; the mirrored one is turned by half a turn about z."""
     sign = -1.0 if mirrored else 1.0
     root_wxyz = (0.0, 0.0, -1.0, 1.0) if mirrored else (1.0, -1.0, 0.0, 0.0)
     return (
-        Part(
+        FingerLink(
             name="driver",
             parent="base",
             position=(-0.0306011 * sign, 0.00475 * sign, 0.0657045),
@@ -132,7 +132,7 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
             mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
             visuals=(("driver", METAL),),
         ),
-        Part(
+        FingerLink(
             name="coupler",
             parent="driver",
             position=(-0.0314249, 0.00453223, -0.0102),
@@ -145,7 +145,7 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
             mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
             visuals=(("coupler", BLACK),),
         ),
-        Part(
+        FingerLink(
             name="spring_link",
             parent="base",
             position=(-0.0127 * sign, -0.012 * sign, 0.07222),
@@ -160,7 +160,7 @@ def _finger(*, mirrored: bool) -> tuple[Part, ...]:
             hull_setback=SPRING_LINK_SETBACK,
             visuals=(("spring_link", BLACK),),
         ),
-        Part(
+        FingerLink(
             name="follower",
             parent="spring_link",
             position=(-0.0382079, -0.0425003, 0.00295),
@@ -225,7 +225,7 @@ def _add_finger(
     spec: mujoco.MjSpec,
     side: Side,
     finger: str,
-    parts: tuple[Part, ...],
+    parts: tuple[FingerLink, ...],
     base: mujoco.MjsBody,
 ) -> None:
     prefix = f"{gripper_name(side)}/{finger}"

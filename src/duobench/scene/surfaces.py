@@ -1,4 +1,4 @@
-"""Surfaces: who collides with whom, how hard and how rough they are, and boxes that are only seen.
+"""Surfaces: who collides with whom, how hard and how rough they are, and boxes without contacts.
 
 Collisions have one bit a group, in MuJoCo's contype and conaffinity. An arm's proximal links (up to
 the forearm) do not collide with each other: the joint ranges already keep them apart. Its distal
@@ -18,7 +18,7 @@ from duobench.spatial import SE3
 from duobench.types import Side
 
 
-class Group(IntFlag):
+class CollisionGroup(IntFlag):
     """Collision groups."""
 
     LEFT_PROXIMAL = 1
@@ -32,24 +32,24 @@ class Group(IntFlag):
 _EVERYTHING = 63
 
 
-def proximal(side: Side) -> Group:
+def proximal(side: Side) -> CollisionGroup:
     """Links 0 to 5 of an arm."""
-    return Group.LEFT_PROXIMAL if side is Side.LEFT else Group.RIGHT_PROXIMAL
+    return CollisionGroup.LEFT_PROXIMAL if side is Side.LEFT else CollisionGroup.RIGHT_PROXIMAL
 
 
-def distal(side: Side) -> Group:
+def distal(side: Side) -> CollisionGroup:
     """Links 6 and 7, gripper and wrist camera of an arm."""
-    return Group.LEFT_DISTAL if side is Side.LEFT else Group.RIGHT_DISTAL
+    return CollisionGroup.LEFT_DISTAL if side is Side.LEFT else CollisionGroup.RIGHT_DISTAL
 
 
-def collide_as(geom: mujoco.MjsGeom, group: Group) -> None:
+def collide_as(geom: mujoco.MjsGeom, group: CollisionGroup) -> None:
     """Make a geom collide as a member of a group: with all others, and objects with each other.
 
     MuJoCo lets two geoms collide when either one's type meets the other's affinity, so both sides
     carry the same relation.
     """
     geom.contype = int(group)
-    geom.conaffinity = _EVERYTHING if group is Group.OBJECT else _EVERYTHING - int(group)
+    geom.conaffinity = _EVERYTHING if group is CollisionGroup.OBJECT else _EVERYTHING - int(group)
 
 
 def visual_only(geom: mujoco.MjsGeom, *, shadow: bool = True) -> None:
@@ -85,7 +85,7 @@ def stiffen(geom: mujoco.MjsGeom) -> None:
     geom.solref, geom.solimp = CONTACT_SOLREF, CONTACT_SOLIMP
 
 
-def collide_as_metal(geom: mujoco.MjsGeom, group: Group) -> None:
+def collide_as_metal(geom: mujoco.MjsGeom, group: CollisionGroup) -> None:
     """Make a geom of robot or mount collide as a member of a group, with the surface of metal.
 
     Of two geoms in contact MuJoCo takes the larger friction, unless one has priority: so that metal
@@ -97,8 +97,8 @@ def collide_as_metal(geom: mujoco.MjsGeom, group: Group) -> None:
     geom.priority = 1
 
 
-def collide_unseen(geom: mujoco.MjsGeom, group: Group) -> None:
-    """Make a geom of the robot collide in the place of what is seen, without a mass of its own."""
+def collide_unseen(geom: mujoco.MjsGeom, group: CollisionGroup) -> None:
+    """Make a geom of the robot collide in the place of its image, without a mass of its own."""
     collide_as_metal(geom, group)
     geom.density, geom.group = 0.0, COLLISION_GEOM_GROUP
 
@@ -111,7 +111,7 @@ def add_box(
     *,
     shadow: bool = True,
 ) -> mujoco.MjsGeom:
-    """Add a box that is seen; what else it does is up to the caller.
+    """Add a visible box without contacts.
 
     Args:
         body: What carries it.

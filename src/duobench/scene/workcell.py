@@ -23,7 +23,7 @@ from duobench.scene.meshes import FLAT, add_visual_mesh
 from duobench.scene.naming import FLOOR, TABLE
 from duobench.scene.surfaces import (
     SHADOWLESS_GEOM_GROUP,
-    Group,
+    CollisionGroup,
     add_box,
     collide_as,
     collide_as_metal,
@@ -81,7 +81,7 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     ground = world.add_body(name=FLOOR)
     floor = _add_plane(ground, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR, floor_material)
     floor.name = FLOOR
-    collide_as(floor, Group.FIXTURE)
+    collide_as(floor, CollisionGroup.FIXTURE)
     above = SE3.at(x, y, FLOOR_Z + ROOM_HEIGHT) @ SE3.about((1, 0, 0), np.pi)
     _add_plane(world, above, (half_x, half_y), _CEILING, ceiling_material)
     half_z = ROOM_HEIGHT / 2
@@ -160,7 +160,7 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     )
     # What casts no shadow cannot be speckled by its own; the floor's texture has that of the table.
     top.group = SHADOWLESS_GEOM_GROUP
-    collide_as(top, Group.FIXTURE)
+    collide_as(top, CollisionGroup.FIXTURE)
     height = -FLOOR_Z - TABLE_THICKNESS
     legs_x, legs_y = (x0 + 0.06, x1 - 0.06), (y0 + 0.06, y1 - 0.06)
     for leg_x in legs_x:
@@ -202,7 +202,7 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
     parts = {"column": column, "block": block, "post": post, "holder": holder}
     for name, part in parts.items():
         part.name = f"mount/{name}"
-        collide_as_metal(part, Group.FIXTURE)
+        collide_as_metal(part, CollisionGroup.FIXTURE)
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:

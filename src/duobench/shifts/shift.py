@@ -29,7 +29,6 @@ class Shift:
     """1 to 5; 0 where nothing is shifted."""
 
     def __post_init__(self) -> None:
-        """Reject an axis or a level that does not exist."""
         check_known("axis of a shift", self.axis, (NO_AXIS, *AXES))
         level = as_whole(self.level)
         lowest = 0 if self.axis == NO_AXIS else 1
@@ -42,12 +41,7 @@ class Shift:
 
     @classmethod
     def parse(cls, text: str) -> Shift:
-        """A shift from its name: "none", or an axis and a level such as "look-3".
-
-        Raises:
-            UnknownNameError: There is no such axis.
-            OptionError: It is no such text, or there is no such level.
-        """
+        """A shift from its name: "none", or an axis and a level such as "look-3"."""
         if text == NO_AXIS:
             return NO_SHIFT
         found = re.fullmatch(r"(\w+)-([0-9]{1,3})", text)
@@ -61,7 +55,6 @@ class Shift:
         return self.axis if self.axis == NO_AXIS else f"{self.axis}-{self.level}"
 
     def __str__(self) -> str:
-        """In words."""
         if self.axis == NO_AXIS:
             return "no shift"
         what = "all axes" if self.axis == ALL_AXES else self.axis

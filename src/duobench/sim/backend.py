@@ -15,19 +15,15 @@ from duobench.types import Array, DuoCommand, DuoState
 
 
 class SimBackend:
-    """A `DuoBackend` over a simulation, of which nothing breaks and no image grows old."""
+    """A `DuoBackend` over a simulation, of which nothing breaks and no image grows old.
+
+    Args:
+        simulation: The simulation.
+        speed_fraction: Part of the joints' speed limits that the arms use; below 1 they keep
+            the limits of real arms.
+    """
 
     def __init__(self, simulation: Simulation, speed_fraction: float = 1.0) -> None:
-        """Drive a simulation.
-
-        Args:
-            simulation: The simulation.
-            speed_fraction: Part of the joints' speed limits that the arms use; below 1 they keep
-                the limits of real arms.
-
-        Raises:
-            OptionError: The fraction is not over 0 and at most 1.
-        """
         self.simulation = simulation
         fractions = speed_fraction, speed_fraction
         self._slower = None if speed_fraction == 1.0 else duo_limits(fractions, RANGE_MARGIN)

@@ -91,7 +91,6 @@ class Contacts:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Assign every geom to its owner."""
         self._data = data
         self._index: dict[str, int] = {}
         bodies = (model.body(body).name for body in model.geom_bodyid)

@@ -1,20 +1,50 @@
-"""The two arms in simulation: commands in, state out."""
+"""The two arms in simulation: commands in, state out; and names to ids, once, when it is built."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.backend import DuoLimits
-from duobench.errors import DuoBenchError
+from duobench.errors import DuoBenchError, UnknownNameError
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
-from duobench.sim.handles import names_of, resolve, resolve_all
 from duobench.types import CONTROL_HZ, FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
+
+_KINDS = {
+    mujoco.mjtObj.mjOBJ_BODY: ("body", "nbody"),
+    mujoco.mjtObj.mjOBJ_JOINT: ("joint", "njnt"),
+    mujoco.mjtObj.mjOBJ_SITE: ("site", "nsite"),
+    mujoco.mjtObj.mjOBJ_ACTUATOR: ("actuator", "nu"),
+}
+
+
+def names_of(model: mujoco.MjModel, kind: mujoco.mjtObj) -> list[str]:
+    """Every non-empty name of one kind, in the model's order."""
+    count = getattr(model, _KINDS[kind][1])
+    names = (mujoco.mj_id2name(model, kind, number) for number in range(count))
+    return [name for name in names if name]
+
+
+def resolve(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
+    """Id of a named element."""
+    number = mujoco.mj_name2id(model, kind, name)
+    if number < 0:
+        raise UnknownNameError(_KINDS[kind][0], name, names_of(model, kind))
+    return number
+
+
+def resolve_all(
+    model: mujoco.MjModel, kind: mujoco.mjtObj, names: Iterable[str]
+) -> NDArray[np.int64]:
+    """Ids of several named elements, in the order of the names."""
+    return np.array([resolve(model, kind, name) for name in names], dtype=np.int64)
+
 
 HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""
@@ -28,12 +58,6 @@ class Duo:
     """Translates between flat commands and the engine's arrays of one model."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Resolve every name of the robot in a model.
-
-        Raises:
-            UnknownNameError: The model lacks a part of the robot.
-            DuoBenchError: The actuators are not in the order of a flat command.
-        """
         joint, site = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
         joints = np.array([resolve_all(model, joint, arm_joint_names(side)) for side in SIDES])
         fingers = [f"{gripper_name(s)}/{finger}_driver" for s in SIDES for finger in FINGERS]

@@ -22,7 +22,6 @@ class Layout:
     """Named choices, such as which cup holds the marbles."""
 
     def __post_init__(self) -> None:
-        """Reject poses that are not finite."""
         for name, pose in self.poses.items():
             if not (np.isfinite(pose.rotation).all() and np.isfinite(pose.translation).all()):
                 raise LayoutError(f"The pose of {name!r} is not finite: {pose.tquat.tolist()}.")

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+import os
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 
 import mujoco
 import numpy as np
@@ -14,9 +19,8 @@ from duobench.errors import RenderingError
 from duobench.looks import effects
 from duobench.looks.look import MAX_CLUTTER
 from duobench.scene.surfaces import SHADOWLESS_GEOM_GROUP
-from duobench.sim.appearance import Appearance
-from duobench.sim.opengl import info_of, open_context
-from duobench.sim.uploads import upload
+from duobench.sim.appearance import Appearance, Texture
+from duobench.sim.opengl import info_of, open_context, reason_of
 
 VISIBLE_GROUPS = 3
 """Geom groups 0 to 2 are rendered; collision shapes are in group 3."""
@@ -36,7 +40,33 @@ _EFFECTS = [
     mujoco.mjtRndFlag.mjRND_HAZE.value,
     mujoco.mjtRndFlag.mjRND_FOG.value,
 ]
+_PROBE_MODEL = (
+    '<mujoco><worldbody><camera pos="0 0 1"/><light pos="0 0 1"/><geom size="0.3"/></worldbody>'
+    "</mujoco>"
+)
 _SEGMENTATION = [mujoco.mjtRndFlag.mjRND_SEGMENT.value, mujoco.mjtRndFlag.mjRND_IDCOLOR.value]
+
+
+def answer(backend: str, seconds: float) -> None:
+    """Render, say with what on the standard output, and end the process: the child of a probe."""
+    model = mujoco.MjModel.from_xml_string(_PROBE_MODEL)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    try:
+        renderer = OffscreenRenderer(model, 64, 64, 1, backend)
+    except RenderingError as error:
+        sys.exit(reason_of(error.__cause__ or error))  # the parent gives the advice, once
+    deadline = time.monotonic() + seconds
+    image = renderer.render(data, {"": 0})[""]
+    while time.monotonic() < deadline:
+        image = renderer.render(data, {"": 0})[""]
+    if not image.any():
+        sys.stderr.write("the image stayed black\n")
+        os._exit(1)
+    sys.stdout.write(json.dumps(asdict(renderer.info)) + "\n")
+    sys.stdout.flush()
+    # Drivers have crashed while a process that had already rendered was taken down.
+    os._exit(0)
 
 
 class OffscreenRenderer:
@@ -45,13 +75,6 @@ class OffscreenRenderer:
     def __init__(
         self, model: mujoco.MjModel, height: int, width: int, samples: int, backend: str
     ) -> None:
-        """Make a context, current on the calling thread, and upload the model's meshes.
-
-        The arguments are those of the `Renderer`, and a backend of `duobench.sim.opengl`.
-
-        Raises:
-            RenderingError: The backend does not work.
-        """
         self._model = model
         self._context = open_context(backend, height, width)
         self.info = info_of(backend)
@@ -109,7 +132,7 @@ class OffscreenRenderer:
         return images
 
     def segment(self, data: mujoco.MjData, camera: int) -> NDArray[np.int32]:
-        """Geom ids seen by a camera."""
+        """Geom ids by pixel."""
         self._update(data, camera)
         self._scene.flags[_SEGMENTATION] = 1
         try:
@@ -206,3 +229,67 @@ def _shift_light(light: mujoco.MjvLight, size: float, u: float, v: float) -> Non
     radius, angle = size * math.sqrt(u + 0.5), 2 * math.pi * v
     direction = direction + radius * (math.cos(angle) * across + math.sin(angle) * along)
     light.dir[:] = direction / np.linalg.norm(direction)
+
+
+_RGB = mujoco.mjtTextureRole.mjTEXROLE_RGB.value
+_CUBE = mujoco.mjtTexture.mjTEXTURE_CUBE.value
+_ROLES = mujoco.mjtTextureRole.mjNTEXROLE.value
+_NAMES = 10_000
+"""Textures have OpenGL names from here on, which the engine never reaches. A name keeps the kind of
+its first texture, so flat textures have even ones and those of objects odd ones."""
+
+
+def upload(model: mujoco.MjModel, context: mujoco.MjrContext, textures: Sequence[Texture]) -> None:
+    """Make textures the materials `model.nmat` and following of a context, in their order.
+
+    The engine uploads textures of models only. So they stand in a small model of their own, which
+    is never simulated, after as many as the rendered model has.
+
+    Args:
+        model: The model that the context was made of.
+        context: Current on this thread.
+        textures: Square ones (n, n, 3), or six squares below each other (6 n, n, 3).
+    """
+    if not textures:
+        return
+    spec = mujoco.MjSpec()
+    of_model = np.zeros((1, 1, 3), dtype=np.uint8)
+    for number, texels in enumerate([*[of_model] * model.ntex, *textures]):
+        height, width, channels = texels.shape
+        flat = height == width
+        spec.add_texture(
+            name=f"{number}",
+            type=mujoco.mjtTexture.mjTEXTURE_2D if flat else mujoco.mjtTexture.mjTEXTURE_CUBE,
+            builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+            width=width,
+            height=height,
+            nchannel=channels,
+        )
+    holder = spec.compile()
+    for number, texels in enumerate(textures, start=model.ntex):
+        kind = int(holder.tex_type[number])
+        context.texture[number] = _NAMES + 2 * number + (kind == _CUBE)
+        context.textureType[number] = kind
+        start = holder.tex_adr[number]
+        holder.tex_data[start : start + texels.size] = texels.ravel()
+        mujoco.mjr_uploadTexture(holder, context, number)
+        _filter_quickly(kind, int(context.texture[number]))
+        material = model.nmat + number - model.ntex
+        roles = np.full(_ROLES, -1)
+        roles[_RGB] = number
+        context.mat_texid[_ROLES * material : _ROLES * (material + 1)] = roles
+        context.mat_texrepeat[2 * material : 2 * (material + 1)] = 1.0
+        context.mat_texuniform[material] = 0
+    # Freeing the context frees them too.
+    context.ntexture = max(context.ntexture, model.ntex + len(textures))
+
+
+def _filter_quickly(kind: int, name: int) -> None:
+    """Take texels of one size where the engine blends two: on a processor a fifth of an image."""
+    # Only once a context is there, because this binds PyOpenGL to a library.
+    from OpenGL.raw.GL.VERSION import GL_1_0, GL_1_1, GL_1_3
+
+    target = GL_1_3.GL_TEXTURE_CUBE_MAP if kind == _CUBE else GL_1_0.GL_TEXTURE_2D
+    GL_1_1.glBindTexture(target, name)
+    GL_1_0.glTexParameteri(target, GL_1_0.GL_TEXTURE_MIN_FILTER, GL_1_0.GL_LINEAR_MIPMAP_NEAREST)
+    GL_1_1.glBindTexture(target, 0)

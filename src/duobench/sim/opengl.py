@@ -1,16 +1,22 @@
-"""Offscreen OpenGL: contexts of a library, and a thread that owns what was made with one.
+"""Offscreen OpenGL: the choice of a library, its contexts, and a thread that owns one of them.
 
-A process that has loaded one library cannot turn to another; `duobench.sim.probe` chooses it. All
-calls of one context run on one thread, which lets the caller stop waiting for a driver that does
-not come back.
+A driver can be missing, crash its process or hang it for good, and a process that has loaded one
+library cannot turn to another. So child processes try the candidates under a time limit; only then
+does this process load the winner. All calls of one context run on one thread, which lets the caller
+stop waiting for a driver that does not come back.
 """
 
 from __future__ import annotations
 
 import ctypes
+import json
+import logging
 import os
 import queue
+import subprocess
+import sys
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
@@ -25,57 +31,161 @@ from duobench.machine import OPENGL_PACKAGES, OSMESA_PACKAGES
 T = TypeVar("T")
 _Order = tuple[Future[Any], Callable[[], Any]]
 
-BACKENDS = {
-    "egl": "mujoco.egl",
-    "osmesa": "mujoco.osmesa",
-    "glfw": "mujoco.glfw",
-    "cgl": "mujoco.cgl",
-}
-"""Module of the context class of every backend."""
+BACKENDS = ("egl", "osmesa")
+"""What renders without a display, best first."""
 ASKED = "MUJOCO_GL"
 """Environment variable with which people choose a backend, for MuJoCo and for us."""
+CHOSEN = "DUOBENCH_GL"
+"""Environment variable that carries the choice to child processes, so that they need not probe."""
 FRAME_TIMEOUT_S = 60.0
 """An image that has not come by then never comes."""
-_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
-_GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
+PROBE_TIMEOUT_S = 30.0
+"""A child that has not rendered by then hangs; it needs less than a second on an idle machine."""
+PARALLEL_PROBES = 8
+"""Most processes that a probe runs at the same time: with eight, a data-centre driver
+hung that serves one [mujoco issue 3444]."""
+PARALLEL_PROBE_S = 1.0
+"""How long they render at the same time."""
 HELP = f"""Install one of these, then try again:
   Debian, Ubuntu:  apt-get install {OPENGL_PACKAGES}   (EGL)
               or:  apt-get install {OSMESA_PACKAGES}   (OSMesa)
   conda:           conda install -c conda-forge libegl libopengl mesalib
 With an NVIDIA card inside a container, also set NVIDIA_DRIVER_CAPABILITIES=all.
-Set MUJOCO_GL to egl, osmesa or glfw to choose without a probe."""
+Set MUJOCO_GL to egl or osmesa to choose without a probe."""
 """What to do where no library works."""
 
+_AUTOMATIC = ("", "enable", "enabled", "on", "true", "1")
+_OFF = ("disable", "disabled", "off", "false", "0")
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
+_GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
+_log = logging.getLogger(__name__)
 _OPENING = threading.Lock()
 """Held while a context is made: MuJoCo keeps one display for all of a process's."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RenderingInfo:
-    """What renders the images."""
-
-    backend: str
-    """How the context is made: egl, osmesa, glfw or cgl."""
-    renderer: str
-    """Name of the renderer, as OpenGL reports it."""
-    vendor: str
-    """Name of its vendor, as OpenGL reports it."""
-    version: str
-    """OpenGL version and driver, as OpenGL reports it."""
-    software: bool
-    """Whether the processor renders instead of a graphics card."""
-
-
 _openers: list[int] = []
 """Number of the process that first made a context here; a forked child inherits it."""
 
 
-def open_context(backend: str, height: int, width: int) -> Any:
-    """Make an OpenGL context and make it current on the calling thread.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RenderingInfo:
+    """What renders the images; the renderer, its vendor and version as OpenGL reports them."""
 
-    Raises:
-        RenderingError: The backend is not known or does not work here.
+    backend: str
+    """How the context is made: egl or osmesa."""
+    renderer: str
+    vendor: str
+    version: str
+    software: bool
+    """Whether the processor renders instead of a graphics card."""
+
+
+def choose(processes: int = 1) -> str:
+    """Find a backend that renders, and tell child processes about it.
+
+    Call it before starting several processes that render, so that not each of them finds out for
+    itself. No OpenGL is loaded into this process.
+
+    `MUJOCO_GL` is used without a probe, and so is the choice of a parent process. Otherwise a
+    child process renders an image with each candidate, best first, until one succeeds. The first
+    process that finds only software rendering says so in the log.
+
+    Args:
+        processes: How many processes will render at the same time. With more than one, a graphics
+            card has to serve several children at once before it is chosen.
+
+    Returns:
+        One of `BACKENDS`, or what `MUJOCO_GL` says.
     """
+    name = os.environ.get(ASKED, "").lower().strip()
+    if name in _OFF:
+        raise RenderingError(
+            f"Rendering is switched off by {ASKED}={name}; unset it to get images."
+        )
+    if name not in _AUTOMATIC:
+        return name
+    if (inherited := os.environ.get(CHOSEN, "")) in BACKENDS:
+        return inherited
+    bound = os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    if bound not in ("", *BACKENDS):
+        raise RenderingError(
+            f"PYOPENGL_PLATFORM={bound} binds OpenGL to something that cannot render offscreen; "
+            f"unset it, or set it to one of: {', '.join(BACKENDS)}."
+        )
+    failures = ""
+    for backend in (bound,) if bound else BACKENDS:
+        outcome = probe(backend)
+        if isinstance(outcome, RenderingInfo) and not outcome.software and processes > 1:
+            parallel = min(processes, PARALLEL_PROBES)
+            outcome = probe(backend, processes=parallel, seconds=PARALLEL_PROBE_S)
+            if isinstance(outcome, str):
+                outcome = f"works for one process, but with {parallel} at the same time: {outcome}"
+        if isinstance(outcome, RenderingInfo):
+            os.environ[CHOSEN] = backend
+            if outcome.software:
+                _log.warning(
+                    "No graphics card renders here, so the processor does: %s through %s. "
+                    "Images are the same and take longer.",
+                    outcome.renderer,
+                    backend,
+                )
+            return backend
+        failures += f"\n  {backend}: {outcome}"
+    raise RenderingError(f"No offscreen OpenGL works on this machine:{failures}\n{HELP}")
+
+
+def probe(backend: str, *, processes: int = 1, seconds: float = 0.0) -> RenderingInfo | str:
+    """Let child processes render with a backend.
+
+    Args:
+        backend: One of `BACKENDS`.
+        processes: How many children render at the same time.
+        seconds: How long each goes on rendering after its first image.
+
+    Returns:
+        What rendered, or, where any child failed, the reason.
+    """
+    call = f"import sys; sys.path[:] = {sys.path!r}; from duobench.sim import offscreen; "
+    call += f"offscreen.answer({backend!r}, {seconds!r})"
+    # With rendering switched off, MuJoCo itself opens no library; `answer` opens the one to try.
+    environment = {**os.environ, ASKED: _OFF[0], "PYOPENGL_PLATFORM": backend}
+    children: list[subprocess.Popen[str]] = []
+    try:
+        for _ in range(processes):
+            child = subprocess.Popen(
+                [sys.executable, "-c", call],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+            )
+            children.append(child)
+    except OSError as error:
+        for child in children:
+            child.kill()
+            child.communicate()
+        return f"no child process could be started to try it: {error}"
+    deadline = time.monotonic() + PROBE_TIMEOUT_S
+    outcomes = [_outcome(child, deadline) for child in children]
+    failures = [outcome for outcome in outcomes if isinstance(outcome, str)]
+    return failures[0] if failures else outcomes[0]
+
+
+def _outcome(child: subprocess.Popen[str], deadline: float) -> RenderingInfo | str:
+    with child:
+        try:
+            answer, errors = child.communicate(timeout=max(0.0, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            child.kill()
+            return f"no image within {PROBE_TIMEOUT_S:g} s; the driver hangs"
+    lines = answer.splitlines()
+    if child.returncode == 0 and lines:
+        return RenderingInfo(**json.loads(lines[-1]))
+    words = [line.strip() for line in errors.splitlines() if line.strip()]
+    return words[-1] if words else f"the process ended with status {child.returncode}"
+
+
+def open_context(backend: str, height: int, width: int) -> Any:
+    """Make an OpenGL context and make it current on the calling thread."""
     if _openers[:1] not in ([], [os.getpid()]):
         # Drivers hang in such a process, while they hold the interpreter.
         raise RenderingError(
@@ -83,24 +193,18 @@ def open_context(backend: str, height: int, width: int) -> Any:
             "not survive. Start processes with the method 'spawn', such as "
             'AsyncVectorEnv(..., context="spawn").'
         )
-    module = BACKENDS.get(backend)
-    if module is None:
+    if backend not in BACKENDS:
         raise RenderingError(
-            f"{ASKED}={backend} is no backend that DuoBench knows; try one of "
+            f"{ASKED}={backend} is nothing that renders without a display; try one of "
             f"{', '.join(BACKENDS)}, or unset it."
         )
     try:
         with _OPENING:
             # This binds PyOpenGL to a library: nothing of PyOpenGL may be imported before.
-            library = import_module(module)
+            library = import_module(f"mujoco.{backend}")
             _openers.append(os.getpid())
             context = library.GLContext(width, height)
             context.make_current()
-            # MuJoCo only warns where there is no display, and fails at the first image.
-            if backend == "glfw" and not import_module("glfw").get_current_context():
-                raise RuntimeError(
-                    "it needs a display and found none; egl and osmesa render without one"
-                )
     except _failures() as error:  # evaluated only when something was raised
         raise RenderingError(
             f"The OpenGL backend {backend!r} does not work here: {reason_of(error)}\n{HELP}"
@@ -142,7 +246,6 @@ class RenderThread:
     """A thread that runs jobs one after another; waiting for one has a time limit."""
 
     def __init__(self) -> None:
-        """Start the thread."""
         self._lost = False
         self._jobs: queue.SimpleQueue[_Order | None] = queue.SimpleQueue()
         # A daemon, so that a driver that hangs does not keep the process from ending.
@@ -152,11 +255,7 @@ class RenderThread:
         self._worker.start()
 
     def call(self, job: Callable[[], T]) -> T:
-        """Run a job on the thread, and return or raise what it returns or raises.
-
-        Raises:
-            RenderingError: The job, or one before it, did not end within `FRAME_TIMEOUT_S`.
-        """
+        """Run a job on the thread, and return or raise what it returns or raises."""
         future: Future[T] = Future()
         if not self._lost:
             self._jobs.put((future, job))

@@ -47,9 +47,6 @@ def first_valid(simulation: Simulation, candidates: Iterator[Layout], task: str)
     """The first of at most `MAX_SAMPLES` candidates that has no problems.
 
     The simulation is left in that layout, with the arms at home.
-
-    Raises:
-        LayoutError: None was valid; the message says what was wrong with the last one.
     """
     faults: list[str] = []
     tried = 0

@@ -22,8 +22,7 @@ from duobench.looks.look import Look
 from duobench.robot.cameras import check_image_size
 from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import OffscreenRenderer
-from duobench.sim.opengl import RenderingInfo, RenderThread
-from duobench.sim.probe import choose
+from duobench.sim.opengl import RenderingInfo, RenderThread, choose
 
 T = TypeVar("T")
 
@@ -32,11 +31,7 @@ MAX_SAMPLES = 64
 
 
 def describe() -> RenderingInfo:
-    """Say what renders images in this process; makes an OpenGL context to find out.
-
-    Raises:
-        RenderingError: No library works, or rendering is switched off.
-    """
+    """Say what renders images in this process; makes an OpenGL context to find out."""
     with Renderer(mujoco.MjSpec().compile(), height=1, width=1) as renderer:
         return renderer.info
 
@@ -46,6 +41,15 @@ class Renderer:
 
     May be used from any thread, one at a time. A process may hold several; a renderer cannot be
     taken into another process.
+
+    Args:
+        model: The compiled model; `Simulation.model`.
+        height: Height of the images in pixels, at most 720.
+        width: Width of the images in pixels, at most 1280.
+        samples: Images that are averaged into one, each with the camera moved by a part of
+            a pixel and the light by a part of its size. One is what policies see; with 4 or
+            more, edges are smooth and shadows soft, for people.
+        look: How it looks; see `set_look`.
     """
 
     def __init__(
@@ -57,22 +61,6 @@ class Renderer:
         samples: int = 1,
         look: Look | None = None,
     ) -> None:
-        """Store what to render; OpenGL is first touched by the first image.
-
-        Args:
-            model: The compiled model; `Simulation.model`.
-            height: Height of the images in pixels, at most 720.
-            width: Width of the images in pixels, at most 1280.
-            samples: Images that are averaged into one, each with the camera moved by a part of
-                a pixel and the light by a part of its size. One is what policies see; with 4 or
-                more, edges are smooth and shadows soft, for people.
-            look: How it looks; see `set_look`.
-
-        Raises:
-            RenderingError: The size is larger than the native one, or not positive.
-            UnknownNameError: The look names an object that the model has not.
-            AssetError: An image file of the look cannot be read.
-        """
         check_image_size(height, width)
         if not 1 <= samples <= MAX_SAMPLES:
             raise RenderingError(f"Samples must be 1 to {MAX_SAMPLES}, got {samples}.")
@@ -95,10 +83,6 @@ class Renderer:
 
         Args:
             look: The look; `Look()` is the scene as it was composed.
-
-        Raises:
-            UnknownNameError: The look names an object that the model has not.
-            AssetError: An image file of the look cannot be read.
         """
         self._appearance = None if look == Look() else Appearance(self._model, look)
         self._look = look
@@ -118,22 +102,15 @@ class Renderer:
 
         Returns:
             New arrays (height, width, 3) by camera, red green blue, top row first.
-
-        Raises:
-            UnknownNameError: The model has no such camera.
-            RenderingError: OpenGL does not work, or the renderer was closed.
         """
         numbers = {name: self._number(name) for name in cameras}
         return self._run(lambda offscreen: offscreen.render(data, numbers))
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
-        """Render which geom is seen where; a look's furniture is no geom, and is not in the way.
+        """Render which geom each pixel shows; a look's furniture is no geom, and is not in the way.
 
         Returns:
             A new array (height, width) of geom ids, -1 where there is nothing.
-
-        Raises:
-            UnknownNameError, RenderingError: As in `render_all`.
         """
         number = self._number(camera)
         return self._run(lambda offscreen: offscreen.segment(data, number))
@@ -151,11 +128,9 @@ class Renderer:
             self._free()
 
     def __enter__(self) -> Self:
-        """The renderer itself."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Free the renderer."""
         self.close()
 
     def _number(self, camera: str) -> int:

@@ -16,11 +16,9 @@ from duobench.objects.solid import Solid, corner_points
 from duobench.robot.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
 from duobench.sim.contacts import Contacts, HingeAxis
-from duobench.sim.duo import HOME, Duo
-from duobench.sim.handles import resolve
+from duobench.sim.duo import HOME, Duo, resolve
 from duobench.sim.layout import Layout
-from duobench.sim.scaling import PhysicsScaler
-from duobench.sim.stepper import Stepper
+from duobench.sim.physics import PhysicsScaler, Stepper
 from duobench.spatial import SE3
 from duobench.types import Array, DuoCommand, DuoState
 
@@ -53,15 +51,14 @@ class _Corners:
 
 
 class Simulation:
-    """The FR3 Duo and a task's props, stepping at the control rate."""
+    """The FR3 Duo and a task's props, stepping at the control rate.
+
+    Args:
+        props: The task's objects.
+        overview: What the camera for people sees.
+    """
 
     def __init__(self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> None:
-        """Compose and compile the model.
-
-        Args:
-            props: The task's objects.
-            overview: What the camera for people sees.
-        """
         props = tuple(props)
         self.model: mujoco.MjModel = compose(props, overview).compile()
         self.props = {prop.name: prop for prop in props}
@@ -131,9 +128,6 @@ class Simulation:
         """Continue from a saved state of the same model.
 
         In an environment use its `restore_state`, which also brings what this state does not hold.
-
-        Raises:
-            SimulationError: The state has another size, so it belongs to another model.
         """
         if np.shape(state) != (self._state_size,):
             raise SimulationError(
@@ -165,9 +159,6 @@ class Simulation:
 
         The targets move linearly over the step. Afterwards poses, velocities and contacts are those
         of the new state.
-
-        Raises:
-            SimulationError: The physics diverged or a buffer overflowed.
         """
         self._stepper.run(partial(self.duo.interpolate, command), self.get_state, self.set_state)
         self._raise_on_warning()
@@ -206,12 +197,7 @@ class Simulation:
     # --- props ---------------------------------------------------------------------------------
 
     def apply(self, layout: Layout) -> None:
-        """Put every prop where a layout says, at rest, and choose the variants of its shapes.
-
-        Raises:
-            LayoutError: The layout does not name exactly the props of the simulation, or a variant
-                is missing or unknown.
-        """
+        """Put every prop where a layout says, at rest, and choose the variants of its shapes."""
         given, needed = set(layout.poses), set(self.props)
         if given != needed:
             raise LayoutError(
@@ -264,11 +250,7 @@ class Simulation:
         return prop
 
     def body_id(self, name: str) -> int:
-        """Id of a body.
-
-        Raises:
-            UnknownNameError: No body has the name.
-        """
+        """Id of a body."""
         number = self._bodies.get(name)
         return resolve(self.model, mujoco.mjtObj.mjOBJ_BODY, name) if number is None else number
 
@@ -308,7 +290,7 @@ class Simulation:
         return self._velocity(prop)[:3]
 
     def relative_speed(self, prop: str, frame: str) -> float:
-        """Speed in m/s of a prop's origin, seen from the frame of another prop that may move."""
+        """Speed in m/s of a prop's origin, in the frame of another prop that may move."""
         px, py, pz = self.relative_position(prop, frame)
         x, y, z = self._velocity(prop)[:3]
         ox, oy, oz, wx, wy, wz = self._velocity(frame)

@@ -65,9 +65,9 @@ class StateView:
     variants: Mapping[str, str]
     remembered: frozenset[Memory]
     """What held at an earlier step of this episode and is not forgotten."""
-    lasted: Mapping[Clock, int] = field(default_factory=dict)
+    lasted: Mapping[Clock, int] = field(default_factory=dict[Clock, int])
     """Control steps that each clock has counted, this one included."""
-    past: Mapping[Memory, str] = field(default_factory=dict)
+    past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
@@ -214,7 +214,7 @@ class _AnyOf(Predicate):
         shared = tuple(reason for reason in reasons[0] if all(reason in own for own in reasons))
         if any(len(own) == len(shared) for own in reasons):
             return shared
-        names = []
+        names: list[str] = []
         for part, own in zip(alternatives, reasons, strict=True):
             more = "; ".join(reason for reason in own if reason not in shared)
             names.append(f"{part.name} ({more})" if part.begun(state) else part.name)

@@ -58,7 +58,8 @@ def clocks_in(predicates: Iterable[Predicate]) -> tuple[Clock, ...]:
 def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
     """What is remembered after a step. All of it sees the same step, so the order is free."""
     before = state.remembered
-    new, gone = [], []
+    new: list[Memory] = []
+    gone: list[Memory] = []
     for memory in memories:
         event, reset = memory.event, memory.reset
         if memory in before:

@@ -116,7 +116,7 @@ def support(
     }
     # With the object at its goal, the lid shows who holds it: not an arm that has been away, which
     # is measured only once it matters.
-    gone = {}
+    gone: dict[Side, Predicate] = {}
     for side in SIDES:
         idle = since(supported[side]) & ~bears[side]
         away = (idle & ~backs(side.other, lid, backing)) if backing else idle

@@ -74,7 +74,7 @@ class Task:
     props: tuple[Prop, ...]
     placements: Mapping[str, Placement]
     """Where each prop starts, unless `arrange` places it."""
-    variants: Mapping[str, Choice] = field(default_factory=dict)
+    variants: Mapping[str, Choice] = field(default_factory=dict[str, Choice])
     """Named choices that belong to the layout."""
     stages: tuple[Stage, ...]
     accept: Callable[[Layout], bool] = lambda _layout: True

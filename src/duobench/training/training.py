@@ -157,7 +157,7 @@ def plan(
     small: bool = False,
     domain_ids: bool = False,
 ) -> Training:
-    """Prepare a training.
+    """Prepare a training; errors are those of `plan_all`.
 
     Args:
         kind: Name of a recipe.
@@ -168,11 +168,6 @@ def plan(
         small: Whether to take the recipe for a processor.
         domain_ids: Whether the policy is told which episodes are simulated and which are real; an
             evaluation says domain 0, simulation, wherever it is played.
-
-    Raises:
-        UnknownNameError: There is no such recipe, or no such task in the data set.
-        DataError: The data set cannot be used.
-        OtherRunError: The folder of the training holds something else.
     """
     source = LearningData(data.absolute())
     recipe = _recipe(kind, small, source)

@@ -1,20 +1,77 @@
-"""Who may see a page: what an address needs, the token, and the pages that may connect."""
+"""Who may see a page: what an address needs, a certificate, the token, the pages that may connect.
+
+Browsers give WebXR to secure pages only, and a token is a secret only where no one listens. A
+certificate without a signature protects from listeners; a browser still asks once whether to
+trust it.
+"""
 
 from __future__ import annotations
 
 import hmac
 import secrets
+import socket
+import ssl
 from collections.abc import Collection
+from contextlib import suppress
+from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
 from duobench.errors import ServingError
-from duobench.machine import is_loopback
-from duobench.web.certificate import Certificate
+from duobench.machine import install_extra, is_loopback
 
 _TOKEN_BYTES = 16
 _UNRESERVED = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~")
+_ELSEWHERE = "192.0.2.1"
+"""An address for documentation [RFC 5737]; nothing is sent to it."""
 _MAX_FIELDS = 16
 """Fields of a query that are read."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Certificate:
+    """What a server shows to browsers."""
+
+    context: ssl.SSLContext
+    """How connections are encrypted."""
+    hosts: tuple[str, ...]
+    """Names and addresses that it holds for; the first one goes into the address of the page."""
+
+
+def own_hosts() -> tuple[str, ...]:
+    """Address and name of this machine in its network, and those that it has for itself."""
+    found = []
+    with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect((_ELSEWHERE, 9))  # chooses an interface, and sends nothing
+        found.append(probe.getsockname()[0])
+    name = socket.gethostname()
+    found += [name, f"{name}.local"] if name else []
+    return tuple(dict.fromkeys([*found, "127.0.0.1", "localhost"]))
+
+
+def make_certificate(hosts: Collection[str] = ()) -> Certificate:
+    """Make a certificate for this machine, which lives as long as this process.
+
+    Args:
+        hosts: Names and addresses that it holds for; none means those of `own_hosts`.
+
+    Raises:
+        ServingError: The package that makes certificates is not installed, or a host is no name.
+    """
+    try:
+        import trustme  # pyright: ignore[reportMissingImports] - an extra
+    except ImportError as error:
+        raise ServingError(
+            "A page for other machines needs a certificate, which trustme makes; it is not "
+            f"installed. {install_extra('teleop')}"
+        ) from error
+    names = tuple(hosts) or own_hosts()
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        trustme.CA(organization_name="DuoBench").issue_cert(*names).configure_cert(context)
+    except ValueError as error:
+        raise ServingError(f"There is no certificate for {', '.join(names)}: {error}.") from error
+    others = [name for name in names if not is_loopback(name)]
+    return Certificate(context=context, hosts=tuple(dict.fromkeys([*others, *names])))
 
 
 def check_address(host: str, certificate: Certificate | None) -> None:
@@ -27,24 +84,23 @@ def check_address(host: str, certificate: Certificate | None) -> None:
         raise ServingError(
             f"A page at {host or 'every address'} is reached by other machines, which needs a "
             "certificate: without one anybody in the network reads the token, and no browser lets "
-            "a headset in. Make one with duobench.web.certificate.make_certificate, or stay at "
+            "a headset in. Make one with duobench.web.access.make_certificate, or stay at "
             "127.0.0.1."
         )
 
 
 class Admission:
-    """Decides about requests: a token in the address, and pages of this server alone."""
+    """Decides about requests: a token in the address, and pages of this server alone.
+
+    Args:
+        token: What the address must hold; None makes one up.
+        hosts: Names and addresses by which other machines may know the server.
+
+    Raises:
+        ServingError: The token is none that can stand in an address as it is.
+    """
 
     def __init__(self, token: str | None, hosts: Collection[str]) -> None:
-        """Remember what is asked for.
-
-        Args:
-            token: What the address must hold; None makes one up.
-            hosts: Names and addresses by which other machines may know the server.
-
-        Raises:
-            ServingError: The token is none that can stand in an address as it is.
-        """
         self.token = secrets.token_urlsafe(_TOKEN_BYTES) if token is None else token
         """What the address must hold."""
         if not self.token or set(self.token) - _UNRESERVED:

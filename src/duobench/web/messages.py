@@ -7,7 +7,7 @@ uint32 control step, uint32 number of bodies, then seven float32 a body.
 from __future__ import annotations
 
 import struct
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -74,3 +74,8 @@ def unpack_frame(data: bytes) -> tuple[NDArray[np.float32], int, float]:
     except (struct.error, ValueError) as error:
         raise MessageError(f"This is no frame: {error}.") from error
     return poses.astype(np.float32), step, time_s
+
+
+def encode(**fields: Any) -> str:
+    """A message as JSON text; numbers that are none become null."""
+    return msgspec.json.encode(fields).decode()

@@ -28,7 +28,7 @@ _EXPORT = re.compile(r"^export ", re.MULTILINE)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Replay:
+class EpisodeReplay:
     """An episode that is watched in 3D."""
 
     title: str
@@ -50,13 +50,6 @@ class Replay:
     list, as in `replay-1`."""
 
     def __post_init__(self) -> None:
-        """Reject what cannot be played.
-
-        Raises:
-            OptionError: The rate is not positive, changes of the stage are out of order, or an id
-                is no word.
-            DataError: The track is none.
-        """
         length(self.track)
         if not self.rate_hz > 0:
             raise OptionError(f"A replay has a positive rate in Hz, got {self.rate_hz}.")
@@ -69,14 +62,11 @@ class Replay:
             )
 
 
-def live_page() -> str:
-    """The page of a server as HTML; it loads the other `assets`, a scene, and a socket at `/ws`."""
-    return pages.render(_PACKAGE, "live_page.html")
-
-
 @cache
 def assets(page: str = "live_page.html") -> Mapping[str, tuple[str, bytes]]:
     """What a server gives out, by path: content type and content; the page itself is at `/`.
+
+    The page loads the others, a scene, and a socket at `/ws`.
 
     Args:
         page: Template of the page: "live_page.html" shows the table in 3D, "trials_page.html" is
@@ -91,7 +81,7 @@ def assets(page: str = "live_page.html") -> Mapping[str, tuple[str, bytes]]:
     return found
 
 
-def replay_page(title: str, scenes: Mapping[str, bytes], replays: Sequence[Replay]) -> str:
+def replay_page(title: str, scenes: Mapping[str, bytes], replays: Sequence[EpisodeReplay]) -> str:
     """A page that plays episodes in 3D, as HTML; it is one file that loads nothing.
 
     Args:
@@ -108,7 +98,7 @@ def replay_page(title: str, scenes: Mapping[str, bytes], replays: Sequence[Repla
 
 
 def replay_fragment(
-    scenes: Mapping[str, bytes], replays: Sequence[Replay], *, is_open: bool = False
+    scenes: Mapping[str, bytes], replays: Sequence[EpisodeReplay], *, is_open: bool = False
 ) -> str:
     """The same as a part of a page that has the style of `duobench.pages`; one such part a page.
 
@@ -168,8 +158,7 @@ def bundle(modules: Iterable[str]) -> str:
     return "\n".join(_EXPORT.sub("", _IMPORT.sub("", text)) for text in texts)
 
 
-def _row(id: str, replay: Replay) -> dict[str, object]:
-    """An episode in the list."""
+def _row(id: str, replay: EpisodeReplay) -> dict[str, object]:
     stage = max((stage for _, stage in replay.stage_changes), default=0)
     seconds = max(0, length(replay.track) - 1) / replay.rate_hz
     detail = f"{seconds:.1f} s"

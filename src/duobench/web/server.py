@@ -1,7 +1,4 @@
-"""The server of the page: its files, its scenes, and a socket for each browser that has it open.
-
-It answers in a thread of its own, so that whoever computes what is shown never waits for a browser.
-"""
+"""The server of the page: its files, its scenes, and a socket for each browser that has it open."""
 
 from __future__ import annotations
 
@@ -10,23 +7,21 @@ import gzip
 import http
 import logging
 import re
-import threading
+import socket
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
 import websockets
-from websockets.asyncio.server import ServerConnection, serve
+from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from duobench.errors import DuoBenchError, MessageError, ServingError
-from duobench.web.access import Admission, check_address
-from duobench.web.certificate import Certificate
-from duobench.web.messages import MAX_MESSAGE, read_message
-from duobench.web.peers import FRAME, Peer, Peers, encode
+from duobench.serving_thread import ServingThread
+from duobench.web.access import Admission, Certificate, check_address
+from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, encode, read_message
 
 _log = logging.getLogger(__name__)
 
@@ -49,6 +44,10 @@ _TIMEOUT_S = 2.0
 """Seconds for opening a connection, and for saying goodbye."""
 _LOOK_S = 0.01
 """How often is looked whether browsers have taken what waits, in seconds."""
+SEND_BUFFER = 16 << 10
+"""Bytes that the system keeps for a peer that does not read: a dozen frames, and not seconds."""
+FRAME = "frame"
+"""Where the newest frame waits; all else that waits is text."""
 _NAME = r"[\w.-]{1,100}"
 _SECURITY = {
     "Cache-Control": "no-store",
@@ -61,10 +60,69 @@ _SECURITY = {
 }
 
 
+class Peer:
+    """One browser. Of everything the newest waits for it, so that a slow one skips the rest."""
+
+    def __init__(self, connection: ServerConnection) -> None:
+        self.connection = connection
+        """The connection."""
+        self._waiting: dict[str, str | bytes] = {}
+        self._changed = asyncio.Event()
+        self._next_frame = 0.0
+        if raw := connection.transport.get_extra_info("socket"):
+            with suppress(OSError):
+                raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+
+    def put(self, place: str, message: str | bytes) -> None:
+        """Let a message wait, in place of what waits there."""
+        self._waiting[place] = message
+        self._changed.set()
+
+    @property
+    def has_waiting(self) -> bool:
+        """Whether something waits to be sent."""
+        return bool(self._waiting)
+
+    def forget_frame(self) -> None:
+        """Drop the frame that waits: it belongs to another scene."""
+        self._waiting.pop(FRAME, None)
+
+    def refuse(self, reason: str) -> None:
+        """Say why a message was refused."""
+        self.put("refused", encode(kind="refused", reason=reason))
+
+    async def send_all(self) -> None:
+        """Send what waits, text first, as fast as it is read, until the connection ends."""
+        loop = asyncio.get_running_loop()
+        with suppress(websockets.ConnectionClosed):
+            while True:
+                await self._changed.wait()
+                self._changed.clear()
+                while (text := next((each for each in self._waiting if each != FRAME), None)) or (
+                    FRAME in self._waiting and loop.time() >= self._next_frame
+                ):
+                    await self.connection.send(self._waiting.pop(text or FRAME))
+                    if text is None:
+                        period = 1 / FRAMES_HZ
+                        self._next_frame = max(self._next_frame + period, loop.time() - period / 2)
+                if FRAME in self._waiting:
+                    loop.call_at(self._next_frame, self._changed.set)
+
+
 class PageServer:
     """Shows a page with a scene, frames and a status, and takes what people do on it.
 
-    Newest wins: a browser that is slow skips frames and statuses, and slows nobody.
+    Newest wins: a browser that is slow skips frames and statuses, and slows no other down.
+
+    Args:
+        assets: Content type and content by path; "/" is the page.
+        host: Address to listen at.
+        port: Port to listen at; 0 takes a free one.
+        token: What the address of the page must hold; None makes one up.
+        certificate: Encrypts; any host but this machine's own needs one.
+
+    Raises:
+        ServingError: The address cannot be had, or needs a certificate; or the token is none.
     """
 
     def __init__(
@@ -76,18 +134,6 @@ class PageServer:
         token: str | None = None,
         certificate: Certificate | None = None,
     ) -> None:
-        """Begin to serve.
-
-        Args:
-            assets: Content type and content by path; "/" is the page.
-            host: Address to listen at.
-            port: Port to listen at; 0 takes a free one.
-            token: What the address of the page must hold; None makes one up.
-            certificate: Encrypts; any host but this machine's own needs one.
-
-        Raises:
-            ServingError: The address cannot be had, or needs a certificate; or the token is none.
-        """
         check_address(host, certificate)
         names = () if certificate is None else certificate.hosts
         self._admission = Admission(token, names)
@@ -95,25 +141,32 @@ class PageServer:
         self._scenes: dict[str, bytes] = {}
         self._images: dict[str, tuple[str, bytes]] = {}
         self._latest: dict[str, str | bytes] = {}
-        self._peers = Peers()
+        self._peers: dict[Peer, None] = {}  # in the order in which they came
+        self._driver: Peer | None = None
         self.on_message: Callable[[bool, bytes], str | None] = lambda _is_driver, _data: None
         """Called in the server's thread with every message that is not the server's own affair:
         whether its sender drives, and the message, JSON with a `kind`. It must return soon. What it
         returns, or the text of a `DuoBenchError` that it raises, is why the message is refused."""
         self.on_driver_lost: Callable[[], None] = lambda: None
-        """Called in the server's thread when whoever drove has left, or had to give way."""
-        listening: Future[tuple[int, asyncio.AbstractEventLoop]] = Future()
-        self._over = asyncio.Event()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve(host, port, certificate, listening)),
+        """Called in the server's thread when the driver has left, or had to give way."""
+        self._server = ServingThread(
+            self._serve_peer,
+            host,
+            port,
             name="page-server",
-            daemon=True,
+            ending=self._flush,
+            process_request=self._answer,
+            ssl=None if certificate is None else certificate.context,
+            max_size=MAX_MESSAGE,
+            write_limit=MAX_MESSAGE,
+            ping_interval=_PING_S,
+            ping_timeout=_PING_S,
+            open_timeout=_TIMEOUT_S,
+            close_timeout=_TIMEOUT_S,
         )
-        self._thread.start()
-        actual, self._events = listening.result()
         scheme, name = ("http", host) if certificate is None else ("https", certificate.hosts[0])
         name = f"[{name}]" if ":" in name else name
-        self.url = f"{scheme}://{name}:{actual}/?token={self._admission.token}"
+        self.url = f"{scheme}://{name}:{self._server.port}/?token={self._admission.token}"
         """Address of the page, with the token."""
 
     # --- what is shown; from any thread ----------------------------------------------------------
@@ -140,7 +193,7 @@ class PageServer:
         while len(self._scenes) > MAX_SCENES:
             del self._scenes[next(iter(self._scenes))]
         url = f"/scene/{name}.bin?token={self._admission.token}"
-        self._call(self._show_scene, encode(kind="scene", name=name, url=url))
+        self._server.call(self._show_scene, encode(kind="scene", name=name, url=url))
 
     def publish_image(self, name: str, data: bytes) -> str:
         """Give an image or a film out from now on.
@@ -167,11 +220,11 @@ class PageServer:
 
     def publish_frame(self, frame: bytes) -> None:
         """Show a frame; see `web.messages.pack_frame`, or a JPEG where a page shows images."""
-        self._call(self._show, FRAME, frame)
+        self._server.call(self._show, FRAME, frame)
 
     def publish_status(self, status: Mapping[str, Any]) -> None:
-        """Show a status: all of it, since whoever comes later sees this one alone."""
-        self._call(self._show, "status", encode(kind="status", **status))
+        """Show a status: all of it, since a browser that comes later gets this one alone."""
+        self._server.call(self._show, "status", encode(kind="status", **status))
 
     def publish_cameras(self, cameras: Sequence[Mapping[str, Any]]) -> None:
         """Show what cameras see, again and again: a page that hears nothing says so.
@@ -181,7 +234,7 @@ class PageServer:
                 image (None before the first), and `stale_s`, its age in seconds if that is too
                 old, else None.
         """
-        self._call(self._peers.put, "cameras", encode(kind="cameras", cameras=cameras))
+        self._server.call(self._put, "cameras", encode(kind="cameras", cameras=cameras))
 
     def pulse(self, side: str, strength: float, ms: int) -> None:
         """Let a controller of the driver rumble.
@@ -192,16 +245,11 @@ class PageServer:
             ms: How long, in milliseconds.
         """
         text = encode(kind="pulse", side=side, strength=strength, ms=ms)
-        self._call(lambda: self._peers.driver and self._peers.driver.put(f"pulse {side}", text))
+        self._server.call(lambda: self._driver and self._driver.put(f"pulse {side}", text))
 
     def close(self) -> None:
         """Let every browser take what waits for it, then go; closing twice is harmless."""
-        self._call(self._over.set)
-        self._thread.join()
-
-    def _call(self, function: Callable[..., object], *arguments: object) -> None:
-        with suppress(RuntimeError):  # it is over already
-            self._events.call_soon_threadsafe(function, *arguments)
+        self._server.close()
 
     # --- in the server's thread ------------------------------------------------------------------
 
@@ -216,44 +264,27 @@ class PageServer:
     def _show(self, place: str, message: str | bytes) -> None:
         if place == FRAME or self._latest.get(place) != message:
             self._latest[place] = message
-            self._peers.put(place, message)
+            self._put(place, message)
 
-    async def _serve(
-        self,
-        host: str,
-        port: int,
-        certificate: Certificate | None,
-        listening: Future[tuple[int, asyncio.AbstractEventLoop]],
-    ) -> None:
-        try:
-            server = await serve(
-                self._serve_peer,
-                host,
-                port,
-                process_request=self._answer,
-                ssl=None if certificate is None else certificate.context,
-                compression=None,
-                max_size=MAX_MESSAGE,
-                write_limit=MAX_MESSAGE,
-                ping_interval=_PING_S,
-                ping_timeout=_PING_S,
-                open_timeout=_TIMEOUT_S,
-                close_timeout=_TIMEOUT_S,
-                server_header=None,
-                logger=_silent(),
-            )
-        except (OSError, OverflowError, ValueError) as error:
-            reason = str(getattr(error, "strerror", None) or error).rstrip(".")
-            listening.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
-            return
-        async with server:
-            actual = next(iter(server.sockets)).getsockname()[1]
-            listening.set_result((actual, asyncio.get_running_loop()))
-            await self._over.wait()
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_TIMEOUT_S):
-                    while any(peer.has_waiting for peer in self._peers):
-                        await asyncio.sleep(_LOOK_S)
+    def _put(self, place: str, message: str | bytes) -> None:
+        for peer in self._peers:
+            peer.put(place, message)
+
+    def _let_drive(self, peer: Peer | None) -> None:
+        """Let one browser drive, or none, and tell all who drives and who watches."""
+        self._driver = peer
+        drivers = int(peer is not None)
+        viewers = len(self._peers) - drivers
+        for each in self._peers:
+            role = "driver" if each is peer else "viewer"
+            each.put("role", encode(kind="role", role=role, drivers=drivers, viewers=viewers))
+
+    async def _flush(self) -> None:
+        """Give every browser the time to take what waits for it."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_TIMEOUT_S):
+                while any(peer.has_waiting for peer in self._peers):
+                    await asyncio.sleep(_LOOK_S)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer what asks for a file, and turn away who may not connect."""
@@ -263,7 +294,7 @@ class PageServer:
         if not self._admission.has_token(url.query):
             return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
         if url.path == SOCKET_PATH:
-            return self._objection(connection, request)
+            return self._rejection(connection, request)
         if (found := self._shown(url.path)) is not None:
             return _found(*found, request)
         return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")
@@ -280,7 +311,7 @@ class PageServer:
         kind, data = self._images.get(image[1], ("", None))
         return None if data is None else (kind, (data, None))
 
-    def _objection(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _rejection(self, connection: ServerConnection, request: Request) -> Response | None:
         """Why a page may not connect; None if it may."""
         origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
         origin = origins[0] if origins else None
@@ -292,9 +323,9 @@ class PageServer:
         return None
 
     async def _serve_peer(self, connection: ServerConnection) -> None:
-        """Serve one browser until it leaves."""
         peer = Peer(connection)
-        self._peers.add(peer)
+        self._peers[peer] = None
+        self._let_drive(self._driver)
         for place in ("scene", "status", FRAME):
             if place in self._latest:
                 peer.put(place, self._latest[place])
@@ -306,7 +337,10 @@ class PageServer:
             pass
         finally:
             sending.cancel()
-            if self._peers.remove(peer):
+            del self._peers[peer]
+            was_driver = peer is self._driver
+            self._let_drive(None if was_driver else self._driver)
+            if was_driver:
                 self._lose_driver()
 
     def _receive(self, peer: Peer, data: str | bytes) -> None:
@@ -319,28 +353,28 @@ class PageServer:
         match message.kind:
             case "ping":
                 peer.put("pong", encode(kind="pong", sent=message.sent))
-            case "drive" if self._peers.driver not in (None, peer):
+            case "drive" if self._driver not in (None, peer):
                 peer.refuse("Somebody else drives. Watch, or take over.")
             case "drive" | "take_over":
-                if self._peers.driver not in (None, peer):
+                if self._driver not in (None, peer):
                     self._lose_driver()
-                self._peers.let_drive(peer)
+                self._let_drive(peer)
             case _:
                 self._pass_on(peer, data)
 
     def _lose_driver(self) -> None:
         try:
             self.on_driver_lost()
-        except Exception:  # noqa: BLE001 - whatever fails there, the session goes on
+        except Exception:  # noqa: BLE001 - the session goes on
             _log.exception("The loss of the driver made something fail; the session goes on.")
 
     def _pass_on(self, peer: Peer, data: str | bytes) -> None:
         content = data.encode() if isinstance(data, str) else data
         try:
-            reason = self.on_message(peer is self._peers.driver, content)
+            reason = self.on_message(peer is self._driver, content)
         except DuoBenchError as error:
             reason = str(error)
-        except Exception:  # noqa: BLE001 - whatever fails there, the session goes on
+        except Exception:  # noqa: BLE001 - the session goes on
             _log.exception("A message from a page made something fail; the session goes on.")
             reason = "Something failed here."
         if reason is not None:
@@ -369,9 +403,3 @@ def _found(kind: str, content: tuple[bytes, str | None], request: Request) -> Re
     if encoding is not None:
         headers["Content-Encoding"] = encoding
     return Response(http.HTTPStatus.OK, "OK", headers, body)
-
-
-def _silent() -> logging.Logger:
-    logger = logging.getLogger(f"{__name__}.connections")
-    logger.setLevel(logging.CRITICAL + 1)
-    return logger

@@ -87,7 +87,6 @@ def length(track: bytes) -> int:
 
 
 def _head(track: bytes) -> tuple[int, int]:
-    """Steps and bodies."""
     if len(track) < _HEADER.size or not track.startswith(_MAGIC):
         raise DataError("This is no track of an episode: it begins with other bytes.")
     _, steps, bodies = _HEADER.unpack_from(track)

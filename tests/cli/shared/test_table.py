@@ -4,15 +4,22 @@ import re
 from rich.console import Console
 
 from duobench.cli.shared.table import results_table
-from duobench.results.metrics import summarize
+from duobench.results.records import EpisodeRecord
+from duobench.results.run import Run
+from duobench.results.scores import RunPart, summarize
 from tests.results.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
+
+
+def part_of(run: Run, records: list[EpisodeRecord]) -> RunPart:
+    (condition,) = run.conditions.values()
+    return RunPart(run=run, condition=condition, results=summarize(TASKS, records))
 
 
 def printed(
     run_records: list, expected: int, width: int = 130, policy: str = "mine", overtime: float = 1.0
 ) -> list[str]:
     out, run = io.StringIO(), sample_run(episodes=expected, policy=policy, overtime=overtime)
-    Console(file=out, width=width).print(results_table(run, summarize(TASKS, run_records)))
+    Console(file=out, width=width).print(results_table(part_of(run, run_records)))
     return [re.sub(r"\s{2,}", "|", line.strip()) for line in out.getvalue().splitlines()]
 
 

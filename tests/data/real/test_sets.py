@@ -20,7 +20,15 @@ from duobench.data.views import plain_view, resized
 from duobench.errors import DataError, NamesTakenError
 from duobench.rig_sessions.views import view_of
 from duobench.types import POLICY_CAMERAS
-from tests.data.real.number_duo import SIZE, TASK, image_of, numbers_in, play_real, real_recorder
+from tests.data.real.number_duo import (
+    SIZE,
+    TASK,
+    NumberDuo,
+    image_of,
+    numbers_in,
+    play_real,
+    real_recorder,
+)
 from tests.data.tools import play, recorder
 
 LENGTHS = (12, 9, 15)
@@ -52,10 +60,6 @@ def test_a_sound_data_set_has_no_problems(original: DataSet) -> None:
     assert len(original.videos()) == len(LENGTHS) * len(POLICY_CAMERAS)
 
 
-def remove(path: Path) -> None:
-    path.unlink()
-
-
 def shorten(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
@@ -68,7 +72,7 @@ def flip(path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("spoil", "complaint"),
-    [(remove, "is missing"), (shorten, "frames, not"), (flip, "00001.head.mp4 has")],
+    [(Path.unlink, "is missing"), (shorten, "frames, not"), (flip, "00001.head.mp4 has")],
 )
 def test_what_is_wrong_with_a_video_is_found(
     data: DataSet, spoil: Callable[[Path], None], complaint: str
@@ -113,6 +117,8 @@ def test_what_is_split_is_merged_again_with_its_videos(original: DataSet, tmp_pa
     for _ in range(2):  # the second time nothing is left to do
         assert merge([DataSet.open(one), DataSet.open(two)], whole) == 3
         assert contents(DataSet(whole)) == contents(original)
+    names = [path.relative_to(whole) for path in DataSet(whole).episodes()]
+    assert names == [path.relative_to(original.path) for path in original.episodes()]
 
 
 def test_a_merge_that_was_interrupted_goes_on(original: DataSet, tmp_path: Path) -> None:
@@ -223,8 +229,6 @@ def test_one_domain_of_a_mixed_data_set_is_exported_alone(
 
 
 def test_a_camera_that_a_rig_lacks_is_named(tmp_path: Path) -> None:
-    from tests.data.real.number_duo import NumberDuo
-
     env, _ = real_recorder(tmp_path / "data", NumberDuo(cameras=("head",)), horizon=5)
     play_real(env, 5)
     env.close()

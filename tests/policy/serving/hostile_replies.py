@@ -17,7 +17,7 @@ from typing import Any
 from duobench.errors import DuoBenchError, escaped
 from duobench.policy import Policy
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.client import RemotePolicy
+from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.vla_eval import VlaEvalPolicy
 from tests.policy.serving.hostile import DTYPES, KINDS, SHAPES
 from tests.policy.serving.model_server import Message, ModelServer, frame, packed
@@ -111,7 +111,7 @@ def _vla_eval(generator: random.Random) -> AbstractContextManager[int]:
 
 
 PEERS = {
-    "openpi": Peer(client=RemotePolicy, serve=_openpi),
+    "openpi": Peer(client=OpenpiPolicy, serve=_openpi),
     "vla-eval": Peer(client=VlaEvalPolicy, serve=_vla_eval),
 }
 

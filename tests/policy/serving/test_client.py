@@ -12,9 +12,8 @@ import pytest
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
 from duobench.policy import Policy, PolicyMetadata, SessionPolicy, as_chunk
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.client import RemotePolicy
+from duobench.policy.serving.client import VLLM_PATH, OpenpiPolicy
 from duobench.policy.serving.codec import pack, unpack
-from duobench.policy.serving.dialect import VLLM_PATH
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.results.limits import TimeLimits
 from tests.policy.serving.serving import BATCHING, TIMEOUT_S, Serve, foreign_server
@@ -22,7 +21,7 @@ from tests.policy.serving.test_message_format import observation
 from tests.policy.serving.test_server import Gated
 from tests.policy.test_batch import Network, Refuses, observations
 
-Connect = Callable[..., RemotePolicy]
+Connect = Callable[..., OpenpiPolicy]
 CHUNK = np.arange(80, dtype=np.float32).reshape(5, 16)
 
 
@@ -30,9 +29,9 @@ CHUNK = np.arange(80, dtype=np.float32).reshape(5, 16)
 def remote() -> Iterator[Connect]:
     made = []
 
-    def make(port: int, path: str = "", **options: Any) -> RemotePolicy:
+    def make(port: int, path: str = "", **options: Any) -> OpenpiPolicy:
         options = {"wait_s": 0.0, "answer_s": TIMEOUT_S} | options
-        policy = RemotePolicy(RemoteServer(url=f"ws://127.0.0.1:{port}{path}", **options))
+        policy = OpenpiPolicy(RemoteServer(url=f"ws://127.0.0.1:{port}{path}", **options))
         made.append(policy)
         return policy
 
@@ -225,8 +224,8 @@ def test_server_that_describes_itself_wrongly_is_refused_and_left(
     remote: Connect, monkeypatch: pytest.MonkeyPatch, told: object
 ) -> None:
     left: list[object] = []
-    drop = RemotePolicy._drop
-    monkeypatch.setattr(RemotePolicy, "_drop", lambda self: (left.append(self), drop(self)))
+    drop = OpenpiPolicy._drop
+    monkeypatch.setattr(OpenpiPolicy, "_drop", lambda self: (left.append(self), drop(self)))
     with foreign_server({"duobench": told}, lambda _message: None) as port:
         with pytest.raises(ServingError, match=r"version|wrongly"):
             remote(port)

@@ -6,7 +6,7 @@ import pytest
 from duobench.errors import DuoBenchError, PolicyError, ServingError, UnknownNameError
 from duobench.policy.serving.message_format import FORMATS, MessageFormat, read_format
 
-PARTS = ["left_arm", "left_gripper", "right_arm", "right_gripper"]
+ARMS_FIRST = np.array([*range(7), *range(8, 15), 7, 15])
 
 
 def observation(size: tuple[int, int] = (224, 224)) -> dict:
@@ -48,11 +48,9 @@ def test_aloha_nests_images_with_channels_first() -> None:
 def test_droid_orders_arms_before_grippers_both_ways() -> None:
     message_format = read_format("droid")
     request = message_format.request(observation(), "Do it.")
-    np.testing.assert_array_equal(request["observation/gripper_position"], [7, 15])
-    joined = np.concatenate(
-        [request["observation/joint_position"], request["observation/gripper_position"]]
-    )
-    np.testing.assert_array_equal(message_format.chunk(joined[None]), np.arange(16)[None])
+    parts = [request[f"observation/{name}_position"] for name in ("joint", "gripper")]
+    np.testing.assert_array_equal(np.concatenate(parts), ARMS_FIRST)
+    np.testing.assert_array_equal(message_format.chunk(ARMS_FIRST[None]), np.arange(16)[None])
 
 
 def test_vla_eval_nests_images_and_orders_arms_before_grippers() -> None:
@@ -60,9 +58,8 @@ def test_vla_eval_nests_images_and_orders_arms_before_grippers() -> None:
     request = message_format.request(observation(), "Do it.")
     assert request["images"].keys() == {"head", "left_wrist", "right_wrist"}
     np.testing.assert_array_equal(request["states"], np.arange(16))
-    given = np.concatenate([np.arange(7), np.arange(8, 15), [7, 15]])
-    np.testing.assert_array_equal(message_format.chunk(given[None]), np.arange(16)[None])
-    np.testing.assert_array_equal(message_format.measured_action(observation()), given)
+    np.testing.assert_array_equal(message_format.chunk(ARMS_FIRST[None]), np.arange(16)[None])
+    np.testing.assert_array_equal(message_format.measured_action(observation()), ARMS_FIRST)
 
 
 def test_poses_are_parts_of_a_state(tmp_path: Path) -> None:

@@ -21,8 +21,7 @@ from duobench.policy import Batching, Session, SessionPolicy
 from duobench.policy.inference import InferenceLoop
 from duobench.policy.serving import limits
 from duobench.policy.serving.codec import pack, unpack
-from duobench.policy.serving.host import PolicyHost
-from duobench.policy.serving.session import ClientSession
+from duobench.policy.serving.host import ClientSession, PolicyHost
 from tests.evaluation.processes import wait_until
 from tests.policy.serving.hostile import messages
 from tests.policy.serving.serving import TIMEOUT_S, Serve

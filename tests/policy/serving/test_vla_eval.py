@@ -13,8 +13,7 @@ from duobench.policy import Policy
 from duobench.policy.serving import limits
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.message_format import MessageFormat, read_format
-from duobench.policy.serving.vla_eval import VlaEvalPolicy
-from duobench.policy.serving.vla_eval_specs import action_spec, observation_spec
+from duobench.policy.serving.vla_eval import VlaEvalPolicy, action_spec, observation_spec
 from tests.policy.serving.model_server import Message, ModelServer, acting, frame
 from tests.policy.serving.serving import TIMEOUT_S, Serve
 from tests.policy.serving.test_message_format import observation

@@ -132,14 +132,14 @@ def _remark(found: Report | None, rig_hash: str) -> str:
 
 def _show(report: TrialsReport, screen: Console) -> None:
     """Print what came out, a line for each policy."""
-    from duobench.results import metrics
+    from duobench.results import scores
 
     for each in report.policies:
         score = each.score
         screen.print(
             f"{each.letter} {each.policy}: {score.successes} of {score.episodes}, "
-            f"{metrics.percent(score.success_rate)} % (95 % interval "
-            f"{metrics.interval_percent(score)} %)"
+            f"{scores.percent(score.success_rate)} % (95 % interval "
+            f"{scores.interval_percent(score)} %)"
         )
     for verdict in report.verdicts:
         screen.print(verdict)

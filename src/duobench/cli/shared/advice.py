@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,9 +33,6 @@ KINDS = {
 }
 """What the folders are that our verbs write, by a file in each, and a verb that takes it."""
 
-_INSIDE = ("shard-*-of-*/run.json", "*-[1-5]/run.json", "none/run.json", "*/shard-*-of-*/run.json")
-"""Where runs lie in a folder of shards, or of conditions."""
-
 
 def find_folder(folder: Path, sign: str) -> None:
     """Find out that a folder is of the kind that a verb takes.
@@ -61,26 +58,14 @@ def find_folder(folder: Path, sign: str) -> None:
             )
 
 
-def find_runs(paths: Sequence[Path]) -> None:
-    """Find out that there is a run, whole or in shards, or a bundle, at each of some paths.
+def find_run(path: Path) -> None:
+    """Find out that there is a run or a bundle at a path.
 
     Raises:
-        AdvisedError: None was named, or there is none; it says what would do.
+        AdvisedError: There is none; it says what would do.
     """
-    if not paths:
-        raise AdvisedError("Name a run: the folder that was given to --out of duobench eval.")
-    for path in paths:
-        is_pattern = bool(set("*?[") & set(str(path))) and not path.exists()
-        inside = (each for pattern in _INSIDE for each in path.glob(pattern))
-        if not (path.is_file() or is_pattern or any(inside)):
-            find_folder(path, "run.json")
-
-
-def conditions_of(path: Path) -> list[Path]:
-    """Folders of the conditions in a folder, by shift; none if it is that of a run."""
-    from duobench.results.robustness.conditions import conditions_in
-
-    return list(conditions_in(path).values())
+    if not path.is_file():
+        find_folder(path, "run.json")
 
 
 def relative(path: Path) -> Path:
@@ -123,7 +108,7 @@ def for_evaluation(folder: RunFolder, policy: str, error: DuoBenchError) -> str 
     """What would help after an error of an evaluation of a policy in a folder."""
     match error:
         case OtherRunError() if folder.description.exists():
-            command = folder.read_run().command
+            command = next(iter(folder.commands()), "")
             other = folder.path.with_name(policy.partition(":")[0])
             such = "" if other.exists() else f", such as {relative(other)}"
             known = f"; its own command is: {command}" if command else "."

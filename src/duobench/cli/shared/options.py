@@ -12,7 +12,7 @@ _ELSEWHERE: Mapping[str, str] = {"out": "DIR", "server": "URL", "key_file": "FIL
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
 _NO_MATTER = (
     *("workers", "retry_broken", "wait", "watch", "watch_port"),
-    *("executor", "address", "policy_gpus"),
+    *("executor", "address", "policy_gpus", "shard"),
 )
 """Options that no result depends on."""
 
@@ -31,11 +31,13 @@ class Option:
     """Its value where it is not given."""
     argument: str
     """The argument of the verb that has it: itself, or a data class of which it is a field."""
+    is_nested: bool
+    """Whether that is a data class."""
 
     def value(self, given: Mapping[str, object]) -> object:
         """Its value, out of those of the verb's arguments."""
         value = given[self.argument]
-        return value if self.name == self.argument else getattr(value, self.name)
+        return getattr(value, self.name) if self.is_nested else value
 
 
 def options_of(verb: Callable[..., None]) -> Iterator[Option]:
@@ -47,16 +49,23 @@ def options_of(verb: Callable[..., None]) -> Iterator[Option]:
             inner = get_type_hints(kind, include_extras=True)
             for each in fields(kind):
                 default = each.default if each.default is not MISSING else inspect.Parameter.empty
-                yield _option(each.name, inner[each.name], default, name)
+                yield _option(each.name, inner[each.name], default, name, is_nested=True)
         else:
-            yield _option(name, hints[name], parameter.default, name)
+            yield _option(name, hints[name], parameter.default, name, is_nested=False)
 
 
-def _option(name: str, kind: object, default: object, argument: str) -> Option:
+def _option(name: str, kind: object, default: object, argument: str, *, is_nested: bool) -> Option:
     marks = getattr(kind, "__metadata__", ())
     renamed = [mark.name for mark in marks if getattr(mark, "name", None)]
     flag = f"--{(renamed[0] if renamed else name).replace('_', '-')}"
-    return Option(name=name, flag=flag, kind=kind, default=default, argument=argument)
+    return Option(
+        name=name,
+        flag=flag,
+        kind=kind,
+        default=default,
+        argument=argument,
+        is_nested=is_nested,
+    )
 
 
 def command_line(verb: str, function: Callable[..., None], given: Mapping[str, object]) -> str:

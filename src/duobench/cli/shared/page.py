@@ -14,7 +14,7 @@ def serve_page(port: int, lan: bool, page: str = "live_page.html") -> PageServer
     Raises:
         ServingError: The port cannot be had, or there is no certificate for the network.
     """
-    from duobench.web.certificate import make_certificate
+    from duobench.web.access import make_certificate
     from duobench.web.page import assets
     from duobench.web.server import PageServer
 

@@ -20,6 +20,7 @@ from rich.progress import (
 from duobench.cli.shared.console import counted
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
+from duobench.results.shard import WHOLE, Shard
 from duobench.runners.demonstrations import Attempt
 
 PLAIN_LINES = 10
@@ -103,25 +104,23 @@ def display(console: Console, noun: str) -> Iterator[Display]:
 class EpisodesPlayed:
     """The progress of an evaluation."""
 
-    def __init__(self, shown: Display, conditions: int = 1) -> None:
+    def __init__(self, shown: Display, shard: Shard = WHOLE) -> None:
         """Show it in a display.
 
         Args:
             shown: The display.
-            conditions: Under how many shifts the run is played.
+            shard: Which part of the run is played.
         """
-        self._shown = shown
-        self._conditions = conditions
+        self._shown, self._shard = shown, shard
 
     def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
         """Say what is going to be done, and what was finished earlier."""
-        suite = run.suite
+        suite, totals = run.suite, run.counts(self._shard)
         going_on = f", {len(finished)} already finished" if finished else ""
         heading = (
-            f"Policy {run.title}: {counted(len(suite.tasks), 'task')}, "
-            f"{counted(self._conditions * run.size, 'episode')}{going_on}"
+            f"Policy {run.candidate.title}: {counted(len(suite.tasks), 'task')}, "
+            f"{counted(sum(totals.values()), 'episode')}{going_on}"
         )
-        totals = {task: self._conditions * count for task, count in run.counts.items()}
         self._shown.begin(heading, totals)
         for record in finished:
             self._shown.advance(record.task, succeeded=record.success, earlier=True)

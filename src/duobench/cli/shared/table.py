@@ -6,32 +6,32 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from duobench.results.metrics import (
-    Results,
+from duobench.results.scores import (
+    RunPart,
     Score,
     TaskResult,
     interval_percent,
     percent,
     progress_text,
 )
-from duobench.results.run import Run
 
 
-def results_table(run: Run, results: Results) -> Table:
+def results_table(part: RunPart) -> Table:
     """One row a task, grouped by category, with a row a category and one for everything.
 
     Args:
-        run: What was played by which policy, which is named above the table.
-        results: What the records add up to.
+        part: What was played under one condition, by which policy, which is named above the table.
 
     Returns:
         A table that rich prints.
     """
-    counts = run.counts
-    table = Table(title=Text(run.title), box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
+    results, expected = part.results, part.suite.episodes
+    table = Table(
+        title=Text(part.candidate.title), box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left"
+    )
     table.add_column("Task", no_wrap=True)
     errors = ("Errors",) if results.overall.errors else ()
-    overtime = run.suite.overtime
+    overtime = part.suite.overtime
     late = (f"Within {overtime:g}\nhorizons %",) if overtime > 1 else ()
     if late:
         table.caption = f"Within {overtime:g} horizons is no score: scores end at the horizon."
@@ -42,15 +42,14 @@ def results_table(run: Run, results: Results) -> Table:
     for category in results.categories:
         members = [one for one in results.tasks if one.task.category == category.label]
         for one in members:
-            cells = _cells(one.task.id, one.score, counts[one.task.id], bool(errors), bool(late))
+            cells = _cells(one.task.id, one.score, expected, bool(errors), bool(late))
             table.add_row(*cells, _stages(one))
         if len(members) > 1:
-            expected = sum(counts[one.task.id] for one in members)
-            cells = _cells(category.label, category, expected, bool(errors), bool(late))
+            of_all = expected * len(members)
+            cells = _cells(category.label, category, of_all, bool(errors), bool(late))
             table.add_row(*cells, style="italic")
         table.add_section()
-    expected = run.size
-    cells = _cells(results.overall.label, results.overall, expected, bool(errors), bool(late))
+    cells = _cells(results.overall.label, results.overall, part.size, bool(errors), bool(late))
     table.add_row(*cells, style="bold")
     return table
 

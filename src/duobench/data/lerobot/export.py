@@ -18,13 +18,14 @@ from duobench.backend import Image
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.lerobot import statistics
-from duobench.data.lerobot.actions import Residual, labels_of
+from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
     SCHEMA,
     EpisodeFacts,
     Export,
     ExportFolder,
+    Residual,
     SourceEpisode,
     schema,
 )
@@ -99,9 +100,6 @@ def export_lerobot(
         progress: Told about the progress in frames, at first and after every episode.
         view_of: Gives the view of each real camera, which makes its images those of the
             simulation's camera; it can be pickled.
-
-    Returns:
-        What it came to.
 
     Raises:
         DataError: There is nothing to export, or a recording cannot be read or shown.

@@ -13,7 +13,6 @@ from typing import Any
 
 import pyarrow as pa
 
-from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.options import ExportOptions
 from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
@@ -117,6 +116,40 @@ class Export:
             **{f"version of {name}": value for name, value in self.versions.items()},
             "episodes": {f"{one.data_set}/{one.file}": one for one in self.episodes},
         }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Residual:
+    """How far the tools at the solved joint targets are from the tool poses that were given.
+
+    Distances are in metres, angles in radians.
+    """
+
+    targets: int = 0
+    """How many poses were solved for, two a row."""
+    sum_position: float = 0.0
+    sum_rotation: float = 0.0
+    max_position: float = 0.0
+    max_rotation: float = 0.0
+
+    def __add__(self, other: Residual) -> Residual:
+        """The residual of both together."""
+        return Residual(
+            targets=self.targets + other.targets,
+            sum_position=self.sum_position + other.sum_position,
+            sum_rotation=self.sum_rotation + other.sum_rotation,
+            max_position=max(self.max_position, other.max_position),
+            max_rotation=max(self.max_rotation, other.max_rotation),
+        )
+
+    def __str__(self) -> str:
+        """As a sentence part: means and largest values in millimetres and radians."""
+        count = max(1, self.targets)
+        return (
+            f"mean {1000 * self.sum_position / count:.3f} mm and "
+            f"{self.sum_rotation / count:.5f} rad, at most {1000 * self.max_position:.3f} mm and "
+            f"{self.max_rotation:.5f} rad"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

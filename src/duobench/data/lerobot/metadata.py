@@ -15,12 +15,12 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from duobench.data.lerobot import statistics
-from duobench.data.lerobot.actions import Residual
 from duobench.data.lerobot.folder import (
     CHUNK_SIZE,
     FPS,
     Export,
     ExportFolder,
+    Residual,
     columns,
     describe,
     image_key,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from urllib.parse import SplitResult, urlsplit
 
 from duobench.errors import ServingError
+from duobench.policy.batch import Batching
 from duobench.policy.serving import access
 from duobench.policy.serving.message_format import MessageFormat
 
@@ -17,11 +18,12 @@ WAIT_S = 60.0
 """Default seconds to wait for a server that is not there yet, or not there again."""
 MAX_S = 86_400.0
 """Most seconds for one answer, and to wait: a day; sockets know no endless time."""
+LOOPBACK = "127.0.0.1"
 _SCHEMES = ("ws", "wss")
 """What the address of a server begins with."""
 _FORM = "The address of a server is ws://HOST:PORT or wss://HOST:PORT."
 
-OPENPI = "duobench.policy.serving.client:RemotePolicy"
+OPENPI = "duobench.policy.serving.client:OpenpiPolicy"
 """Client of the servers of DuoBench, and of all others that speak openpi's protocol."""
 SERVED: Mapping[str, str] = {
     "openpi": OPENPI,
@@ -29,6 +31,25 @@ SERVED: Mapping[str, str] = {
 }
 """Import paths of the clients, each a `ConnectedPolicy`, by the name under which a served
 policy is evaluated."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyAddress:
+    """Where a policy answers that an evaluation has started in a process of its own."""
+
+    host: str = LOOPBACK
+    port: int
+    key: str
+    """What it asks for; only those who play with it have it."""
+    batching: Batching | None
+    """How many observations it answers together; None for a plain policy, which plays one episode
+    at a time."""
+
+    @property
+    def url(self) -> str:
+        """Its address as that of a server."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"ws://{host}:{self.port}"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,7 +70,6 @@ class RemoteServer:
     """Seconds to wait for a server that is not there."""
 
     def __post_init__(self) -> None:
-        """Reject what is no address, or holds more than one."""
         parts = self.parts
         if parts.scheme not in _SCHEMES or not _is_host(parts.hostname):
             raise ServingError(_FORM)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import uuid
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -23,12 +24,69 @@ from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, as_chunk
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, read, unpack
-from duobench.policy.serving.connection import ConnectedPolicy, reported
-from duobench.policy.serving.dialect import OURS, Dialect, actions_of, dialect_of
+from duobench.policy.serving.connection import ConnectedPolicy, actions_of, reported
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 
+VLLM_PATH = "/v1/realtime/robot/openpi"
+"""Where vLLM-Omni serves robot policies."""
+_ROBOARENA_KEYS = {"needs_session_id", "n_external_cameras", "needs_wrist_camera"}
+"""What the first message of a RoboArena server holds."""
 
-class RemotePolicy(ConnectedPolicy):
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Dialect:
+    """What one kind of server understands beside plain observations."""
+
+    name: str
+    """What the kind is called."""
+    reset: tuple[str, ...] | None = None
+    """Fields of the message that begins an episode; None if a new connection does."""
+    is_reset_answered_in_text: bool = False
+    """Whether that message is answered by text, which otherwise is an error."""
+    added: tuple[str, ...] = ()
+    """Fields that are added to every observation."""
+
+    @property
+    def has_seed(self) -> bool:
+        """Whether a seed is understood, so that the noise follows from it."""
+        return "seed" in (self.reset or ())
+
+    def messages(self, instruction: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """The message that begins an episode, and what is added to each observation of it."""
+        values = {"endpoint": "infer", "prompt": instruction, "seed": seed}
+        values["session_id"] = uuid.uuid4().hex  # a new one for each episode; it decides nothing
+        reset = {"endpoint": "reset", **{name: values[name] for name in self.reset or ()}}
+        return reset, {name: values[name] for name in self.added}
+
+
+OURS = Dialect(name="duobench", reset=("prompt", "seed"))
+_OPENPI = Dialect(name="openpi")
+_ROBOARENA = Dialect(
+    name="roboarena", reset=(), is_reset_answered_in_text=True, added=("endpoint",)
+)
+_ROBOARENA_SESSIONS = replace(_ROBOARENA, reset=("session_id",), added=("session_id", "endpoint"))
+_VLLM = Dialect(
+    name="vllm-omni", reset=("prompt", "seed", "session_id"), added=("session_id", "seed")
+)
+
+
+def dialect_of(handshake: Mapping[str, Any], path: str) -> Dialect:
+    """The dialect of a server.
+
+    Args:
+        handshake: Its first message.
+        path: Path of its address.
+    """
+    if "duobench" in handshake:
+        return OURS
+    if path.rstrip("/") == VLLM_PATH:
+        return _VLLM
+    if handshake.keys() & _ROBOARENA_KEYS:
+        return _ROBOARENA_SESSIONS if handshake.get("needs_session_id") else _ROBOARENA
+    return _OPENPI
+
+
+class OpenpiPolicy(ConnectedPolicy):
     """A served policy, as a plain one."""
 
     health_path = HEALTH_PATH
@@ -97,11 +155,7 @@ class RemotePolicy(ConnectedPolicy):
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:
-    """What a server of ours tells about its policy, and how it is asked.
-
-    Raises:
-        ServingError: If it speaks another version of the protocol, or describes it wrongly.
-    """
+    """Metadata and batching of the policy at a server of ours."""
     try:
         protocol = facts.get("protocol") if isinstance(facts, dict) else facts
         if type(protocol) is not int or protocol != PROTOCOL:
@@ -121,8 +175,8 @@ def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batchi
 _MILLI = 1e3
 
 
-class OwnPolicy(RemotePolicy):
-    """A policy in a process of its own, which is told of as if it were in this one."""
+class OwnPolicy(OpenpiPolicy):
+    """A policy in a process of its own, whose errors are those of one in this process."""
 
     intended_action: Any = None
     """What it wanted its last action to be, if it has disturbed it."""

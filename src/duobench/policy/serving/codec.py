@@ -2,7 +2,8 @@
 
 An array is a map of `__ndarray__`, `data`, `dtype` and `shape`, and a NumPy scalar a map of
 `__npgeneric__`, `data` and `dtype`, with keys of type bin. Keys of type str are read as well, and
-written for servers that read no others.
+written for servers that read no others. How much a message would hold is found out before any of it
+is made.
 """
 
 from __future__ import annotations
@@ -18,12 +19,36 @@ import numpy as np
 
 from duobench.errors import MessageError
 from duobench.policy.serving import limits
-from duobench.policy.serving.message_size import check_size
 
 _ARRAY, _SCALAR = "__ndarray__", "__npgeneric__"
 _DATA, _DTYPE, _SHAPE = "data", "dtype", "shape"
 _PLAIN = (type(None), bool, int, float, str, bytes)
 _DTYPE_TEXT = re.compile(rf"[<>|=]?[{limits.DTYPE_KINDS}]\d+")
+
+_FIXED: Mapping[int, int] = {
+    **dict.fromkeys((0xC0, 0xC2, 0xC3), 0),
+    **dict.fromkeys((0xCC, 0xD0), 1),
+    **dict.fromkeys((0xCD, 0xD1), 2),
+    **dict.fromkeys((0xCA, 0xCE, 0xD2), 4),
+    **dict.fromkeys((0xCB, 0xCF, 0xD3), 8),
+}
+"""Bytes after the first one of values of a fixed length [MessagePack specification]."""
+_BINARY, _TEXT, _LIST, _MAP = "binary", "text", "array", "map"
+_SIZED: Mapping[int, tuple[str, int]] = {
+    **{0xC4 + power: (_BINARY, 1 << power) for power in range(3)},
+    **{0xD9 + power: (_TEXT, 1 << power) for power in range(3)},
+    **{0xDC + power: (_LIST, 2 << power) for power in range(2)},
+    **{0xDE + power: (_MAP, 2 << power) for power in range(2)},
+}
+"""What begins with a byte, and how many bytes its length takes."""
+_SHORT = ((0x80, 0x0F, _MAP), (0x90, 0x0F, _LIST), (0xA0, 0x1F, _TEXT))
+"""First byte, mask of the length in it, and kind of short ones."""
+_MOST: Mapping[str, int] = {
+    _BINARY: limits.MAX_REPLY,
+    _TEXT: limits.MAX_TEXT,
+    _LIST: limits.MAX_ARRAY_ITEMS,
+    _MAP: limits.MAX_MAP_ITEMS,
+}
 
 
 def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
@@ -62,7 +87,7 @@ def read(data: bytes) -> Any:
     Raises:
         MessageError: If it is none, or beyond the limits.
     """
-    check_size(data)
+    _check_size(data)
     try:
         message = msgspec.msgpack.decode(data)
     except (ValueError, TypeError, RecursionError) as error:
@@ -168,3 +193,39 @@ def _scalar(fields: dict[str, Any]) -> np.generic:
 def _expect(fields: dict[str, Any], mark: str, names: set[str]) -> None:
     if fields.keys() != names or fields[mark] is not True:
         raise MessageError(f"A map with {mark} has exactly the keys {', '.join(sorted(names))}.")
+
+
+def _check_size(data: bytes) -> None:
+    """Reject a message that holds too much; one that is cut off passes, and cannot be decoded."""
+    position, expected, items = 0, 1, 0
+    while expected and position < len(data):
+        first = data[position]
+        position += 1
+        expected -= 1
+        items += 1
+        kind, length, position = _length(data, first, position)
+        if length > _MOST.get(kind, length):
+            raise MessageError(
+                f"A message cannot be read: a {kind} has at most {_MOST[kind]} items."
+            )
+        if kind in (_LIST, _MAP):
+            expected += length * (2 if kind == _MAP else 1)
+        else:
+            position += length
+        if items + expected > limits.MAX_ITEMS:
+            raise MessageError(f"A message holds at most {limits.MAX_ITEMS} items.")
+
+
+def _length(data: bytes, first: int, position: int) -> tuple[str, int, int]:
+    """Kind and length of a value, and where what belongs to it begins."""
+    if first < 0x80 or first >= 0xE0:  # noqa: PLR2004 - small numbers [MessagePack specification]
+        return "", 0, position
+    if first in _FIXED:
+        return "", _FIXED[first], position
+    if first in _SIZED:
+        kind, size = _SIZED[first]
+        return kind, int.from_bytes(data[position : position + size]), position + size
+    for start, mask, kind in _SHORT:
+        if first & ~mask == start:
+            return kind, first & mask, position
+    raise MessageError(f"A message cannot be read: it holds a value of type {first:#04x}.")

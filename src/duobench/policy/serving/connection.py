@@ -1,4 +1,4 @@
-"""A policy at a server, at the other end of a WebSocket, whatever is said there.
+"""A policy at a server, at the other end of a WebSocket, in any protocol.
 
 What the server's policy does wrong is a `PolicyError`, which fails an episode. What happens to the
 connection is a `MachineryError`, after which an episode can be played again from its start. Nothing
@@ -16,8 +16,9 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import numpy as np
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -42,12 +43,23 @@ _RETRY_S = 0.2
 _SHORTEST_S = 0.2
 """Seconds for opening a connection, at least."""
 _NOT_ALLOWED = (401, 403)
+_LONGEST_LIST = 1000
+"""Characters of a list of names that are kept."""
 _LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
 """What is raised where there is no connection, or no more."""
 
 
 class ConnectedPolicy(ABC):
-    """A policy at a server; a subclass knows what is said there."""
+    """A policy at a server; a subclass knows what is said there.
+
+    Args:
+        server: Where the policy is served.
+
+    Raises:
+        ServingError: If the server asks for another key, cannot be understood, or contradicts
+            the format.
+        MachineryError: If there is no server of this kind.
+    """
 
     metadata: PolicyMetadata
     """What the policy expects of the environment."""
@@ -59,16 +71,6 @@ class ConnectedPolicy(ABC):
     """Name of the format of a server for which none is given; None takes openpi's keys."""
 
     def __init__(self, server: RemoteServer) -> None:
-        """Connect, and learn what is served.
-
-        Args:
-            server: Where the policy is served.
-
-        Raises:
-            ServingError: If the server asks for another key, cannot be understood, or contradicts
-                the format.
-            MachineryError: If there is no server of this kind.
-        """
         self._server = server
         default = self._default_format
         self._format = server.message_format or (
@@ -250,6 +252,24 @@ class ConnectedPolicy(ABC):
 def reported(words: str) -> PolicyError:
     """The error of a policy whose server says in words what went wrong."""
     return PolicyError(f"The policy's server reports:\n{escaped(words)[-LONGEST_TEXT:].strip()}")
+
+
+def actions_of(answer: Any, key: str) -> Any:
+    """The actions in an answer, which may also be nothing but them.
+
+    Raises:
+        PolicyError: If there are none, or the server reports an error in its answer.
+    """
+    if isinstance(answer, np.ndarray):
+        return answer
+    if not isinstance(answer, dict):
+        raise PolicyError(f"The policy's server answers with a {type(answer).__name__}, no map.")
+    if isinstance(kind := answer.get("type"), str) and kind == "error":
+        raise reported(str(answer.get("message")))
+    if key not in answer:
+        known = escaped(", ".join(sorted(answer)))[:_LONGEST_LIST] or "nothing"
+        raise PolicyError(f"The policy's server answers without {key!r}; it gives {known}.")
+    return answer[key]
 
 
 def is_healthy(server: RemoteServer, path: str = limits.HEALTH_PATH) -> bool:

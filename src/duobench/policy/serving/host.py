@@ -1,44 +1,64 @@
 """A policy at a server that speaks openpi's protocol: WebSocket, and MessagePack in it.
 
 Inference happens in another thread than the server's, so that pings, `/healthz` and other clients
-are answered meanwhile.
+are answered meanwhile. A client that says `reset` with prompt and seed gets answers that follow
+from these.
 """
 
 from __future__ import annotations
 
 import asyncio
 import http
-import logging
-import threading
+import time
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import asdict
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Any, TypeVar
 
+import numpy as np
 import websockets
-from websockets.asyncio.server import ServerConnection, serve
+from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from duobench.errors import DuoBenchError, PolicyTimeoutError, ServingError
-from duobench.policy.batch import Batching, BatchPolicy
+from duobench.errors import DuoBenchError, MessageError, PolicyError, PolicyTimeoutError
+from duobench.policy.batch import Batching, BatchPolicy, Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import PolicyName, make_batched
 from duobench.policy.serving import access, limits
-from duobench.policy.serving.codec import pack
+from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
-from duobench.policy.serving.session import ClientSession
+from duobench.serving_thread import ServingThread
+from duobench.types import as_whole
 
-_log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 _GOING_AWAY, _INTERNAL_ERROR, _TRY_AGAIN = 1001, 1011, 1013
 _LONGEST_REASON = 120
 """Bytes of the reason for closing a connection; a WebSocket takes three more."""
+_RESET_STATUS = "reset successful"
+"""Answer to a reset, as other servers of the protocol give it."""
+_ENDPOINTS = ("infer", "reset")
+_MILLI = 1e3
 
 
 class PolicyHost:
-    """A policy with a server before it; the thread that made it answers."""
+    """A policy with a server before it; the thread that made it answers.
+
+    Args:
+        policy: The policy.
+        metadata: What clients get to know about it.
+        batching: How many observations are answered together.
+        host: Address to listen at.
+        port: Port to listen at; 0 takes a free one.
+        key: What clients must have; without one, `host` must be of this machine only.
+        busy: Surrounds everything that the policy does.
+        answer_s: Seconds for one answer, waiting included.
+
+    Raises:
+        ServingError: If the address cannot be had, or needs a key.
+    """
 
     def __init__(
         self,
@@ -52,21 +72,6 @@ class PolicyHost:
         busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
         answer_s: float = limits.INFERENCE_S,
     ) -> None:
-        """Start to listen; `run` answers.
-
-        Args:
-            policy: The policy.
-            metadata: What clients get to know about it.
-            batching: How many observations are answered together.
-            host: Address to listen at.
-            port: Port to listen at; 0 takes a free one.
-            key: What clients must have; without one, `host` must be of this machine only.
-            busy: Surrounds everything that the policy does.
-            answer_s: Seconds for one answer, waiting included.
-
-        Raises:
-            ServingError: If the address cannot be had, or needs a key.
-        """
         access.check_access(host, key)
         self._policy = policy
         self._loop = InferenceLoop(policy, batching, busy=busy)
@@ -76,15 +81,19 @@ class PolicyHost:
         self._answer_s = answer_s
         self._clients: dict[ServerConnection, ClientSession] = {}  # the longest silent one first
         self._closing: set[asyncio.Future[None]] = set()
-        self._over = asyncio.Event()
-        listening: Future[tuple[int, asyncio.AbstractEventLoop]] = Future()
-        self._thread = threading.Thread(
-            target=lambda: asyncio.run(self._serve(host, port, listening)),
+        self._server = ServingThread(
+            self._serve_client,
+            host,
+            port,
             name="policy-server",
-            daemon=True,
+            process_request=self._admit,
+            origins=[None],  # a browser, which may act for any web page, names its origin
+            max_size=limits.MAX_REQUEST,
+            max_queue=limits.MAX_QUEUED_MESSAGES,
+            open_timeout=limits.HANDSHAKE_S,
+            close_timeout=limits.CLOSE_S,
         )
-        self._thread.start()
-        self.port, self._events = listening.result()
+        self.port = self._server.port
         """The port that it listens at."""
 
     def run(self) -> None:
@@ -92,42 +101,12 @@ class PolicyHost:
         try:
             self._loop.run()
         finally:
-            with suppress(RuntimeError):  # it is over already
-                self._events.call_soon_threadsafe(self._over.set)
-            self._thread.join()
+            self._server.close()
             getattr(self._policy, "close", lambda: None)()
 
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
         self._loop.stop()
-
-    async def _serve(
-        self, host: str, port: int, listening: Future[tuple[int, asyncio.AbstractEventLoop]]
-    ) -> None:
-        asyncio.get_running_loop().set_exception_handler(_Complaints())
-        try:
-            server = await serve(
-                self._serve_client,
-                host,
-                port,
-                process_request=self._admit,
-                origins=[None],  # a browser, which may act for any web page, names its origin
-                compression=None,
-                max_size=limits.MAX_REQUEST,
-                max_queue=limits.MAX_QUEUED_MESSAGES,
-                open_timeout=limits.HANDSHAKE_S,
-                close_timeout=limits.CLOSE_S,
-                server_header=None,
-                logger=_silent(),  # what clients do wrong is told to them
-            )
-        except (OSError, OverflowError, ValueError) as error:  # also ports and hosts that none are
-            reason = str(getattr(error, "strerror", None) or error).rstrip(".")
-            listening.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
-            return
-        async with server:
-            actual = next(iter(server.sockets)).getsockname()[1]
-            listening.set_result((actual, asyncio.get_running_loop()))
-            await self._over.wait()
 
     def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer what asks for no session, and turn away who may not have one."""
@@ -183,31 +162,129 @@ class PolicyHost:
             session.close()
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _RequestedEpisode:
+    """What distinguishes one episode of a client from the next."""
+
+    prompt: str = ""
+    seed: int = 0
+    session_id: object = None
+
+    def changed_by(self, request: dict[str, Any]) -> _RequestedEpisode:
+        """The episode that a request belongs to; takes what only says that out of it.
+
+        Raises:
+            MessageError: If the prompt is no text or the seed no whole number.
+        """
+        prompt, seed = request.get("prompt", self.prompt), request.pop("seed", self.seed)
+        session_id = request.pop("session_id", self.session_id)
+        if not isinstance(prompt, str):
+            raise MessageError(f"A prompt is a text, got a {type(prompt).__name__}.")
+        number = as_whole(seed)
+        if number is None or not 0 <= number <= limits.MAX_SEED:
+            raise MessageError(f"A seed is a whole number from 0, got {seed!r:.40}.")
+        if not isinstance(session_id, str | int | None):
+            raise MessageError(f"A session_id is a text, got a {type(session_id).__name__}.")
+        return _RequestedEpisode(prompt=prompt, seed=number, session_id=session_id)
+
+
+class ClientSession:
+    """Episodes and requests of one connection."""
+
+    def __init__(self, loop: InferenceLoop, answer_s: float = limits.INFERENCE_S) -> None:
+        self._loop = loop
+        self._answer_s = answer_s
+        self._session: Session | None = None
+        self._episode = _RequestedEpisode()
+        self._received = 0.0
+        self._timing: dict[str, float] = {}
+
+    async def reply(self, frame: str | bytes) -> bytes:
+        """The answer to a request.
+
+        Raises:
+            MessageError: If the request cannot be understood.
+            PolicyError: If the policy fails.
+            BusyError: If too many requests wait.
+        """
+        self._received = time.monotonic()
+        if isinstance(frame, str):
+            raise MessageError("A request is a binary message, got text.")
+        request = unpack(frame)
+        endpoint = request.pop("endpoint", "infer")
+        if not isinstance(endpoint, str) or endpoint not in _ENDPOINTS:
+            raise MessageError(
+                f"The endpoint of a request is infer or reset, got {endpoint!r:.40}."
+            )
+        if endpoint == "reset":
+            await self._begin(_RequestedEpisode().changed_by(request))
+            return pack({"status": _RESET_STATUS})
+        return await self._infer(request)
+
+    @property
+    def is_playing(self) -> bool:
+        """Whether an episode is under way."""
+        return self._session is not None
+
+    def note_sent(self) -> None:
+        """Note that an answer was sent; the next one says how long it took."""
+        self._timing = {"prev_total_ms": (time.monotonic() - self._received) * _MILLI}
+
+    def close(self) -> None:
+        """The connection is over."""
+        if self._session is not None:
+            self._loop.end(self._session)
+            self._session = None
+
+    async def _infer(self, request: dict[str, Any]) -> bytes:
+        episode = self._episode.changed_by(request)
+        session = self._session
+        if session is None or episode != self._episode:
+            session = await self._begin(episode)
+        start = time.monotonic()
+        answer = self._loop.act(session, request)
+        chunk = await self._result(answer)
+        timing = {"infer_ms": (time.monotonic() - start) * _MILLI, **self._timing}
+        timing["policy_ms"] = answer.busy_s * _MILLI
+        intended = getattr(session, "intended", None)
+        said = {} if intended is None else {"intended": np.asarray(intended)}
+        return pack({"actions": chunk, **said, "server_timing": timing})
+
+    async def _begin(self, episode: _RequestedEpisode) -> Session:
+        self.close()
+        future = self._loop.begin(episode.prompt, episode.seed)
+        try:
+            self._session = session = await self._result(future)
+        except BaseException:
+            future.add_done_callback(self._forget)
+            raise
+        self._episode = episode
+        return session
+
+    def _forget(self, future: Future[Session]) -> None:
+        """End an episode that began after its client had left."""
+        if not future.cancelled() and future.exception() is None:
+            self._loop.end(future.result())
+
+    async def _result(self, future: Future[T]) -> T:
+        """What the inference loop answers; giving up gives the place in its queue back."""
+        try:
+            async with asyncio.timeout(self._answer_s):
+                return await asyncio.wrap_future(future)
+        except TimeoutError as error:
+            raise PolicyError(f"There was no answer within {self._answer_s:g} s.") from error
+        except asyncio.CancelledError:
+            task = asyncio.current_task()
+            if task is not None and task.cancelling():
+                raise
+            raise BusyError("The policy's server has ended.") from None
+
+
 def _words(error: DuoBenchError) -> str:
-    """What a client is told of an error: a traceback of the policy, or what went wrong."""
+    """The text of an error for a client: a traceback of the policy, or what went wrong."""
     if isinstance(error, PolicyTimeoutError):
         return f"{PolicyTimeoutError.__name__}: {error}"
     return str(error)
-
-
-class _Complaints:
-    """Says once what goes wrong again and again, such as that there is no file for a connection."""
-
-    def __init__(self) -> None:
-        self._told: set[str] = set()
-
-    def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:  # noqa: ARG002 - the library's signature
-        """Handle an error that nobody else does."""
-        message = str(context.get("message"))
-        if message not in self._told:
-            self._told.add(message)
-            _log.warning("The server goes on, after: %s (%s)", message, context.get("exception"))
-
-
-def _silent() -> logging.Logger:
-    logger = logging.getLogger(f"{__name__}.connections")
-    logger.setLevel(logging.CRITICAL + 1)
-    return logger
 
 
 async def _unless_gone(

@@ -46,7 +46,6 @@ class ActionFormat:
     """The environment's action mode that they are meant for."""
 
     def __post_init__(self) -> None:
-        """Reject an unknown mode, and an order that is not one of all parts."""
         action_modes.get(self.mode)
         if sorted(self.order) != sorted(_PARTS):
             _check_names("part of an action", self.order, _PARTS)
@@ -79,7 +78,6 @@ class MessageFormat:
     """How they give actions."""
 
     def __post_init__(self) -> None:
-        """Reject parts that do not exist, sizes that cannot be, and keys in each other's place."""
         for key, parts in self.state.items():
             _check_names("part of a state", parts, (*_PARTS, *_POSES))
             if not parts:

@@ -3,29 +3,93 @@
 Every message is a map of `type`, `payload`, `seq` and `timestamp`. The client says `hello` first;
 `episode_start` and `episode_end` are not answered; an `observation` is answered by an `action` or
 an `error` with its `seq`. Images are sent as they are rendered.
+
+A specification, by which both sides say what they show and take, is a map of component names to
+`name`, `dims`, `format` and more. The formats are those that vla-eval 0.8 has names for; others are
+not compared.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
 import msgspec
 from websockets.sync.client import ClientConnection
 
+from duobench.envs import action_modes
 from duobench.errors import DuoBenchError, MachineryError, MessageError, ServingError, escaped
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, dimensions
 from duobench.policy.serving.codec import pack, unpack
-from duobench.policy.serving.connection import ConnectedPolicy, reported
-from duobench.policy.serving.dialect import actions_of
+from duobench.policy.serving.connection import ConnectedPolicy, actions_of, reported
 from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
-from duobench.policy.serving.vla_eval_specs import Declared, contradictions
+from duobench.policy.serving.message_format import MessageFormat
 from duobench.versions import __version__
+
+Spec = dict[str, Any]
 
 _LONGEST_NAME = 80
 """Characters of a server's name and version that are kept."""
+
+MODES: Mapping[tuple[str, str], str] = {
+    ("joints", "none"): "joint",
+    ("joints", "last_step"): "joint_relative",
+    ("cartesian_tquat", "none"): "cartesian",
+    ("cartesian_rotvec", "last_step"): "cartesian_relative",
+}
+"""The environment's action mode for their `control_mode` and `relative_to`; the last
+`control_mode` is ours."""
+
+_RGB, _RAW = "rgb_hwc_uint8", "raw"
+_ARM: Mapping[str, tuple[Spec, ...]] = {
+    "joint": ({"name": "joints", "dims": 7, "format": "joint_positions"},),
+    "joint_relative": ({"name": "joints", "dims": 7, "format": "joint_delta_pos"},),
+    "cartesian": (
+        {"name": "position", "dims": 3, "format": "absolute_xyz"},
+        {"name": "rotation", "dims": 4, "format": "quaternion_xyzw"},
+    ),
+    "cartesian_relative": (
+        {"name": "position", "dims": 3, "format": "delta_xyz"},
+        {"name": "rotation", "dims": 3, "format": "axis_angle"},
+    ),
+}
+"""Components of an arm's action, by the environment's action mode; of another one, raw numbers."""
+_GRIPPER = {"open_is_one": "continuous_01", "closed_is_one": "binary_close_01"}
+_FORMATS = frozenset(
+    {spec["format"] for specs in _ARM.values() for spec in specs}
+    | set(_GRIPPER.values())
+    | {"euler_xyz", "rot6d_interleaved", "binary_close_positive", "binary_close_negative"}
+    | {"base_velocity3_torso1", "base_mode_01"}
+)
+"""Formats of an action whose meaning is known."""
+_CAMERAS = ("head", "left_wrist", "right_wrist")
+
+
+class DeclaredSpec(msgspec.Struct, frozen=True):
+    """What a server says about one component."""
+
+    format: str = ""
+    """What its numbers mean."""
+    dims: int = 0
+    """How many they are; 0 if that is not said."""
+
+
+class Declared(msgspec.Struct, frozen=True):
+    """What a server says about itself, and what of it can contradict a format."""
+
+    model_server: str = ""
+    """Name of its class."""
+    harness_version: str = ""
+    """Its version of vla-eval."""
+    observation_params: dict[str, Any] = {}
+    """Parameters that it wants a benchmark to have."""
+    action_spec: dict[str, DeclaredSpec] = {}
+    """What it gives."""
+    observation_spec: dict[str, DeclaredSpec] = {}
+    """What it expects."""
 
 
 class VlaEvalPolicy(ConnectedPolicy):
@@ -72,18 +136,13 @@ class VlaEvalPolicy(ConnectedPolicy):
         return self._format.chunk([actions] if dimensions(actions) == 1 else actions)
 
     def _send(self, connection: ClientConnection, kind: str, payload: dict[str, Any]) -> int:
-        """Send a message; its number."""
         self._seq += 1
         message = {"type": kind, "payload": payload, "seq": self._seq, "timestamp": time.time()}
         connection.send(pack(message, is_text_keyed=True))
         return self._seq
 
     def _receive(self, connection: ClientConnection) -> tuple[str, dict[str, Any], int]:
-        """Type, payload and number of the next message.
-
-        Raises:
-            MessageError: If it is none of the protocol.
-        """
+        """Type, payload and number of the next message."""
         frame = connection.recv(self._left())
         if isinstance(frame, str):
             raise MessageError("A message is binary, got text.")
@@ -123,3 +182,106 @@ class VlaEvalPolicy(ConnectedPolicy):
         facts = {key: hello.get(key) for key in ("observation_params", "action_spec")}
         version = f"vla-eval {harness}, {name}"
         return self._metadata_from_format(name, version, (self._format, facts)), None
+
+
+def action_spec(message_format: MessageFormat) -> dict[str, Spec]:
+    """The components of an action, in their order."""
+    specs: dict[str, Spec] = {}
+    for part in message_format.actions.order:
+        side, _, what = part.partition("_")
+        if what == "gripper":
+            form = _GRIPPER[message_format.gripper]
+            specs[part] = {"name": what, "dims": 1, "format": form, "range": [0.0, 1.0]}
+        else:
+            size = action_modes.get(message_format.actions.mode).arm_size
+            unnamed = {"name": what, "dims": size, "format": _RAW}
+            for spec in _ARM.get(message_format.actions.mode, (unnamed,)):
+                specs[f"{side}_{spec['name']}"] = dict(spec)
+    return specs
+
+
+def observation_spec(message_format: MessageFormat) -> dict[str, Spec]:
+    """The components of an observation."""
+    specs: dict[str, Spec] = {"language": {"name": "language", "dims": 0, "format": "language"}}
+    form = _RGB if message_format.image_order == "hwc" else "rgb_chw_uint8"
+    for key in message_format.images:
+        specs[key.rpartition(".")[2]] = {"name": "image", "dims": 0, "format": form}
+    for key, size in message_format.state_sizes.items():
+        parts = message_format.state[key]
+        has_poses = any(part.endswith("pose") for part in parts)
+        specs["state" if len(message_format.state) == 1 else key] = {
+            "name": "state",
+            "dims": size,
+            "format": "joint_positions_and_poses" if has_poses else "joint_positions",
+            "description": f"{', '.join(parts)}: an arm is 7 joints in radians, a gripper 0 to 1, "
+            "a pose x y z qx qy qz qw in metres in the table frame.",
+        }
+    return specs
+
+
+def contradictions(declared: Declared, message_format: MessageFormat) -> Iterator[str]:
+    """What a server says about itself and a format says otherwise, one sentence part each."""
+    yield from _of_actions(declared.action_spec, message_format)
+    yield from _of_observations(declared.observation_spec, message_format)
+    yield from _of_parameters(declared.observation_params, message_format)
+
+
+def _of_actions(
+    declared: Mapping[str, DeclaredSpec], message_format: MessageFormat
+) -> Iterator[str]:
+    ours = action_spec(message_format)
+    formats = {spec["format"] for spec in ours.values()}
+    for name, spec in declared.items():
+        if spec.format in _FORMATS - formats:
+            known = ", ".join(sorted(formats))
+            yield f"it gives {name!r:.40} as {spec.format}, and the format's actions are {known}"
+        elif name in ours and spec.dims not in (0, ours[name]["dims"]):
+            yield f"it gives {spec.dims} numbers as {name!r}, and the format {ours[name]['dims']}"
+    width = sum(message_format.action_sizes.values())
+    given = sum(spec.dims for spec in declared.values())
+    if given > width:
+        yield f"its actions have {given} numbers, and the format's {width}"
+
+
+def _of_observations(
+    declared: Mapping[str, DeclaredSpec], message_format: MessageFormat
+) -> Iterator[str]:
+    ours = observation_spec(message_format)
+    sizes = sum(message_format.state_sizes.values())
+    for name, spec in declared.items():
+        if spec.format == _RGB and not message_format.images:
+            yield "it expects images, and the format shows none"
+        elif spec.format == _RGB and message_format.image_order != "hwc":
+            yield "it expects images with channels last, and the format's have them first"
+        elif spec.format == _RGB and name in _CAMERAS and name not in ours:
+            yield f"it expects the image {name!r}, which the format does not show"
+        elif name.startswith("state") and not message_format.state:
+            yield "it expects a state, and the format has none"
+        elif name.startswith("state") and spec.dims not in (0, sizes):
+            yield f"it expects a state of {spec.dims} numbers, and the format's has {sizes}"
+
+
+def _of_parameters(wanted: Mapping[str, Any], message_format: MessageFormat) -> Iterator[str]:
+    if wanted.get("send_state") and not message_format.state:
+        yield "it asks for a state (send_state), and the format has none"
+    cameras = set(message_format.images.values())
+    if wanted.get("send_wrist_image") and cameras <= {"head"}:
+        yield "it asks for wrist images (send_wrist_image), and the format shows none"
+    if wanted.get("binary_gripper"):
+        yield "it asks for grippers that are rounded (binary_gripper), which an evaluation does not"
+    control, relative = (wanted.get(name) for name in ("control_mode", "relative_to"))
+    modes = [
+        mode
+        for (theirs, frame), mode in MODES.items()
+        if _is_one(control, theirs) and _is_one(relative, frame)
+    ]
+    if not (control is None and relative is None) and message_format.actions.mode not in modes:
+        yield (
+            f"its actions have control_mode {control!r:.40} and relative_to {relative!r:.40}, and "
+            f"the format's are {message_format.actions.mode}"
+        )
+
+
+def _is_one(wanted: object, value: str) -> bool:
+    """Whether a parameter has a value, or leaves it open."""
+    return wanted is None or str(wanted).lower() == value

@@ -1,1 +1,0 @@
-"""Verbs about results that are there: `duobench report` and its neighbours."""

@@ -1,0 +1,256 @@
+"""What is compared, and in which rows: conditions of runs, and policies of the paper."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from string import ascii_uppercase
+
+from duobench.errors import EvaluationError
+from duobench.results import paper
+from duobench.results.bundle import read_source
+from duobench.results.records import EpisodeRecord
+from duobench.results.scores import RunPart, Score, TaskResult, group_by_condition, score
+from duobench.results.suite import TaskInfo
+from duobench.shifts.shift import NO_SHIFT, Shift
+
+
+class Group(StrEnum):
+    """Policies that may be compared with each other; the value is a heading."""
+
+    UNPRIVILEGED = "Policies that are not privileged"
+    PRIVILEGED = "Privileged policies"
+    ELSEWHERE = "Measured elsewhere, on other tasks"
+
+    @property
+    def note(self) -> str:
+        """The same in few words."""
+        notes = {Group.UNPRIVILEGED: "not privileged", Group.PRIVILEGED: "privileged"}
+        return notes.get(self, self.lower())
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Cell:
+    """What a policy reached on one task, or on several together."""
+
+    episodes: int
+    """How many; of a mean in the paper, of each task."""
+    successes: int | None
+    """How many succeeded; None where only the rate is known."""
+    rate: float
+    interval: tuple[float, float] | None
+    """95 % Wilson interval of it; None for what was measured elsewhere."""
+    progress: float
+
+    @staticmethod
+    def of(total: Score) -> Cell:
+        """The cell of at least one episode."""
+        return Cell(
+            episodes=total.episodes,
+            successes=total.successes,
+            rate=total.successes / total.episodes,
+            interval=total.interval,
+            progress=total.mean_final_progress or 0.0,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Entrant:
+    """A condition of a run, or a policy of the paper."""
+
+    title: str
+    """Name for people, as given or that of the policy; others may have the same."""
+    group: Group
+    """What it may be compared with."""
+    key: str = ""
+    """Its letter: A, B, ..."""
+    name: str = ""
+    """Its title, with the letter if another one has the same."""
+    part: RunPart | None = None
+    """What was played; None for a policy of the paper."""
+    quoted: str = ""
+    """Name in the paper's table, if it stands there."""
+
+    def records(self, task_id: str) -> tuple[EpisodeRecord, ...]:
+        """The finished episodes of a task, by index; none if it was not played."""
+        found = self.result(task_id)
+        return found.records if found else ()
+
+    def result(self, task_id: str) -> TaskResult | None:
+        """What it reached in a task; None if it has no finished episode of it."""
+        tasks = self.part.results.tasks if self.part else ()
+        return next((one for one in tasks if one.task.id == task_id and one.records), None)
+
+    def cell(self, tasks: Sequence[TaskInfo]) -> Cell | None:
+        """What it reached on tasks together; None if it did not play all of them."""
+        ids = [task.id for task in tasks]
+        if self.part is None:
+            return _quoted(self.quoted, ids)
+        played = [self.records(task_id) for task_id in ids]
+        if not all(played):
+            return None
+        return Cell.of(score("", [record for records in played for record in records]))
+
+
+def _quoted(policy: str, ids: Sequence[str]) -> Cell | None:
+    if (value := paper.value_of(policy, ids)) is None:
+        return None
+    percent, progress = value
+    return Cell(
+        episodes=paper.paper_results().rollouts,
+        successes=None,
+        rate=percent / 100,
+        interval=None,
+        progress=progress,
+    )
+
+
+def read_entrants(sources: Sequence[str]) -> tuple[Entrant, ...]:
+    """Read what is to be compared.
+
+    Args:
+        sources: Each what `read_named` takes, or a policy of the paper (`paper:ACT`). All
+            conditions of a run are compared.
+
+    Returns:
+        One entrant each, group by group, in the order given.
+    """
+    return lettered([entrant for source in sources for entrant in _read(source)])
+
+
+def lettered(read: Sequence[Entrant]) -> tuple[Entrant, ...]:
+    """Entrants group by group, each with its letter."""
+    if not 1 < len(read) <= len(ascii_uppercase):
+        raise EvaluationError(
+            f"A comparison takes 2 to {len(ascii_uppercase)} runs, got {len(read)}."
+        )
+    if not any(entrant.part for entrant in read):
+        raise EvaluationError("A comparison needs a run; the paper's results stand beside one.")
+    sorted_by_group = [one for group in Group for one in read if one.group is group]
+    titles = Counter(entrant.title for entrant in read)
+    return tuple(
+        replace(one, key=key, name=f"{one.title} ({key})" if titles[one.title] > 1 else one.title)
+        for key, one in zip(ascii_uppercase, sorted_by_group, strict=False)
+    )
+
+
+def _read(source: str) -> list[Entrant]:
+    if source.startswith(paper.SCHEME):
+        policy = paper.check_policy(source)
+        title = f"{paper.paper_results().policies[policy]} [paper]"
+        return [Entrant(title=title, group=Group.ELSEWHERE, quoted=policy)]
+    name, parts = read_named(source)
+    return [entrant_of(part, name if len(parts) == 1 else "") for part in parts]
+
+
+def entrant_of(part: RunPart, name: str = "") -> Entrant:
+    """What was played under a condition as an entrant that has no letter yet.
+
+    Args:
+        part: What was played.
+        name: Name for people; the policy's by default, with its shift if it has one.
+    """
+    if not part.results.overall.episodes:
+        raise EvaluationError(f"{part.condition.name} has no finished episode to compare.")
+    shift = "" if part.condition.shift == NO_SHIFT else f", {part.condition.shift}"
+    return Entrant(
+        title=name or f"{part.condition.policy}{shift}",
+        group=Group.PRIVILEGED if part.candidate.privileged else Group.UNPRIVILEGED,
+        part=part,
+    )
+
+
+def read_named(source: str) -> tuple[str, list[RunPart]]:
+    """A run and the name that it is given, if any.
+
+    Args:
+        source: The folder of a run or a bundle, alone or as NAME=FOLDER. FOLDER@SHIFT takes the
+            conditions with one shift alone, such as `runs/act@look-3` or `runs/act@none`.
+
+    Returns:
+        The name, and what was played under every condition.
+    """
+    name, path, shift = split_name(source)
+    parts = group_by_condition(*read_source(path))
+    if shift is not None:
+        parts = [part for part in parts if part.condition.shift == shift]
+        if not parts:
+            raise EvaluationError(f"{path} was not played with {shift}.")
+    return name, parts
+
+
+def split_name(source: str) -> tuple[str, Path, Shift | None]:
+    """The name, empty if there is none, the path, and the shift of a source, if it has one."""
+    name, is_named, path = source.partition("=")
+    if not (is_named and name and path) or Path(source).exists():
+        name, path = "", source
+    folder, is_chosen, shift = path.rpartition("@")
+    if is_chosen and folder and not Path(path).exists():
+        return name, Path(folder), Shift.parse(shift)
+    return name, Path(path), None
+
+
+class RowKind(StrEnum):
+    """What a row is about; the tests of one kind are a family, over which Holm adjusts."""
+
+    TASK = "task"
+    CATEGORY = "category"
+    OVERALL = "overall"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class TableRow:
+    """A row of the table."""
+
+    kind: RowKind
+    """What it is about."""
+    label: str
+    """Title of the task, name of the category, or which tasks."""
+    tasks: tuple[TaskInfo, ...]
+    """What is added up in it; of several tasks, those that every run has."""
+
+
+def table_rows(entrants: Sequence[Entrant]) -> tuple[TableRow, ...]:
+    """Rows for all tasks that a run has, in the order of the runs.
+
+    A category or all tasks have a row of their own where every run has at least two of them.
+    """
+    runs = [entrant for entrant in entrants if entrant.part]
+    tasks: dict[str, TaskInfo] = {}
+    for run in runs:
+        for one in run.part.results.tasks if run.part else ():
+            if one.records:
+                tasks.setdefault(one.task.id, one.task)
+    common = [task for task in tasks.values() if all(run.records(task.id) for run in runs)]
+    rows = []
+    for category in dict.fromkeys(task.category for task in tasks.values()):
+        members = [task for task in tasks.values() if task.category == category]
+        rows += [TableRow(kind=RowKind.TASK, label=task.title, tasks=(task,)) for task in members]
+        rows += _sum(RowKind.CATEGORY, category, members, common)
+    return (*rows, *_sum(RowKind.OVERALL, "All tasks", list(tasks.values()), common))
+
+
+def category_of(row: TableRow) -> str:
+    """The category of a row's tasks; empty for the row of all tasks."""
+    return "" if row.kind is RowKind.OVERALL else row.tasks[0].category
+
+
+def sections(rows: Sequence[TableRow]) -> list[tuple[str, list[TableRow]]]:
+    """Rows by category; those of all tasks have none."""
+    names = dict.fromkeys(category_of(row) for row in rows)
+    return [(name, [row for row in rows if category_of(row) == name]) for name in names]
+
+
+def _sum(
+    kind: RowKind, label: str, members: Sequence[TaskInfo], common: Sequence[TaskInfo]
+) -> list[TableRow]:
+    shared = [task for task in members if task in common]
+    if len(shared) < 2:  # noqa: PLR2004 - a single one has a row already
+        return []
+    if len(shared) < len(members):
+        whole = kind is RowKind.OVERALL
+        label = f"{len(shared)} common tasks" if whole else f"{label} ({len(shared)} common)"
+    return [TableRow(kind=kind, label=label, tasks=tuple(shared))]

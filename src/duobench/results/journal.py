@@ -1,0 +1,253 @@
+"""What writers of a run note while they play: one file each, which no other process writes.
+
+A line says that an episode begins, before it does, and another one how it ended and how long it
+took. No result depends on it, and no record holds a time of the clock.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import msgspec
+
+from duobench.files import writing
+from duobench.results.records import EpisodeRecord, Key
+from duobench.results.scores import Results
+
+_MINUTE_S, _HOUR_S = 60, 3600
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EpisodeTimes:
+    """How long an episode took, in seconds."""
+
+    total: float
+    """From its environment to its record."""
+    simulation: float
+    """The reset, physics and stages."""
+    rendering: float
+    """Images that the policy sees."""
+    policy: float
+    """The policy's answers; for one at a server that somebody else runs, until they came."""
+    waiting: float
+    """For the policy's process: until it was this episode's turn, and on the way."""
+    video: float
+    """Images of the video, and their encoding."""
+
+    def rounded(self) -> EpisodeTimes:
+        """The same in whole milliseconds."""
+        return EpisodeTimes(**{name: round(value, 3) for name, value in asdict(self).items()})
+
+
+PARTS = ("simulation", "rendering", "policy", "waiting", "video")
+"""Fields of `EpisodeTimes` that are parts of the total; the rest of it is preparation."""
+
+
+class Started(msgspec.Struct, tag="started", tag_field="kind", frozen=True, kw_only=True):
+    """A writer starts, or goes on."""
+
+    command: str
+    """The command that started it; empty if there was none."""
+    workers: int
+    """Processes that play side by side; 0 if the writer itself plays."""
+
+
+class Begun(msgspec.Struct, tag="begun", tag_field="kind", frozen=True, kw_only=True):
+    """An attempt at an episode begins."""
+
+    task: str
+    condition: str
+    episode: int
+    attempt: int
+    """From 1 on, over all writers and calls."""
+
+    @property
+    def key(self) -> Key:
+        """The episode."""
+        return Key(self.task, self.condition, self.episode)
+
+
+class Ended(msgspec.Struct, tag="ended", tag_field="kind", frozen=True, kw_only=True):
+    """An attempt has ended."""
+
+    task: str
+    condition: str
+    episode: int
+    attempt: int
+    how: str
+    """"success", "failure", "error", or why there is no record."""
+    steps: int = 0
+    """Control steps that it had."""
+    workers: int = 0
+    """How many processes played side by side."""
+    times: EpisodeTimes | None = None
+    """How long it took; None where that is not known, as where a policy had to be stopped."""
+
+    @property
+    def key(self) -> Key:
+        """The episode."""
+        return Key(self.task, self.condition, self.episode)
+
+
+Entry = Started | Begun | Ended
+
+
+def read_entries(path: Path) -> list[Entry]:
+    """The lines of a journal; what is no entry, such as half a line after a crash, is left out."""
+    entries: list[Entry] = []
+    for line in path.read_bytes().splitlines() if path.exists() else ():
+        with suppress(msgspec.MsgspecError):
+            entries.append(msgspec.json.decode(line, type=Entry))
+    return entries
+
+
+class Journal:
+    """The journal of one writer."""
+
+    def __init__(self, path: Path, entries: Iterable[Entry] = ()) -> None:
+        """Go on with a file.
+
+        Args:
+            path: The file.
+            entries: What all writers have noted so far, from which attempts are counted.
+        """
+        self._path = path
+        self._attempts = Counter(entry.key for entry in entries if isinstance(entry, Begun))
+        self._workers = 0
+
+    def start(self, command: str, workers: int) -> None:
+        """Note what starts this writer."""
+        self._workers = workers
+        with writing(self._path), self._path.open("ab") as file:
+            if self._path.read_bytes()[-1:] not in {b"", b"\n"}:
+                file.write(b"\n")  # after half a line of one that was killed
+        self._add(Started(command=command, workers=workers))
+
+    def begin(self, key: Key) -> None:
+        """Note that an attempt at an episode begins.
+
+        Raises:
+            OutputError: It cannot be written.
+        """
+        self._attempts[key] += 1
+        self._add(Begun(**key._asdict(), attempt=self._attempts[key]))
+
+    def end(self, record: EpisodeRecord, times: EpisodeTimes | None) -> None:
+        """Note that an episode has a record.
+
+        Args:
+            record: The record.
+            times: How long it took; None where that is not known.
+        """
+        how = "error" if record.error else "success" if record.success else "failure"
+        self._add(
+            Ended(
+                **record.key._asdict(),
+                attempt=max(1, self._attempts[record.key]),
+                how=how,
+                steps=record.steps,
+                workers=self._workers,
+                times=times and times.rounded(),
+            )
+        )
+
+    def give_up(self, key: Key, why: str) -> None:
+        """Note that the last attempt at an episode left no record, and why."""
+        self._add(Ended(**key._asdict(), attempt=max(1, self._attempts[key]), how=why))
+
+    def clear(self) -> None:
+        """Forget what the file says; attempts that are in it count no more."""
+        with writing(self._path):
+            os.truncate(self._path, 0)
+        self._attempts.clear()
+
+    def _add(self, entry: Entry) -> None:
+        with writing(self._path), self._path.open("ab") as file:
+            file.write(msgspec.json.encode(entry) + b"\n")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TimeRow:
+    """How long episodes took together."""
+
+    label: str
+    """Whose episodes: a task's title, or all of them."""
+    episodes: int
+    """Of how many the time is known."""
+    total: float
+    """Sum of their times in seconds."""
+    parts: tuple[float, ...]
+    """Sums of their `PARTS`, and of the rest, in seconds."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunTimes:
+    """How long a run took."""
+
+    rows: tuple[TimeRow, ...]
+    """Task by task where a time is known, then all together where there are several tasks."""
+    unknown: int
+    """Finished episodes of which no time is known."""
+    workers: tuple[int, ...]
+    """How many processes of a writer played side by side, each number once."""
+
+
+def run_times(results: Results, entries: Iterable[Entry]) -> RunTimes:
+    """How long the finished episodes of a run took, as far as its writers have noted it.
+
+    Of an episode that was played again the last attempt counts.
+    """
+    notes = {entry.key: entry for entry in entries if isinstance(entry, Ended)}
+    by_task = [
+        (one.task.title, [note for record in one.records if (note := notes.get(record.key))])
+        for one in results.tasks
+    ]
+    known = [note for _, ours in by_task for note in ours if note.times is not None]
+    rows = [row for label, ours in by_task if (row := _row(label, ours)).episodes]
+    if len(rows) > 1:
+        rows.append(_row("All tasks", known))
+    numbers = {max(1, note.workers) for note in known}
+    return RunTimes(
+        rows=tuple(rows),
+        unknown=results.overall.episodes - len(known),
+        workers=tuple(sorted(numbers)),
+    )
+
+
+def _row(label: str, notes: Iterable[Ended]) -> TimeRow:
+    known = [note.times for note in notes if note.times is not None]
+    total = math.fsum(times.total for times in known)
+    parts = [math.fsum(getattr(times, name) for times in known) for name in PARTS]
+    parts.append(max(0.0, total - math.fsum(parts)))
+    return TimeRow(label=label, episodes=len(known), total=total, parts=tuple(parts))
+
+
+def duration(seconds: float) -> str:
+    """A time for people: "0.67 s", "12 s", "3 min 05 s", "2 h 07 min"."""
+    if seconds < _MINUTE_S:
+        return f"{seconds:.2f} s" if round(seconds, 1) < 10 else f"{seconds:.0f} s"  # noqa: PLR2004
+    if round(seconds) < _HOUR_S:
+        return "{} min {:02} s".format(*divmod(round(seconds), _MINUTE_S))
+    return "{} h {:02} min".format(*divmod(round(seconds / _MINUTE_S), _MINUTE_S))
+
+
+def side_by_side(workers: Sequence[int], writers: int) -> str:
+    """What numbers of workers and writers mean for the times, in a sentence."""
+    if writers > 1:
+        return (
+            f"Episodes were played by {writers} writers, each of which plays a shard: where they "
+            "played side by side, less time passed than the sum."
+        )
+    if max(workers, default=1) == 1:
+        return "Episodes were played one after the other."
+    several = " or ".join(map(str, workers))
+    return (
+        f"These are times of {several} workers side by side: less time passed than their sum, and "
+        "an episode takes longer beside others than alone."
+    )

@@ -1,0 +1,359 @@
+"""Two runs against each other: which episodes are the same, and every test, row by row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+
+from duobench.looks.look import Look
+from duobench.results.entrants import Entrant, Group, RowKind, TableRow
+from duobench.results.records import EpisodeRecord, SampledLayout
+from duobench.results.scores import RunPart
+from duobench.results.statistics import (
+    LEVEL,
+    barnard,
+    cohen_h,
+    episodes_needed,
+    holm,
+    mcnemar,
+    newcombe_interval,
+    paired_permutation,
+    permutation,
+    tango_interval,
+)
+from duobench.results.suite import TaskInfo
+from duobench.results.suites import execute_text, latency_text
+
+Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
+
+_DIGITS = 6
+"""Layouts are compared in micrometres: another processor may have another last bit."""
+_CONDITIONS = ("look", "horizon", "instructions", "split", "speed_fraction", "control_rate_hz")
+"""What of a configuration is not the policy's choice."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Test:
+    """What tests say about two runs in one row of the table; differences are first minus second."""
+
+    row: TableRow
+    episodes: tuple[int, int]
+    """Episodes of either run that were tested."""
+    successes: tuple[int, int]
+    """How many of them succeeded."""
+    only: tuple[int, int] | None
+    """Episodes that only one of both solved; None if the episodes are not the same."""
+    interval: tuple[float, float]
+    """95 % interval of the difference of success rates."""
+    p: float
+    """Of the test of success."""
+    adjusted: float
+    """The same after Holm, over the rows of this kind."""
+    progress: float
+    """Difference of mean final progress."""
+    progress_p: float
+    """Of the permutation test of final progress."""
+    progress_adjusted: float
+    """The same after Holm, over the rows of this kind."""
+    more_episodes: int | None = None
+    """About how many more would show the difference that was seen; None where that is unknown."""
+
+    @property
+    def rates(self) -> tuple[float, float]:
+        """Success rates of the tested episodes."""
+        a, b = (k / n for k, n in zip(self.successes, self.episodes, strict=True))
+        return a, b
+
+    @property
+    def difference(self) -> float:
+        """Difference of success rates."""
+        return self.rates[0] - self.rates[1]
+
+    @property
+    def effect(self) -> float:
+        """Cohen's h."""
+        return cohen_h(*self.rates)
+
+    @property
+    def better(self) -> int:
+        """1 if the first run solves more, -1 if the second does, 0 if nobody can tell."""
+        return _sign(self.difference) if self.adjusted <= LEVEL else 0
+
+    @property
+    def further(self) -> int:
+        """1 if the first run has more progress, -1 if the second has, 0 if nobody can tell."""
+        return _sign(self.progress) if self.progress_adjusted <= LEVEL else 0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pair:
+    """Two runs against each other."""
+
+    a: Entrant
+    b: Entrant
+    paired: bool
+    """Whether the tests are about the same episodes."""
+    obstacle: str | None
+    """Why nothing is tested, if nothing is."""
+    conditions: tuple[str, ...]
+    """What differed around the policies, one phrase each."""
+    left_out: int
+    """Finished episodes of common tasks that only one run has, where the tests are paired."""
+    tests: tuple[Test, ...]
+    """Row by row; rows that cannot be tested are left out."""
+
+    @property
+    def crosses_groups(self) -> bool:
+        """Whether one of both is privileged and the other is not."""
+        return self.a.group is not self.b.group
+
+    def test(self, row: TableRow) -> Test | None:
+        """The test of a row, if there is one."""
+        return next((test for test in self.tests if test.row is row), None)
+
+    def winner(self, row: TableRow) -> str:
+        """Key of the run that is better in a row; empty if nobody can tell."""
+        test = self.test(row)
+        return "" if test is None else {1: self.a.key, -1: self.b.key, 0: ""}[test.better]
+
+    def loser(self, row: TableRow) -> str:
+        """Key of the other one; empty if nobody can tell."""
+        winner = self.winner(row)
+        return winner and (self.b.key if winner == self.a.key else self.a.key)
+
+    def of(self, kind: RowKind) -> tuple[Test, ...]:
+        """The tests of rows of a kind."""
+        return tuple(test for test in self.tests if test.row.kind is kind)
+
+
+def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | None:
+    """Test two runs against each other.
+
+    The tests are paired if both share episodes in every task that they have in common; episodes
+    that only one of them has are left out then. Otherwise they are about two samples.
+
+    Args:
+        a: The first run.
+        b: The second one.
+        rows: Rows of the table.
+
+    Returns:
+        What the tests say; None if one of both was measured elsewhere.
+    """
+    if not (a.part and b.part):
+        return None
+    objection = obstacle(a.part, b.part)
+    tasks = [] if objection else [task.id for task in common_tasks(a, b)]
+    if not tasks:
+        objection = objection or "They have no finished task in common."
+    shared = {task: same_episodes(a.records(task), b.records(task)) for task in tasks}
+    paired = bool(tasks) and all(shared.values())
+    tests = [
+        _paired(row, [shared[task.id] for task in row.tasks]) if paired else _unpaired(row, a, b)
+        for row in rows
+        if all(task.id in shared for task in row.tasks)
+    ]
+    played = sum(len(one.records(task)) for one in (a, b) for task in tasks)
+    return Pair(
+        a=a,
+        b=b,
+        paired=paired,
+        obstacle=objection,
+        conditions=tuple(differing_conditions(a.part, b.part)),
+        left_out=played - 2 * sum(map(len, shared.values())) if paired else 0,
+        tests=_adjusted([test for test in tests if test]),
+    )
+
+
+def _paired(row: TableRow, shared: Sequence[Pairs]) -> Test:
+    pairs = list(chain.from_iterable(shared))
+    only_a = sum(a.success and not b.success for a, b in pairs)
+    only_b = sum(b.success and not a.success for a, b in pairs)
+    stages = [_stages(a, row) - _stages(b, row) for a, b in pairs]
+    p, progress_p = mcnemar(only_a, only_b), paired_permutation(stages)
+    return Test(
+        row=row,
+        episodes=(len(pairs), len(pairs)),
+        successes=(sum(a.success for a, _ in pairs), sum(b.success for _, b in pairs)),
+        only=(only_a, only_b),
+        interval=tango_interval(only_a, only_b, len(pairs)),
+        p=p,
+        adjusted=p,
+        progress=math.fsum(stages) / len(pairs) / _scale(row),
+        progress_p=progress_p,
+        progress_adjusted=progress_p,
+    )
+
+
+def _unpaired(row: TableRow, a: Entrant, b: Entrant) -> Test | None:
+    """Tests about two samples; None where tasks do not have the same share of either."""
+    counts = [(len(a.records(task.id)), len(b.records(task.id))) for task in row.tasks]
+    if len({n / m for n, m in counts}) > 1:
+        return None
+    ours, theirs = ([r for task in row.tasks for r in one.records(task.id)] for one in (a, b))
+    episodes = len(ours), len(theirs)
+    successes = sum(r.success for r in ours), sum(r.success for r in theirs)
+    stages = [_stages(r, row) for r in ours], [_stages(r, row) for r in theirs]
+    means = [math.fsum(each) / len(each) / _scale(row) for each in stages]
+    p, progress_p = barnard(successes, episodes), permutation(*stages)
+    return Test(
+        row=row,
+        episodes=episodes,
+        successes=successes,
+        only=None,
+        interval=newcombe_interval(successes, episodes),
+        p=p,
+        adjusted=p,
+        progress=means[0] - means[1],
+        progress_p=progress_p,
+        progress_adjusted=progress_p,
+    )
+
+
+def _adjusted(tests: Sequence[Test]) -> tuple[Test, ...]:
+    """The tests with p-values after Holm, and with the number of episodes that would tell."""
+    done: dict[TableRow, Test] = {}
+    for kind in RowKind:
+        family = [test for test in tests if test.row.kind is kind]
+        adjusted = holm([test.p for test in family])
+        progress = holm([test.progress_p for test in family])
+        for test, p, progress_p in zip(family, adjusted, progress, strict=True):
+            changed = replace(test, adjusted=p, progress_adjusted=progress_p)
+            more = _more_episodes(changed, len(family))
+            done[test.row] = replace(changed, more_episodes=more)
+    return tuple(done[test.row] for test in tests)
+
+
+def _more_episodes(test: Test, family: int) -> int | None:
+    """Episodes that are missing at the strictest level that Holm asks of one of so many tests."""
+    if test.better or test.only is None:
+        return None
+    played = test.episodes[0]
+    needed = episodes_needed(*test.only, played, level=LEVEL / family)
+    return None if needed is None else max(1, needed - played)
+
+
+def _scale(row: TableRow) -> int:
+    """What makes stages of tasks with different numbers of stages whole numbers of one size."""
+    return math.lcm(*(task.max_stage for task in row.tasks))
+
+
+def _stages(record: EpisodeRecord, row: TableRow) -> int:
+    return record.final_stage * _scale(row) // record.max_stage
+
+
+def _sign(value: float) -> int:
+    return (value > 0) - (value < 0)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunComparison:
+    """What two or more policies are against each other."""
+
+    entrants: tuple[Entrant, ...]
+    """Column by column, group by group."""
+    rows: tuple[TableRow, ...]
+    """Rows, category by category."""
+    pairs: tuple[Pair, ...]
+    """What tests say about any two of them."""
+
+    @property
+    def groups(self) -> list[tuple[Group, list[Entrant]]]:
+        """Every group that has a policy, with its policies."""
+        each = [(group, [one for one in self.entrants if one.group is group]) for group in Group]
+        return [(group, members) for group, members in each if members]
+
+    def is_best(self, row: TableRow, entrant: Entrant) -> bool:
+        """Whether tests say that a policy is better than every other of its group."""
+        others = [
+            one.key
+            for one in self.entrants
+            if one.group is entrant.group and one is not entrant and one.cell(row.tasks)
+        ]
+        beaten = {pair.loser(row) for pair in self.pairs if pair.winner(row) == entrant.key}
+        return bool(others) and beaten.issuperset(others)
+
+
+def obstacle(a: RunPart, b: RunPart) -> str | None:
+    """Why two runs cannot be compared; None if they can."""
+    if a.suite.version != b.suite.version:
+        return (
+            f"They played different suites ({a.suite.version} and {b.suite.version}), whose scores "
+            "cannot be compared."
+        )
+    return None
+
+
+def common_tasks(a: Entrant, b: Entrant) -> tuple[TaskInfo, ...]:
+    """Tasks of which both have finished episodes, with the same stages and the same horizon."""
+    theirs = {one.task.id: one.task for one in b.part.results.tasks} if b.part else {}
+    ours = [one.task for one in a.part.results.tasks] if a.part else []
+    return tuple(
+        task
+        for task in ours
+        if a.records(task.id)
+        and b.records(task.id)
+        and (task.stages, task.horizon) == (theirs[task.id].stages, theirs[task.id].horizon)
+    )
+
+
+def same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pairs:
+    """The episodes of a task that both runs played, in pairs.
+
+    Episodes are the same if suite version, task, split and seed are, which decide the layout, and
+    if the layouts are, where both records have one. Looks, cameras and action modes may differ:
+    they are part of what is compared.
+    """
+    theirs = {_identity(record): record for record in b}
+    pairs = [(record, theirs[key]) for record in a if (key := _identity(record)) in theirs]
+    return [(one, other) for one, other in pairs if _same_layout(one.layout, other.layout)]
+
+
+def differing_conditions(a: RunPart, b: RunPart) -> list[str]:
+    """What was not the same around the two policies, one phrase each."""
+    one, other = a.condition, b.condition
+    found = [] if one.domain == other.domain else [f"domain {one.domain} and {other.domain}"]
+    if a.run.is_real and b.run.is_real and a.run.rig != b.run.rig:
+        found.append("another rig")
+    if one.shift != other.shift:
+        found.append(f"shift {one.shift} and {other.shift}")
+    found += [
+        f"{name.replace('_', ' ')} {_named(ours)} and {_named(theirs)}"
+        for name in _CONDITIONS
+        if (ours := getattr(a.candidate.config, name))
+        != (theirs := getattr(b.candidate.config, name))
+    ]
+    if a.suite.execution.latency != b.suite.execution.latency:
+        found.append(f"{latency_text(a.suite)} and {latency_text(b.suite)}")
+    if a.suite.execution.execute != b.suite.execution.execute:
+        found.append(f"executed {execute_text(a.suite)} and {execute_text(b.suite)}")
+    return found
+
+
+def _named(value: object) -> str:
+    return "one of its own" if isinstance(value, Look) else str(value)
+
+
+def _identity(record: EpisodeRecord) -> tuple[str, str, str, int]:
+    return record.suite_version, record.task, record.config.split, record.seed
+
+
+def _same_layout(one: SampledLayout, other: SampledLayout) -> bool:
+    return not (one and other) or _rounded(one) == _rounded(other)
+
+
+def _rounded(layout: Mapping[str, object]) -> object:
+    return {name: _round(value) for name, value in layout.items()}
+
+
+def _round(value: object) -> object:
+    match value:
+        case dict():
+            return {name: _round(part) for name, part in value.items()}
+        case list() | tuple():
+            return [_round(part) for part in value]
+        case float():
+            return round(value, _DIGITS) + 0.0
+    return value

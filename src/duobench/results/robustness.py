@@ -1,0 +1,161 @@
+"""What policies reach under shifts: one page, its figure, and a JSON file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from markupsafe import Markup
+
+from duobench.errors import EvaluationError
+from duobench.pages import render
+from duobench.results import figures, scores
+from duobench.results.folder import CONDITIONS
+from duobench.results.pages import PAGE, check_free, write_files
+from duobench.results.scores import RunPart, Score, TaskResult
+from duobench.results.suites import execute_text, latency_text, suite_text
+from duobench.shifts.shift import (
+    ALL_AXES,
+    AXES,
+    LATENCY,
+    LAYOUT,
+    LEVELS,
+    NO_SHIFT,
+    PHYSICS,
+    Shift,
+)
+
+DOCUMENT = "robustness.json"
+"""The results for programs; a folder that has it holds a report."""
+ROBUSTNESS_SCHEMA = 2
+"""Version of the document's fields."""
+BOUNDED = (LAYOUT, PHYSICS, LATENCY)
+"""Axes whose levels scripted experts still solve."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Robustness:
+    """What a policy reached under shifts."""
+
+    title: str
+    """Name of the policy, or the one that was given."""
+    parts: tuple[RunPart, ...]
+    """What was played, shift by shift."""
+
+    @property
+    def first(self) -> RunPart:
+        """One of them, for what all have in common."""
+        return self.parts[0]
+
+    @property
+    def axes(self) -> list[str]:
+        """The axes that were played."""
+        played = {part.condition.shift.axis for part in self.parts}
+        return [axis for axis in AXES if axis in played]
+
+    @property
+    def missing(self) -> int:
+        """Episodes that have no record."""
+        return sum(part.size - part.results.overall.episodes for part in self.parts)
+
+    def at(self, axis: str, level: int) -> RunPart | None:
+        """What was played along an axis at a level from 0 to 5; None if nothing was."""
+        shift = Shift(axis=axis, level=level) if level else NO_SHIFT
+        found = (part for part in self.parts if part.condition.shift == shift)
+        return next((part for part in found if part.results.overall.episodes), None)
+
+    def score(self, axis: str, level: int) -> Score | None:
+        """What was reached there."""
+        part = self.at(axis, level)
+        return part and part.results.overall
+
+    def task(self, axis: str, level: int, task_id: str) -> TaskResult | None:
+        """The same of one task."""
+        part = self.at(axis, level)
+        tasks = part.results.tasks if part else ()
+        return next((one for one in tasks if one.task.id == task_id and one.records), None)
+
+    def levels(self, axis: str) -> dict[int, Score]:
+        """What was reached at the levels of an axis that were played, 0 included."""
+        each = {level: self.score(axis, level) for level in range(LEVELS + 1)}
+        return {level: score for level, score in each.items() if score}
+
+
+def robustness_of(parts: Sequence[RunPart], title: str = "") -> list[Robustness]:
+    """What each policy of a run reached under shifts.
+
+    Args:
+        parts: What was played.
+        title: Name for people, of a run of one policy; the policy's by default.
+    """
+    if all(part.condition.shift == NO_SHIFT for part in parts):
+        raise EvaluationError("Nothing was played under a shift.")
+    by_policy: dict[str, list[RunPart]] = {}
+    for part in parts:
+        by_policy.setdefault(part.candidate.title, []).append(part)
+    return [
+        Robustness(title=title if title and len(by_policy) == 1 else name, parts=tuple(ours))
+        for name, ours in by_policy.items()
+    ]
+
+
+def write_robustness(policies: Sequence[Robustness], out: Path, *, is_beside: bool = False) -> Path:
+    """Write page, figure and JSON form of what policies reached under shifts.
+
+    Args:
+        policies: One, or several to be laid over each other.
+        out: Folder, which is made.
+        is_beside: Whether the folder is that of the run, with a page for each condition.
+
+    Returns:
+        The page.
+    """
+    if not is_beside:
+        check_free(out, DOCUMENT, "evaluation under shifts")
+    axes = [axis for axis in AXES if any(axis in one.axes for one in policies)]
+    runs = [(one.title, {axis: one.levels(axis) for axis in one.axes}) for one in policies]
+    svg = figures.as_svg("levels", partial(figures.levels, axes, runs))
+    page = render(
+        "duobench.results",
+        "robustness.html.j2",
+        policies=policies,
+        axes=axes,
+        levels=range(LEVELS + 1),
+        svg=Markup(figures.for_page(svg)),
+        pages=CONDITIONS if is_beside else "",
+        bounded=BOUNDED,
+        all_axes=ALL_AXES,
+        scores=scores,
+        suite_text=suite_text,
+        execute_text=execute_text,
+        latency_text=latency_text,
+    )
+    return write_files(
+        out, {DOCUMENT: robustness_json(policies), "figures/levels.svg": svg, PAGE: page}
+    )
+
+
+def robustness_json(policies: Sequence[Robustness]) -> str:
+    """The results as JSON text."""
+    content = {
+        "schema": ROBUSTNESS_SCHEMA,
+        "policies": [
+            {
+                "name": one.title,
+                "policy": one.first.candidate.policy,
+                "policy_version": one.first.candidate.metadata.version,
+                "privileged": one.first.candidate.privileged,
+                "suite": one.first.suite.label,
+                "suite_version": one.first.suite.version,
+                "missing_episodes": one.missing,
+                "conditions": {
+                    part.condition.shift.name: part.results.overall.numbers() for part in one.parts
+                },
+            }
+            for one in policies
+        ],
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"

@@ -1,1 +1,0 @@
-"""Robustness: what runs under many shifts add up to, and the page that shows it."""

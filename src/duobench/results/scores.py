@@ -1,0 +1,341 @@
+"""What records add up to, condition by condition: success, progress, and where episodes ended.
+
+The quantities are those of the paper: the share of episodes whose last stage is k, the success
+rate as the share that reached the last one, the mean final progress, and the mean progress over
+time. Everything is computed from records alone, in whatever order they come.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import Any
+
+from duobench.results.records import Condition, EpisodeRecord
+from duobench.results.run import Candidate, Run
+from duobench.results.suite import Suite, TaskInfo
+
+CONFIDENCE = 0.95
+"""Confidence of the intervals in tables and reports."""
+TIME_POINTS = 101
+"""Samples of the progress curve: 0 %, 1 %, ..., 100 % of the horizon."""
+_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
+"""A number that is a word of its own, not a part of a name."""
+
+
+def wilson_interval(
+    successes: int, trials: int, confidence: float = CONFIDENCE
+) -> tuple[float, float]:
+    """Wilson's score interval for the probability of a success.
+
+    It stays inside 0..1 and keeps its coverage for few trials and for rates near 0 and 1, where
+    the textbook interval (rate plus or minus two standard errors) collapses to a point.
+    Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
+    J. Am. Stat. Assoc. 22 (1927).
+
+    Args:
+        successes: How many trials succeeded.
+        trials: How many there were; with none, nothing is known and the interval is 0..1.
+        confidence: Probability with which the interval should cover the truth, between 0 and 1.
+
+    Returns:
+        Lower and upper end.
+
+    Raises:
+        ValueError: If the counts or the confidence are impossible.
+    """
+    if not 0 <= successes <= trials:
+        raise ValueError(f"Successes lie in 0..trials, got {successes} of {trials}.")
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"A confidence lies between 0 and 1, got {confidence}.")
+    if trials == 0:
+        return 0.0, 1.0
+    z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
+    rate = successes / trials
+    shrink = 1.0 + z * z / trials
+    centre = (rate + z * z / (2 * trials)) / shrink
+    half = z / shrink * math.sqrt(rate * (1.0 - rate) / trials + z * z / (4 * trials * trials))
+    low = 0.0 if successes == 0 else max(0.0, centre - half)
+    high = 1.0 if successes == trials else min(1.0, centre + half)
+    return low, high
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Score:
+    """What a number of episodes add up to."""
+
+    label: str
+    """Whose episodes: a task's title, a category, or all of them."""
+    episodes: int
+    successes: int
+    """How many reached the last stage."""
+    errors: int
+    """How many failed with an error."""
+    late_successes: int
+    """How many more did after their horizon, where they were played on."""
+    mean_final_progress: float | None
+    """Mean of last stage over the task's number of stages; None without episodes."""
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successes; None without episodes."""
+        return self.successes / self.episodes if self.episodes else None
+
+    @property
+    def late_rate(self) -> float | None:
+        """Share of episodes that succeeded, late ones included: no score. None without episodes."""
+        return (self.successes + self.late_successes) / self.episodes if self.episodes else None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % Wilson interval of the success rate."""
+        return wilson_interval(self.successes, self.episodes)
+
+    def numbers(self) -> dict[str, Any]:
+        """What every file for programs has of it."""
+        return {
+            "episodes": self.episodes,
+            "successes": self.successes,
+            "success_rate": self.success_rate,
+            "wilson_95": list(self.interval),
+            "mean_final_progress": self.mean_final_progress,
+            "errors": self.errors,
+            "late_successes": self.late_successes,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TaskResult:
+    """Results of one task."""
+
+    task: TaskInfo
+    score: Score
+    last_stage_counts: tuple[int, ...]
+    """How many episodes ended with stage 0, 1, ..., last as their highest."""
+    progress: tuple[float, ...]
+    """Mean progress 0..1 after 0 %, 1 %, ..., 100 % of the horizon; empty without episodes.
+
+    An episode that is over keeps its last stage, so that the curve ends at the mean final progress.
+    """
+    records: tuple[EpisodeRecord, ...]
+    """The episodes, by index."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Results:
+    """Results of a run."""
+
+    tasks: tuple[TaskResult, ...]
+    """Task by task, in the order of the run."""
+    categories: tuple[Score, ...]
+    """Category by category, in the order in which they first appear; episodes are pooled."""
+    overall: Score
+    """All episodes pooled; with equally many of each task this is the mean over the tasks."""
+
+
+def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
+    """Add up episodes, of one task or of several."""
+    return Score(
+        label=label,
+        episodes=len(records),
+        successes=sum(record.success for record in records),
+        errors=sum(record.error is not None for record in records),
+        late_successes=sum(record.late_success is not None for record in records),
+        mean_final_progress=(
+            math.fsum(record.progress for record in records) / len(records) if records else None
+        ),
+    )
+
+
+def progress_curve(records: Sequence[EpisodeRecord], horizon: int) -> tuple[float, ...]:
+    """Mean progress over normalized time.
+
+    Args:
+        records: Episodes of one task.
+        horizon: Control steps that make 100 % of the time.
+
+    Returns:
+        `TIME_POINTS` numbers 0..1, or none without records.
+    """
+    if not records:
+        return ()
+    steps = [point * horizon // (TIME_POINTS - 1) for point in range(TIME_POINTS)]
+    full = len(records) * records[0].max_stage
+    return tuple(sum(record.stage_after(step) for record in records) / full for step in steps)
+
+
+def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
+    """Results of one task from its records, in any order; records of other tasks are left out."""
+    ours = sorted((r for r in records if r.task == task.id), key=lambda record: record.episode)
+    counts = Counter(record.final_stage for record in ours)
+    return TaskResult(
+        task=task,
+        score=score(task.title, ours),
+        last_stage_counts=tuple(counts[stage] for stage in range(task.max_stage + 1)),
+        progress=progress_curve(ours, task.horizon),
+        records=tuple(ours),
+    )
+
+
+def summarize(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Results:
+    """Results of a run from its tasks and its finished episodes, in any order."""
+    each = tuple(task_result(task, records) for task in tasks)
+    categories = tuple(
+        score(category, [r for one in each if one.task.category == category for r in one.records])
+        for category in dict.fromkeys(task.category for task in tasks)
+    )
+    overall = score("All tasks", [record for one in each for record in one.records])
+    return Results(tasks=each, categories=categories, overall=overall)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RunPart:
+    """What was played of a run under one condition: what a page, a row or a column is about."""
+
+    run: Run
+    condition: Condition
+    results: Results
+    """What its records add up to."""
+
+    @property
+    def candidate(self) -> Candidate:
+        """The policy."""
+        return self.run.of(self.condition.policy)
+
+    @property
+    def suite(self) -> Suite:
+        """The suite, with the shift of the condition alone."""
+        return replace(self.run.suite, shifts=(self.condition.shift,))
+
+    @property
+    def size(self) -> int:
+        """How many episodes it has, finished or not."""
+        return self.run.suite.size
+
+    @property
+    def records(self) -> list[EpisodeRecord]:
+        """The finished episodes, task by task."""
+        return [record for one in self.results.tasks for record in one.records]
+
+
+def group_by_condition(run: Run, records: Iterable[EpisodeRecord]) -> list[RunPart]:
+    """The parts of a run in the order of its conditions, those without a record included."""
+    found: dict[Condition, list[EpisodeRecord]] = {each: [] for each in run.conditions.values()}
+    for record in records:
+        found[record.condition].append(record)
+    return [
+        RunPart(run=run, condition=condition, results=summarize(run.suite.tasks, ours))
+        for condition, ours in found.items()
+    ]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Clipping:
+    """How often that was, in the episodes of a task whose records know it."""
+
+    steps: int
+    """Control steps at which limits changed a number of the command."""
+    all_steps: int
+    episodes: int
+    """Episodes with such a step."""
+    all_episodes: int
+
+
+def clipping(result: TaskResult) -> Clipping | None:
+    """How often limits changed commands of a task; None if no record knows it."""
+    known = [
+        (record.clipped, record.steps) for record in result.records if record.clipped is not None
+    ]
+    if not known:
+        return None
+    return Clipping(
+        steps=sum(clipped for clipped, _ in known),
+        all_steps=sum(steps for _, steps in known),
+        episodes=sum(clipped > 0 for clipped, _ in known),
+        all_episodes=len(known),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Unmet:
+    """A constraint that did not hold in some episodes."""
+
+    text: str
+    """What did not hold, in words; a number that is not the same in all of them is a range."""
+    count: int
+    """In how many episodes."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FailedStage:
+    """The episodes of a task that failed after the same stage."""
+
+    stage: int
+    """The last stage that they reached, 0 for none."""
+    records: tuple[EpisodeRecord, ...]
+    """The episodes, by index."""
+    unmet: tuple[Unmet, ...]
+    """What did not hold of the next stage, most frequent first."""
+
+    @property
+    def errors(self) -> int:
+        """How many of them failed with an error."""
+        return sum(record.error is not None for record in self.records)
+
+    @property
+    def unexplained(self) -> int:
+        """How many of them have a record that does not say what did not hold."""
+        return sum(not (record.error or record.unmet) for record in self.records)
+
+
+def failed_stages(result: TaskResult) -> tuple[FailedStage, ...]:
+    """The failed episodes of a task by the last stage that they reached, lowest first."""
+    failed = [record for record in result.records if not record.success]
+    return tuple(
+        FailedStage(stage=stage, records=tuple(ours), unmet=_unmet(ours))
+        for stage in range(result.task.max_stage + 1)
+        if (ours := [record for record in failed if record.final_stage == stage])
+    )
+
+
+def _unmet(records: Iterable[EpisodeRecord]) -> tuple[Unmet, ...]:
+    """What did not hold in episodes, without those that an error ended."""
+    alike: dict[str, list[str]] = {}
+    for record in records:
+        if record.error is None:
+            for text in dict.fromkeys(record.unmet or ()):
+                alike.setdefault(_NUMBER.sub("#", text), []).append(text)
+    found = [Unmet(text=_merged(texts), count=len(texts)) for texts in alike.values()]
+    return tuple(sorted(found, key=lambda one: (-one.count, one.text)))
+
+
+def _merged(texts: Sequence[str]) -> str:
+    """One sentence for several that differ in numbers only: "20 to 50 mm above mat"."""
+    columns = zip(*(_NUMBER.findall(text) for text in texts), strict=True)
+    ranges = (_range(column) for column in columns)
+    return _NUMBER.sub(lambda _: next(ranges), texts[0])
+
+
+def _range(numbers: Sequence[str]) -> str:
+    low, high = min(numbers, key=float), max(numbers, key=float)
+    return low if float(low) == float(high) else f"{low} to {high}"
+
+
+def percent(share: float | None) -> str:
+    """A share as per cent with one digit; a dash where there is none."""
+    return "–" if share is None else f"{100 * share:.1f}"
+
+
+def interval_percent(score: Score) -> str:
+    """The Wilson interval as per cent."""
+    low, high = score.interval
+    return f"{100 * low:.1f}–{100 * high:.1f}"
+
+
+def progress_text(score: Score) -> str:
+    """Mean final progress with three digits; a dash where there is none."""
+    return "–" if score.mean_final_progress is None else f"{score.mean_final_progress:.3f}"

@@ -1,1 +1,0 @@
-"""Suites by name, and runs that lie in several folders."""

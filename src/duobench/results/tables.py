@@ -1,0 +1,378 @@
+"""Tables: numbers as text, and the paper's table for a page, a spreadsheet, a paper, a program."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from duobench.results.entrants import Cell, Entrant, Group, RowKind, TableRow, category_of, sections
+from duobench.results.pairs import Pair, RunComparison, Test
+from duobench.results.paper import paper_results
+from duobench.results.statistics import LEVEL
+
+COMPARISON_SCHEMA = 2
+"""Version of the fields of a comparison as JSON."""
+MINUS = "\N{MINUS SIGN}"
+_SMALLEST = 0.001
+"""P-values below are not told apart."""
+_LATEX: Mapping[str, str] = {
+    **{char: f"\\{char}" for char in "&%$#_{}"},
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "π": r"$\pi$",
+    "–": "--",
+    "“": "``",
+    "”": "''",
+}
+CSV_HEADER = (
+    *("kind", "category", "row", "key", "name", "group", "policy_version", "suite_version"),
+    *("episodes", "successes", "success_rate", "wilson_low", "wilson_high"),
+    *("mean_final_progress", "best_of_group", "note"),
+)
+"""Columns of the table as CSV, one line for each policy in each row."""
+
+
+def rate_text(cell: Cell) -> str:
+    """Success rate in percent: of a run with one digit, of the paper as it stands there."""
+    return f"{100 * cell.rate:.0f}" if cell.interval is None else f"{100 * cell.rate:.1f}"
+
+
+def progress_text(cell: Cell) -> str:
+    """Mean final progress with two digits."""
+    return f"{cell.progress:.2f}"
+
+
+def cell_text(cell: Cell | None) -> str:
+    """A cell of the paper's table, `44.0 (0.63)`; a dash where there is none."""
+    return f"{rate_text(cell)} ({progress_text(cell)})" if cell else "–"
+
+
+def interval_text(interval: tuple[float, float]) -> str:
+    """An interval of rates in percent."""
+    return "–".join(f"{100 * end:.1f}" for end in interval)
+
+
+def points_text(difference: float) -> str:
+    """A difference of rates in percentage points, with its sign."""
+    return signed(100 * difference, 1)
+
+
+def points_interval_text(interval: tuple[float, float]) -> str:
+    """An interval of a difference in percentage points."""
+    return " to ".join(points_text(end) for end in interval)
+
+
+def signed(value: float, digits: int) -> str:
+    """A number with its sign, a real minus; what rounds to 0 has none."""
+    text = f"{abs(value):.{digits}f}"
+    if float(text) == 0:
+        return text
+    return f"{'+' if value > 0 else MINUS}{text}"
+
+
+def p_text(p: float) -> str:
+    """A p-value with three digits."""
+    return f"< {_SMALLEST}" if p < _SMALLEST else f"{p:.3f}"
+
+
+def p_phrase(p: float) -> str:
+    """A p-value in a sentence: `p = 0.012` or `p < 0.001`."""
+    text = p_text(p)
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
+
+
+def about(number: int) -> str:
+    """A rough number: two digits of it, rounded up, with commas."""
+    size = 10 ** max(0, len(str(number)) - 2)
+    return f"{-(-number // size) * size:,}"
+
+
+def listed(names: Sequence[str], conjunction: str = "and") -> str:
+    """Names in a row of words."""
+    *first, last = names
+    return f"{', '.join(first)} {conjunction} {last}" if first else last
+
+
+def verdict(pair: Pair) -> str:
+    """What the tests say about two runs, in a sentence."""
+    a, b = pair.a.name, pair.b.name
+    if pair.obstacle:
+        return f"{a} and {b} are not compared. {pair.obstacle}"
+    tests = pair.of(RowKind.TASK)
+    # Of another group, better is not the word: it knows what the other one has to see.
+    beats = "solves more than" if pair.crosses_groups else "is better than"
+    found: list[str] = []
+    for better, who, other in ((1, a, b), (-1, b, a)):
+        if won := [test.row.label for test in tests if test.better == better]:
+            found.append(f"{who} {beats} {other} in {_share(won, tests)}")
+    if not found:
+        found.append(f"{a} and {b} cannot be told apart in {_share([], tests)}")
+    overall = pair.of(RowKind.OVERALL)
+    more = (overall or tests)[0].more_episodes if len(tests) == 1 or overall else None
+    of = " of all tasks together" if overall else ""
+    rest = "" if more is None else f"; about {about(more)} more episodes{of} would tell"
+    numbers = f": {_numbers(tests[0])}" if len(tests) == 1 else ""
+    return f"{'; '.join(found)}{numbers}{rest}."
+
+
+def _share(won: Sequence[str], tests: Sequence[Test]) -> str:
+    if len(tests) == 1:
+        return tests[0].row.label
+    if not won:
+        return f"any of {len(tests)} tasks after Holm"
+    return f"{len(won)} of {len(tests)} tasks after Holm ({listed(won)})"
+
+
+def _numbers(test: Test) -> str:
+    (ours, theirs), (n, m) = test.successes, test.episodes
+    counts = f"{ours} of {n:,} episodes against {theirs} of {m:,}"
+    interval = points_interval_text(test.interval)
+    return f"{counts}, {points_text(test.difference)} points (95 % {interval}, {p_phrase(test.p)})"
+
+
+def markdown(comparison: RunComparison) -> str:
+    """The table as Markdown."""
+    lines = ["Success rate in percent, with mean final progress (highest stage / last stage).", ""]
+    for group, members in comparison.groups:
+        lines.append(f"- {group}: {', '.join(f'{one.key} {_md(one.name)}' for one in members)}")
+    names = [f"{_md(one.name)} ({one.group.note})" for one in comparison.entrants]
+    lines += ["", md_row(["task", *names]), md_row(["---", *["---:"] * len(names)])]
+    for category, rows in sections(comparison.rows):
+        if category:
+            lines.append(md_row([f"*{_md(category)}*", *[""] * len(names)]))
+        for row in rows:
+            cells = [_md_cell(comparison, row, one) for one in comparison.entrants]
+            label = _md(row.label) if row.kind is RowKind.TASK else f"**{_md(row.label)}**"
+            lines.append(md_row([label, *cells]))
+    return "\n".join([*lines, "", caption(comparison)]) + "\n"
+
+
+def latex(comparison: RunComparison) -> str:
+    """The table as LaTeX; it needs the package booktabs."""
+    columns = "l" + "c" * len(comparison.entrants)
+    heads, rules, first = [], [], 2
+    for group, members in comparison.groups:
+        last = first + len(members) - 1
+        heads.append(rf"\multicolumn{{{len(members)}}}{{c}}{{{tex(group)}}}")
+        rules.append(rf"\cmidrule(lr){{{first}-{last}}}")
+        first = last + 1
+    what = f"Success rate (%) with mean final progress in parentheses. {caption(comparison)}"
+    lines = [
+        r"\begin{table}[t]",
+        r"\centering",
+        rf"\caption{{{tex(what)}}}",
+        rf"\begin{{tabular}}{{{columns}}}",
+        r"\toprule",
+        tex_row(["", *heads]),
+        "".join(rules),
+        tex_row(["Task", *(tex(one.name) for one in comparison.entrants)]),
+        r"\midrule",
+    ]
+    for number, (category, rows) in enumerate(sections(comparison.rows)):
+        if number:
+            lines.append(r"\addlinespace" if category else r"\midrule")
+        if category:
+            heading = tex(category[:1].upper() + category[1:])
+            lines.append(rf"\multicolumn{{{len(columns)}}}{{l}}{{\textit{{{heading}}}}} \\")
+        for row in rows:
+            cells = [_tex_cell(comparison, row, one) for one in comparison.entrants]
+            label = tex(row.label)
+            lines.append(
+                tex_row([label if row.kind is RowKind.TASK else rf"\textbf{{{label}}}", *cells])
+            )
+    lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
+    return "\n".join(lines) + "\n"
+
+
+def csv_rows(comparison: RunComparison) -> list[list[object]]:
+    """The table for a spreadsheet, one line for each policy in each row, below `CSV_HEADER`."""
+    lines: list[list[object]] = [[*CSV_HEADER]]
+    for row in comparison.rows:
+        for one in comparison.entrants:
+            if (cell := one.cell(row.tasks)) is None:
+                continue
+            digits = ".6g" if cell.interval else ".2f"
+            part = one.part
+            lines.append(
+                [
+                    *(row.kind, category_of(row), _name_of(row), one.key, one.name, one.group),
+                    part.candidate.metadata.version or "" if part else "",
+                    part.suite.version if part else "",
+                    *(cell.episodes, "" if cell.successes is None else cell.successes),
+                    f"{cell.rate:{digits}}",
+                    *(f"{end:.6g}" for end in cell.interval or ()),
+                    *(() if cell.interval else ("", "")),
+                    f"{cell.progress:{digits}}",
+                    int(comparison.is_best(row, one)),
+                    "" if part else Group.ELSEWHERE.value,
+                ]
+            )
+    return lines
+
+
+def csv_text(lines: Iterable[Iterable[object]]) -> str:
+    """Lines of a table as CSV."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(lines)
+    return buffer.getvalue()
+
+
+def caption(comparison: RunComparison) -> str:
+    """What bold means, and what is not compared."""
+    text = (
+        "Bold: better than every other policy of its group, by tests at 5 % after Holm's "
+        "adjustment over the tasks."
+    )
+    if any(row.label.endswith(("common)", "common tasks")) for row in comparison.rows):
+        text += " Rows over several tasks cover those that every run has."
+    groups = [group for group, _ in comparison.groups]
+    if Group.PRIVILEGED in groups:
+        text += " Privileged policies know where the objects are from the simulation."
+    if Group.ELSEWHERE in groups:
+        text += f" {Group.ELSEWHERE}: quoted from {paper_results().source}; nothing is tested."
+    return text
+
+
+def _name_of(row: TableRow) -> str:
+    return row.tasks[0].id if row.kind is RowKind.TASK else row.label
+
+
+def _md_cell(comparison: RunComparison, row: TableRow, entrant: Entrant) -> str:
+    cell = entrant.cell(row.tasks)
+    if cell and comparison.is_best(row, entrant):
+        return f"**{rate_text(cell)}** ({progress_text(cell)})"
+    return cell_text(cell)
+
+
+def md_row(cells: Iterable[str]) -> str:
+    """A row of Markdown."""
+    return f"| {' | '.join(cells)} |"
+
+
+def _md(text: str) -> str:
+    for char in "\\`*_[]<>|":
+        text = text.replace(char, f"\\{char}")
+    return text
+
+
+def _tex_cell(comparison: RunComparison, row: TableRow, entrant: Entrant) -> str:
+    cell = entrant.cell(row.tasks)
+    if cell and comparison.is_best(row, entrant):
+        return rf"\textbf{{{rate_text(cell)}}} ({progress_text(cell)})"
+    return tex(cell_text(cell))
+
+
+def tex_row(cells: Iterable[str]) -> str:
+    """A row of LaTeX."""
+    return " & ".join(cells) + r" \\"
+
+
+def tex(text: str) -> str:
+    """Text that LaTeX shows as it is."""
+    return "".join(_LATEX.get(char, char) for char in text)
+
+
+def comparison_json(comparison: RunComparison) -> str:
+    """The comparison as JSON text, numbers with six digits."""
+    content = {
+        "schema": COMPARISON_SCHEMA,
+        "level": round(LEVEL, 6),
+        "policies": {one.key: _entrant(one) for one in comparison.entrants},
+        "rows": [
+            {
+                **_row(row),
+                "results": {
+                    one.key: _cell(cell, comparison.is_best(row, one))
+                    for one in comparison.entrants
+                    if (cell := one.cell(row.tasks))
+                },
+            }
+            for row in comparison.rows
+        ],
+        "pairs": [_pair(pair) for pair in comparison.pairs],
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def _entrant(one: Entrant) -> dict[str, Any]:
+    facts: dict[str, Any] = {"name": one.name, "group": one.group.value}
+    if part := one.part:
+        candidate, suite = part.candidate, part.suite
+        facts |= {
+            "policy": candidate.policy,
+            "policy_version": candidate.metadata.version,
+            "privileged": candidate.privileged,
+            "domain": part.condition.domain,
+            "trained_on": candidate.trained_on,
+            "suite_version": suite.version,
+            "look": part.condition.look,
+            "shift": part.condition.shift.name,
+            "first_episode": suite.first_episode,
+            "expected_episodes": part.size,
+            "suite": suite.label,
+            "execute": suite.execution.execute,
+            "latency": suite.execution.latency,
+            "versions": part.run.versions,
+        }
+    return facts
+
+
+def _row(row: TableRow) -> dict[str, Any]:
+    return {"kind": row.kind.value, "label": row.label, "tasks": [task.id for task in row.tasks]}
+
+
+def _cell(cell: Cell, is_best: bool) -> dict[str, Any]:
+    return {
+        "episodes": cell.episodes,
+        "successes": cell.successes,
+        "success_rate": short(cell.rate),
+        "wilson_95": cell.interval and [short(end) for end in cell.interval],
+        "mean_final_progress": short(cell.progress),
+        "best_of_group": is_best,
+    }
+
+
+def _pair(pair: Pair) -> dict[str, Any]:
+    return {
+        "a": pair.a.key,
+        "b": pair.b.key,
+        "paired": pair.paired,
+        "crosses_groups": pair.crosses_groups,
+        "not_tested_because": pair.obstacle,
+        "episodes_left_out": pair.left_out,
+        "conditions_that_differ": list(pair.conditions),
+        "verdict": verdict(pair),
+        "tests": [_test(test, pair.paired) for test in pair.tests],
+    }
+
+
+def _test(test: Test, paired: bool) -> dict[str, Any]:
+    return {
+        **_row(test.row),
+        "test": "McNemar, exact" if paired else "Barnard",
+        "episodes": list(test.episodes),
+        "successes": list(test.successes),
+        "only_one_solved": test.only and list(test.only),
+        "difference": short(test.difference),
+        "interval_95": [short(end) for end in test.interval],
+        "interval": "Tango" if paired else "Newcombe",
+        "cohen_h": short(test.effect),
+        "p": short(test.p),
+        "p_holm": short(test.adjusted),
+        "progress_difference": short(test.progress),
+        "progress_p": short(test.progress_p),
+        "progress_p_holm": short(test.progress_adjusted),
+        "better": {1: "a", -1: "b", 0: None}[test.better],
+        "more_episodes": test.more_episodes,
+    }
+
+
+def short(value: float) -> float:
+    """A number with six digits, for files."""
+    return float(f"{value:.6g}")

@@ -1,0 +1,147 @@
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import av
+import pytest
+
+from duobench.errors import EvaluationError, UnknownNameError
+from duobench.replay.render import choose, make_videos
+from duobench.results.bundle import read_source
+from duobench.results.folder import RunFolder
+from duobench.results.scores import Results
+from duobench.results.suite import find_tasks
+from tests.evaluation import toy_tasks
+from tests.results.samples import SORT, TURN, key, sample_record, sample_run
+
+Play = Callable[..., tuple[RunFolder, Results]]
+RUN = sample_run(tasks=(SORT, TURN), episodes=3)
+WAVE = find_tasks([toy_tasks.WAVE_NAME])
+RECORDS = [
+    sample_record(SORT, 0),
+    sample_record(SORT, 1, (5,)),
+    sample_record(TURN, 0, ()),
+    sample_record(TURN, 2, (3,)),
+]
+
+
+@pytest.mark.parametrize(
+    ("words", "chosen"),
+    [
+        (["failures"], [1, 2]),
+        (["all"], [0, 1, 2, 3]),
+        (["turn:2", "sort:0"], [0, 3]),
+        (["failures", "turn:0", "sort:00"], [0, 1, 2]),
+    ],
+)
+def test_words_choose_episodes_in_the_order_of_the_run(words: list[str], chosen: list[int]) -> None:
+    assert choose(RUN, RECORDS, words) == [RECORDS[number] for number in chosen]
+
+
+@pytest.mark.parametrize(
+    ("word", "error", "message"),
+    [
+        (
+            "failed",
+            EvaluationError,
+            "'failures', 'all' or TASK:EPISODE such as sort:0; got 'failed",
+        ),
+        ("sort:x", EvaluationError, "got 'sort:x'"),
+        ("sort:-1", EvaluationError, "got 'sort:-1'"),
+        ("srot:1", UnknownNameError, "sort"),
+        ("turn:1", EvaluationError, "Episode 1 of turn is not finished"),
+    ],
+)
+def test_other_words_are_refused(word: str, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        choose(RUN, RECORDS, [word])
+
+
+def made_anew(folder: RunFolder, **changes: Any) -> tuple[Any, list[tuple[int, int]]]:
+    """Videos of all episodes, and what the progress was told."""
+    run, records = read_source(folder.path)
+    told: list[tuple[int, int]] = []
+    changed = [replace(record, **changes) for record in records]
+    videos = make_videos(
+        folder,
+        run,
+        changed,
+        import_tasks=True,
+        progress=lambda *numbers: told.append(numbers),
+    )
+    return videos, told
+
+
+def test_video_made_later_is_that_of_the_evaluation(play: Play) -> None:
+    folder, _ = play("Glances", episodes=1, videos=1)
+    paths = sorted(folder.path.glob("videos/*/*/*.webm"))
+    before = [path.read_bytes() for path in paths]
+    assert len(before) == 2
+    for path in paths:
+        path.unlink()
+    videos, told = made_anew(folder)
+    assert [path.read_bytes() for path in paths] == before
+    assert (len(videos.made), videos.there, videos.impossible) == (2, (), ())
+    assert told == [(0, 2), (1, 2), (2, 2)]
+
+
+def test_video_that_is_there_stays(play: Play) -> None:
+    folder, _ = play("random", episodes=2, videos=0)
+    path = folder.video(key(folder, "nod", 1))
+    path.parent.mkdir(parents=True)
+    path.write_bytes(b"mine")
+    videos, told = made_anew(folder)
+    assert path.read_bytes() == b"mine"
+    assert [(each.task, each.episode) for each in videos.there] == [("nod", 1)]
+    assert len(videos.made) == 3
+    assert told[0] == (1, 4)
+    assert told[-1] == (4, 4)
+
+
+def test_images_are_shown_also_where_chunks_are_of_unknown_length(play: Play) -> None:
+    folder, _ = play("Sees", episodes=1, videos=0)
+    made_anew(folder)
+    with av.open(folder.video(key(folder, "wave", 0))) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert frames[0].shape == (480, 640 + 320, 3)
+    assert len(frames) == 13
+
+
+def test_episode_that_failed_with_an_error_is_shown_up_to_it(play: Play) -> None:
+    folder, results = play("RaisesInTheSecondAnswer", episodes=1, videos=0)
+    assert results.overall.errors == 2
+    videos, _ = made_anew(folder)
+    steps = [record.steps for record in videos.made]
+    assert len(steps) == 2
+    for record in videos.made:
+        with av.open(folder.video(key(folder, record.task, 0))) as container:
+            assert len(list(container.decode(video=0))) == 1 + record.steps // 2
+
+
+def test_what_cannot_be_shown_is_told_and_leaves_no_video(play: Play) -> None:
+    folder, results = play("random", episodes=1, videos=0, tasks=WAVE)
+    (record,) = results.tasks[0].records
+    for changes, why in (
+        ({"sent": None}, "no joint targets"),
+        ({"sent": b"x"}, "does not hold as many"),
+        ({"stage_changes": ((1, 1),), "final_stage": 1, "success": False}, "comes out differently"),
+    ):
+        videos, told = made_anew(folder, **changes)
+        assert [(each.episode, why in reason) for each, reason in videos.impossible] == [(0, True)]
+        assert told == [(0, 1), (1, 1)]
+        assert not folder.video(key(folder, record.task, 0)).exists()
+
+
+def test_run_of_another_suite_is_refused(play: Play) -> None:
+    folder, _ = play("random", episodes=1, videos=0, tasks=WAVE)
+    run, records = read_source(folder.path)
+    other = replace(run, suite=replace(run.suite, version="3"))
+    with pytest.raises(EvaluationError, match="of suite 3; this version plays"):
+        make_videos(folder, other, records)
+
+
+def test_task_of_somebody_else_is_imported_on_request_alone(play: Play) -> None:
+    folder, _ = play("random", episodes=1, videos=0, tasks=WAVE)
+    videos = make_videos(folder, *read_source(folder.path))
+    ((_, reason),) = videos.impossible
+    assert reason == f"The task {toy_tasks.WAVE_NAME!r} is none of the benchmark."

@@ -1,0 +1,165 @@
+"""What is tested, against what, and what is not."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from duobench.randomness import SUITE_VERSION
+from duobench.results.compare import compare
+from duobench.results.entrants import RowKind
+from duobench.results.pairs import Pair, RunComparison
+from duobench.results.statistics import (
+    barnard,
+    holm,
+    mcnemar,
+    newcombe_interval,
+    paired_permutation,
+    permutation,
+    tango_interval,
+)
+from tests.results.outcomes import play
+from tests.results.samples import CONFIG
+
+GOOD = {"sort": [3] * 9 + [1, 0], "lift": [2, 2, 1, 0, 2, 1, 2, 0, 2, 2, 2], "turn": [1] * 11}
+BAD = {"sort": [1] * 8 + [3, 1, 3], "lift": [2, 1, 0, 0, 1, 2, 2, 0, 2, 1, 2], "turn": [1] * 11}
+
+
+def pair_of(*sources: str) -> Pair:
+    (pair,) = compare(sources).pairs
+    return pair
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> str:
+    return play(tmp_path / "good", GOOD, "good")
+
+
+def test_same_episodes_are_tested_in_pairs(good: str, tmp_path: Path) -> None:
+    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad"))
+    assert pair.paired
+    assert pair.left_out == 0
+    sort = next(test for test in pair.tests if test.row.label == "Sort")
+    assert sort.only == (8, 1)
+    assert (sort.successes, sort.episodes) == ((9, 2), (11, 11))
+    assert sort.p == mcnemar(8, 1)
+    assert sort.interval == tango_interval(8, 1, 11)
+    stages = [a - b for a, b in zip(GOOD["sort"], BAD["sort"], strict=True)]
+    assert sort.progress_p == paired_permutation(stages)
+    assert sort.progress == pytest.approx(sum(stages) / 11 / 3)
+
+
+def test_tasks_are_one_family_and_all_tasks_another(good: str, tmp_path: Path) -> None:
+    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad"))
+    tasks = pair.of(RowKind.TASK)
+    assert [test.adjusted for test in tasks] == holm([test.p for test in tasks])
+    (overall,) = pair.of(RowKind.OVERALL)
+    assert overall.only == (11, 2)
+    assert overall.adjusted == overall.p == mcnemar(11, 2)
+    (both,) = pair.of(RowKind.CATEGORY)
+    assert both.row.label == "bimanual manipulation"
+    assert both.only == (3, 1)
+
+
+def test_progress_of_tasks_with_other_numbers_of_stages_adds_up(good: str, tmp_path: Path) -> None:
+    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad"))
+    (overall,) = pair.of(RowKind.OVERALL)
+    highest = {"sort": 3, "lift": 2, "turn": 1}
+    gains = [
+        (a - b) / highest[task] for task in GOOD for a, b in zip(GOOD[task], BAD[task], strict=True)
+    ]
+    assert overall.progress == pytest.approx(sum(gains) / 33)
+    assert overall.progress_p == paired_permutation([round(6 * gain) for gain in gains])
+
+
+def test_other_episodes_are_two_samples(good: str, tmp_path: Path) -> None:
+    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad", first_episode=11))
+    assert not pair.paired
+    sort = next(test for test in pair.tests if test.row.label == "Sort")
+    assert sort.only is None
+    assert sort.more_episodes is None
+    assert sort.p == barnard((9, 2), (11, 11))
+    assert sort.interval == newcombe_interval((9, 2), (11, 11))
+    assert sort.progress_p == permutation(GOOD["sort"], BAD["sort"])
+    assert len(pair.of(RowKind.OVERALL)) == 1
+
+
+def test_samples_with_other_shares_of_tasks_are_not_pooled(good: str, tmp_path: Path) -> None:
+    fewer = {**BAD, "sort": [1, 2]}
+    pair = pair_of(good, play(tmp_path / "bad", fewer, "bad", first_episode=11))
+    assert len(pair.of(RowKind.TASK)) == 3
+    assert pair.of(RowKind.OVERALL) == ()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"layout": {"poses": {"cube": [0.5, 0.2, 0.0, 0.0, 0.0, 0.0, 1.0]}, "variants": {}}},
+        {"layout": {"poses": {}, "variants": {"cup": "left"}}},
+    ],
+)
+def test_another_layout_is_another_episode(
+    good: str, tmp_path: Path, changes: dict[str, object]
+) -> None:
+    assert not pair_of(good, play(tmp_path / "bad", BAD, "bad", **changes)).paired
+
+
+def test_last_bit_of_a_layout_does_not_matter(good: str, tmp_path: Path) -> None:
+    poses = {"cube": [0.5, 0.1 + 1e-12, -0.0, 0.0, 0.0, 0.0, 1.0]}
+    layout = {"poses": poses, "variants": {}}
+    assert pair_of(good, play(tmp_path / "bad", BAD, "bad", layout=layout)).paired
+
+
+def test_another_look_stays_a_pair_and_is_said(good: str, tmp_path: Path) -> None:
+    config = replace(CONFIG, look="dark")
+    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad", config=config, look="dark"))
+    assert pair.paired
+    assert pair.conditions == ("look default and dark",)
+
+
+def test_only_shared_episodes_are_tested(good: str, tmp_path: Path) -> None:
+    half = {task: stages[:6] for task, stages in BAD.items()}
+    pair = pair_of(good, play(tmp_path / "bad", half, "bad", first_episode=5))
+    assert pair.paired
+    assert {test.episodes for test in pair.of(RowKind.TASK)} == {(6, 6)}
+    assert pair.left_out == 15
+
+
+def test_tasks_of_one_run_are_shown_and_not_tested(good: str, tmp_path: Path) -> None:
+    comparison = compare([good, play(tmp_path / "one", {"sort": BAD["sort"]}, "one")])
+    assert [row.label for row in comparison.rows] == ["Sort", "Lift <It>", "Turn"]
+    (pair,) = comparison.pairs
+    assert [test.row.label for test in pair.tests] == ["Sort"]
+
+
+def test_scores_of_other_suites_are_shown_and_not_tested(good: str, tmp_path: Path) -> None:
+    pair = pair_of(good, play(tmp_path / "old", BAD, "old", suite_version="3"))
+    assert pair.tests == ()
+    assert f"different suites ({SUITE_VERSION} and 3)" in (pair.obstacle or "")
+
+
+# --- who is the best -----------------------------------------------------------------------------
+
+
+def best(comparison: RunComparison) -> dict[str, list[str]]:
+    return {
+        row.label: [one.name for one in comparison.entrants if comparison.is_best(row, one)]
+        for row in comparison.rows
+    }
+
+
+def test_best_is_who_is_better_than_every_other_of_its_group(tmp_path: Path) -> None:
+    count = 12
+    every = play(tmp_path / "a", {"turn": [1] * count}, "every")
+    none = play(tmp_path / "b", {"turn": [0] * count}, "none")
+    nearly = play(tmp_path / "c", {"turn": [1] * (count - 1) + [0]}, "nearly")
+    told = play(tmp_path / "d", {"turn": [1] * count}, "told", object_state=True)
+    assert best(compare([every, none])) == {"Turn": ["every"]}
+    assert best(compare([every, none, nearly])) == {"Turn": []}
+    assert best(compare([none, told])) == {"Turn": []}
+    assert best(compare([every, none, told, "paper:ACT"])) == {"Turn": ["every"]}
+
+
+def test_policies_of_the_paper_are_never_tested(good: str, tmp_path: Path) -> None:
+    comparison = compare([good, "paper:ACT", play(tmp_path / "bad", BAD, "bad"), "paper:pi05"])
+    assert [(pair.a.name, pair.b.name) for pair in comparison.pairs] == [("good", "bad")]

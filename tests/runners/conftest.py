@@ -1,0 +1,5 @@
+"""Evaluations of the small tasks; see `tests.evaluation.conftest`."""
+
+from tests.evaluation.conftest import play, reference
+
+__all__ = ["play", "reference"]

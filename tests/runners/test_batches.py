@@ -1,0 +1,254 @@
+"""One policy answers all workers, in a process of its own or behind a server; both really die."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from duobench.errors import (
+    MachineryError,
+    OtherRunError,
+    PolicyError,
+    ServingError,
+    UnplayedError,
+)
+from duobench.evaluation.policies import PolicyChoice
+from duobench.policy import Batching
+from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.client import OpenpiPolicy
+from duobench.policy.serving.connection import is_healthy
+from duobench.policy.serving.message_format import MessageFormat
+from duobench.results.folder import RunFolder
+from duobench.results.limits import TimeLimits
+from duobench.runners.evaluate import evaluate
+from tests.evaluation import toy_batches
+from tests.evaluation.conftest import Play, compared, small_suite
+from tests.evaluation.processes import wait_until
+from tests.policy.serving.serving import Serve
+
+ROOT = Path(__file__).parents[2]
+FIXED = Batching(size=3)
+KEY = "s3cret-of-the-test"
+
+
+def named(policy: type, batching: Batching | None = FIXED) -> PolicyChoice:
+    return PolicyChoice.parse(f"{toy_batches.__name__}:{policy.__name__}", batching=batching)
+
+
+def episodes(folder: RunFolder) -> dict[str, bytes]:
+    """All records, by task and index, without what the name of their policy decides."""
+    records = {Path(name): c for name, c in compared(folder).items() if name.startswith("records")}
+    return {
+        f"{path.parts[1]}/{path.name}": re.sub(rb'\n  "(run|policy|sha256)": .*', b"", content)
+        for path, content in records.items()
+    }
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Records of the policy in this process."""
+    folder = RunFolder(tmp_path_factory.mktemp("undisturbed") / "run")
+    evaluate(named(toy_batches.Wanders), small_suite(episodes=3), folder, workers=0)
+    records = episodes(folder)
+    own = rb'"(seed|policy_seed|episode|task)": .*'
+    assert len({re.sub(own, b"", content) for content in records.values()}) == 6
+    return records
+
+
+@pytest.mark.parametrize("workers", [1, 4])
+def test_records_do_not_depend_on_the_workers(
+    play: Play, undisturbed: dict[str, bytes], workers: int
+) -> None:
+    folder, results = play(named(toy_batches.Wanders), workers=workers, episodes=3)
+    assert results.overall.errors == 0
+    assert episodes(folder) == undisturbed
+    record = results.tasks[0].records[0]
+    assert record.versions["inference"] == "fixed batches of 3, float32, cpu"
+    assert folder.read_run().candidate.batching == FIXED
+
+
+def test_policy_whose_process_dies_is_made_again_for_the_same_result(
+    play: Play, undisturbed: dict[str, bytes]
+) -> None:
+    folder, results = play(named(toy_batches.DiesOnce), workers=2, episodes=3)
+    assert results.overall.errors == 0
+    assert episodes(folder) == undisturbed
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_episode_in_which_the_policy_always_dies_is_set_aside_alone(
+    play: Play, undisturbed: dict[str, bytes], workers: int
+) -> None:
+    message = r"1 episode could not be played\. nod, episode 0: .* the policy, .*by SIGKILL"
+    with pytest.raises(UnplayedError, match=message):
+        play(named(toy_batches.DiesInOne), workers=workers, episodes=3)
+    folder, results = play(
+        named(toy_batches.DiesInOne), workers=workers, episodes=3, unplayed_count_as_failures=True
+    )
+    assert results.overall.errors == 1
+    name = "nod/00000.json"
+    assert {**episodes(folder), name: b""} == {**undisturbed, name: b""}
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_policy_that_hangs_fails_its_episode_only(
+    play: Play, undisturbed: dict[str, bytes], workers: int
+) -> None:
+    limits = TimeLimits(act_timeout=4.0)
+    folder, results = play(named(toy_batches.Hangs), workers=workers, episodes=3, limits=limits)
+    assert results.overall.errors == 1
+    record = results.tasks[0].records[0]
+    assert record.reason.startswith("PolicyTimeoutError: The policy did not answer within 4 s")
+    assert record.steps == 6
+    name = "wave/00000.json"
+    assert {**episodes(folder), name: b""} == {**undisturbed, name: b""}
+
+
+def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(
+    play: Play, undisturbed: dict[str, bytes]
+) -> None:
+    folder, results = play(named(toy_batches.Breaks), workers=2, episodes=3)
+    reasons = {r.episode: r.reason for one in results.tasks for r in one.records if r.error}
+    assert reasons[0] == "ZeroDivisionError: my policy is broken"
+    assert "returned nan" in reasons[1]
+    assert len(reasons) == results.overall.errors == 2
+    broken = {"wave/00000.json", "wave/00001.json"}
+    intact = {name: c for name, c in undisturbed.items() if name not in broken}
+    assert intact.items() <= episodes(folder).items()
+
+
+def test_other_batches_are_another_run(play: Play) -> None:
+    play(named(toy_batches.Wanders), episodes=1)
+    with pytest.raises(OtherRunError, match=r"batches .*dynamic.* instead of .*fixed"):
+        play(named(toy_batches.Wanders, Batching(mode="dynamic", size=3)), episodes=1)
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_plain_policy_has_no_batches(play: Play, workers: int) -> None:
+    with pytest.raises(PolicyError, match="answers one observation at a time"):
+        play(PolicyChoice.parse("random", batching=FIXED), episodes=1, workers=workers)
+
+
+def test_noise_that_nothing_controls_is_told(play: Play) -> None:
+    folder, results = play(named(toy_batches.Unseeded, batching=None), episodes=1)
+    assert results.tasks[0].records[0].versions["inference"] == "noise not controlled"
+    assert "Noise not controlled" in folder.page.read_text()
+
+
+def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play: Play) -> None:
+    plain, results = play("Reads", "plain", workers=2, episodes=2)
+    batched, _ = play(named(toy_batches.Reads), "batched", workers=2, episodes=2)
+    with closing(Serve()) as serve:
+        server = RemoteServer(url=f"ws://127.0.0.1:{serve(toy_batches.Reads())}", execute=30)
+        served, _ = play(PolicyChoice.parse("openpi", server=server), "served", episodes=2)
+        with pytest.raises(ServingError, match="A server of DuoBench needs no format"):
+            OpenpiPolicy(replace(server, message_format=MessageFormat()))
+    assert results.overall.errors == 0
+    own = rb'\n  "versions": .*'
+    played = [
+        {name: re.sub(own, b"", content) for name, content in episodes(folder).items()}
+        for folder in (plain, batched, served)
+    ]
+    assert played == played[:1] * 3
+    for folder in (plain, batched, served):
+        run = folder.read_run()
+        candidate = run.candidate
+        assert (candidate.privileged, candidate.config.object_state) == (True, True)
+
+
+class Serving:
+    """A `duobench serve` in a process of its own, at a port that stays the same."""
+
+    def __init__(self) -> None:
+        with socket.socket() as listener:
+            listener.bind(("127.0.0.1", 0))
+            self.port = listener.getsockname()[1]
+        self.choice = PolicyChoice.parse(
+            "openpi",
+            server=RemoteServer(url=f"ws://127.0.0.1:{self.port}", key=KEY, execute=30, wait_s=2.0),
+        )
+
+    @contextmanager
+    def process(self) -> Iterator[subprocess.Popen[bytes]]:
+        """Serve as long as the block lasts, or until it is killed."""
+        words = [
+            "serve",
+            "--policy",
+            named(toy_batches.Wanders).name.text,
+            "--port",
+            str(self.port),
+        ]
+        source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
+        with subprocess.Popen(
+            [sys.executable, "-m", "duobench", *words, "--max-batch", str(FIXED.size)],
+            env={**os.environ, "PYTHONPATH": source, "DUOBENCH_API_KEY": KEY},
+            stdout=subprocess.DEVNULL,
+        ) as process:
+            try:
+                server = self.choice.server
+                wait_until(lambda: server and is_healthy(server), "a server")
+                yield process
+            finally:
+                process.kill()
+
+
+def records_of(folder: Path) -> Callable[[], list[Path]]:
+    return lambda: list(folder.glob("records/*/*/*.json"))
+
+
+def test_server_that_is_killed_and_started_again_gives_the_undisturbed_result(
+    play: Play, undisturbed: dict[str, bytes], tmp_path: Path
+) -> None:
+    serving = Serving()
+    with ExitStack() as servers:
+        first = servers.enter_context(serving.process())
+        found = records_of(tmp_path / "run")
+
+        def restart() -> None:
+            wait_until(found, "a record")
+            first.send_signal(signal.SIGKILL)
+            first.wait()
+            servers.enter_context(serving.process())
+
+        killer = threading.Thread(target=restart)
+        killer.start()
+        try:
+            folder, results = play(serving.choice, workers=1, episodes=3)
+        except MachineryError:  # three attempts took less time than the start of a server
+            killer.join()
+            folder, results = play(serving.choice, workers=1, episodes=3)
+        killer.join()
+    assert results.overall.errors == 0
+    assert episodes(folder) == undisturbed
+    for path in folder.path.rglob("*"):
+        content = b"" if path.is_dir() else path.read_bytes()
+        assert KEY.encode() not in content
+        assert f":{serving.port}".encode() not in content
+
+
+def test_server_that_dies_ends_the_run_with_the_rest_unplayed(play: Play, tmp_path: Path) -> None:
+    serving = Serving()
+    with serving.process() as server:
+        found = records_of(tmp_path / "run")
+
+        def kill() -> None:
+            wait_until(found, "a record")
+            server.kill()
+
+        killer = threading.Thread(target=kill)
+        killer.start()
+        with pytest.raises(MachineryError, match="cannot be played; in each of 3 attempts"):
+            play(serving.choice, workers=1, episodes=20)
+        killer.join()
+    kept = found()
+    assert 1 <= len(kept) < 40
+    assert all(b'"error": null' in path.read_bytes() for path in kept)

@@ -1,0 +1,208 @@
+"""Workers are real processes here, and really hang, die and leave helpers behind."""
+
+import os
+import socket
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from duobench.errors import MachineryError, RenderingError, UnplayedError
+from duobench.results.journal import Ended
+from duobench.results.limits import TimeLimits
+from duobench.results.suite import find_tasks
+from duobench.runners import process
+from duobench.runners import process_executor as executor
+from duobench.runners.process import Channel
+from duobench.runners.worker import EpisodeError, Report, Request
+from tests.evaluation import toy_tasks
+from tests.evaluation.conftest import Play, assert_same_episodes, compared
+from tests.evaluation.processes import is_running, wait_until
+
+
+def marked(tmp_path: Path, kind: str) -> list[int]:
+    """Numbers of the processes that left a mark."""
+    return [int(path.name.split("-")[1]) for path in (tmp_path / "marks").glob(f"{kind}-*")]
+
+
+def assert_gone(pids: list[int]) -> None:
+    wait_until(lambda: not any(map(is_running, pids)), "the end of the helpers")
+
+
+def test_dying_workers_are_replaced_and_their_episodes_played_again(
+    play: Play, reference: dict[str, bytes], tmp_path: Path
+) -> None:
+    folder, results = play("DiesOnce", workers=2, episodes=1)
+    assert results.overall.errors == 0
+    assert_same_episodes(folder, reference, 2)
+    helpers = marked(tmp_path, "helper")
+    assert len(helpers) == 2
+    assert_gone(helpers)
+
+
+def test_episode_that_always_kills_its_process_is_set_aside_and_all_others_are_played(
+    play: Play, tmp_path: Path
+) -> None:
+    message = r"1 episode could not be played\. nod, episode 1: in each of 3 .*by SIGKILL\."
+    with pytest.raises(UnplayedError, match=message):
+        play("DiesInOne", workers=1, episodes=3)
+    records = (tmp_path / "run" / "records").glob("*/*")
+    assert sorted("/".join(path.parts[-2:]) for path in records) == [
+        *(f"nod/0000{k}.json" for k in (0, 2)),
+        *(f"wave/0000{k}.json" for k in (0, 1, 2)),
+    ]
+    assert (tmp_path / "run" / "index.html").exists()
+    _, results = play("DiesInOne", workers=2, episodes=3, unplayed_count_as_failures=True)
+    reasons = [record.reason for record in results.tasks[1].records]
+    assert [bool(reason) for reason in reasons] == [False, True, False]
+    assert "It was not played: in each of 3 attempts" in reasons[1]
+
+
+def test_result_that_cannot_be_read_is_played_again(
+    play: Play, reference: dict[str, bytes]
+) -> None:
+    folder, results = play("SpoilsOnce", workers=1, episodes=1)
+    assert results.overall.errors == 0
+    assert_same_episodes(folder, reference, 2)
+
+
+@pytest.mark.parametrize("misbehaviour", ["answers_for_another", "answers_twice"])
+def test_result_that_nobody_asked_for_is_dropped(
+    play: Play,
+    reference: dict[str, bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    misbehaviour: str,
+) -> None:
+    monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, misbehaviour)
+    folder, results = play("random", workers=1, episodes=2)
+    assert list((tmp_path / "marks").iterdir())
+    assert results.overall.errors == 0
+    assert_same_episodes(folder, reference, 4)
+    assert sum(isinstance(entry, Ended) for entry in folder.entries()) == 4
+
+
+def test_policy_that_spoils_its_clock_fails_its_episode_alone(play: Play) -> None:
+    _, results = play("SpoilsClock", workers=1, episodes=2, tasks=find_tasks([toy_tasks.NOD_NAME]))
+    for record in results.tasks[0].records:
+        assert record.reason.startswith("PolicyTimeoutError")
+        assert 0 <= record.steps <= record.horizon
+
+
+def test_time_to_read_a_message_grows_with_its_length_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Eight times as long takes eight times as long, on any machine; were all looked through again
+    with each piece that comes, it would be up to sixty-four times.
+    """
+    monkeypatch.setattr(process, "_PIECE", 4096)
+    short, long = (reading_time(length << 20) for length in (2, 16))
+    assert long < 20 * short
+
+
+def reading_time(length: int) -> float:
+    """Processor time that a message of this many bytes, and one after it, take to be read."""
+    reports: list[Report] = [EpisodeError("a" * length), EpisodeError("short")]
+    ours, theirs = socket.socketpair()
+    sender: Channel[Request] = Channel(theirs, Request)
+    receiver: Channel[Report] = Channel(ours, Report)
+    thread = threading.Thread(target=lambda: [sender.send(report) for report in reports])
+    received: list[Report] = []
+    start = time.process_time()
+    with ours, theirs:
+        thread.start()
+        while len(received) < len(reports):
+            received += receiver.receive()
+        thread.join()
+    assert received == reports
+    return time.process_time() - start
+
+
+def test_workers_that_cannot_start_end_the_run(play: Play) -> None:
+    with pytest.raises(MachineryError, match=r"3 workers in a row.*ended by SIGKILL"):
+        play("dies_when_made", workers=1)
+
+
+def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> None:
+    _, results = play(
+        "Hangs",
+        workers=1,
+        episodes=2,
+        tasks=find_tasks([toy_tasks.WAVE_NAME]),
+        limits=TimeLimits(act_timeout=3.0),
+    )
+    first, second = results.tasks[0].records
+    assert first.error == (
+        "PolicyTimeoutError: The policy did not answer within 3 s, its limit for one reset or act."
+        "\n"
+    )
+    assert first.versions == second.versions
+    assert second.error is None
+
+
+@pytest.mark.parametrize("limits", [{"act_timeout": 3.0}, {"episode_timeout": 3.0}])
+def test_stopped_policy_keeps_what_its_episode_had_reached(
+    play: Play, limits: dict[str, float]
+) -> None:
+    asked = {
+        "tasks": find_tasks([toy_tasks.WAVE_NAME]),
+        "episodes": 1,
+        "limits": TimeLimits(**limits),
+    }
+    alone, _ = play("Tires", "alone", **asked)
+    folder, results = play("Tires", workers=1, **asked)
+    ((record,),) = [one.records for one in results.tasks]
+    assert record.reason.startswith("PolicyTimeoutError")
+    assert [stage for _, stage in record.stage_changes] == [1, 2]
+    assert (record.steps, record.final_stage, record.success) == (22, 2, False)
+    assert compared(folder) == compared(alone)
+
+
+def test_what_looks_like_an_interrupt_of_a_policy_is_its_error(play: Play) -> None:
+    _, results = play("Interrupts", workers=1, episodes=1)
+    assert [one.records[0].reason for one in results.tasks] == ["KeyboardInterrupt"] * 2
+
+
+def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
+    play: Play, tmp_path: Path
+) -> None:
+    play("HasHelpers", workers=1, episodes=1, tasks=find_tasks([toy_tasks.WAVE_NAME]))
+    (policy,) = marked(tmp_path, "policy")
+    helpers = marked(tmp_path, "helper")
+    assert policy != os.getpid()
+    assert len(helpers) == 3
+    assert_gone([policy, *helpers])
+    assert (tmp_path / "marks" / "closed").exists()
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(
+    play: Play, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    if workers:
+        monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, "has_no_graphics")
+    else:
+        monkeypatch.setattr("duobench.evaluation.episode.rollout", toy_tasks.without_graphics)
+    message = r"wave, episode 0 cannot be played; in each of 3 attempts .* The driver hangs\."
+    with pytest.raises(MachineryError, match=message):
+        play("hold", workers=workers, episodes=1)
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_policy_that_needs_images_where_nothing_renders_ends_the_run(
+    play: Play, monkeypatch: pytest.MonkeyPatch, workers: int
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    with pytest.raises(RenderingError, match="switched off by MUJOCO_GL=off"):
+        play("Sees", workers=workers, episodes=1)
+
+
+def test_simulation_that_does_not_come_back_is_played_again(
+    play: Play, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executor, "GRACE_S", 1.0)
+    tasks = find_tasks([f"{toy_tasks.__name__}:STUCK"])
+    limits = TimeLimits(episode_timeout=5.0)
+    _, results = play("hold", workers=1, episodes=1, tasks=tasks, limits=limits)
+    assert (results.overall.episodes, results.overall.errors) == (1, 0)
