@@ -24,7 +24,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Suite, find_tasks
 from duobench.runners.evaluate import evaluate
-from duobench.runners.ray_cluster import Cluster
+from duobench.runners.ray_process import Cluster
 
 WORKERS = 2
 BAR = 1.10

@@ -15,8 +15,8 @@ from duobench.results.folder import RunFolder
 from duobench.runners import ray_cluster as cluster
 from duobench.runners import ray_process as host
 from duobench.runners.evaluate import evaluate
-from duobench.runners.ray_cluster import Cluster, check_environment
-from duobench.runners.ray_process import AUTH_MODE
+from duobench.runners.ray_cluster import check_environment
+from duobench.runners.ray_process import AUTH_MODE, Cluster
 from duobench.runners.worker import EpisodeProgress, Rehearsed
 from duobench.sim import opengl
 from duobench.versions import __version__

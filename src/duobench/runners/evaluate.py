@@ -24,7 +24,7 @@ from duobench.results.scores import Results, summarize
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
 from duobench.runners.executor import executor_for
-from duobench.runners.ray_cluster import Cluster
+from duobench.runners.ray_process import Cluster
 
 
 def evaluate(  # noqa: PLR0913

@@ -12,7 +12,8 @@ from duobench.evaluation.policies import find_source
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.runners.process_executor import ProcessExecutor
-from duobench.runners.ray_cluster import Cluster, RayLauncher, check_environment
+from duobench.runners.ray_cluster import RayLauncher, check_environment
+from duobench.runners.ray_process import Cluster
 from duobench.runners.schedule import Schedule
 from duobench.sim import rendering
 

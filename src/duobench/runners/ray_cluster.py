@@ -12,7 +12,6 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -28,6 +27,7 @@ from duobench.runners.ray_process import (
     AUTH_MODE,
     TOKEN,
     ActorStatus,
+    Cluster,
     RemoteProcess,
     auth_mode,
     load,
@@ -40,26 +40,6 @@ _log = logging.getLogger(__name__)
 _SIDE_BY_SIDE = 4
 """Calls that an actor answers at the same time: one waits for messages, others pass some on."""
 _NO_STATISTICS = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_USAGE_STATS_PROMPT_ENABLED": "0"}
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Cluster:
-    """A Ray cluster that is there, and what of it is used."""
-
-    address: str = "auto"
-    """HOST:PORT of its head, or `auto` for the one that runs on this machine."""
-    policy_gpus: float = 0.0
-    """Graphics cards that each actor of a policy asks for; a part of one, or several."""
-
-    def __post_init__(self) -> None:
-        """Reject what no cluster has."""
-        if not 0.0 <= self.policy_gpus < float("inf"):
-            raise EvaluationError(f"A number of graphics cards is 0 or more: {self.policy_gpus}.")
-        if self.address.startswith("ray://") or not self.address.strip():
-            raise EvaluationError(
-                f"{self.address!r} is no address of a cluster: give HOST:PORT of its head, or "
-                "auto, on a machine that is a node of the cluster."
-            )
 
 
 def check_environment() -> None:

@@ -36,6 +36,26 @@ SECRETS = ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH")
 """What lets a process into the cluster, which a policy does not get."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Cluster:
+    """A Ray cluster that is there, and what of it is used."""
+
+    address: str = "auto"
+    """HOST:PORT of its head, or `auto` for the one that runs on this machine."""
+    policy_gpus: float = 0.0
+    """Graphics cards that each actor of a policy asks for; a part of one, or several."""
+
+    def __post_init__(self) -> None:
+        """Reject what no cluster has."""
+        if not 0.0 <= self.policy_gpus < float("inf"):
+            raise EvaluationError(f"A number of graphics cards is 0 or more: {self.policy_gpus}.")
+        if self.address.startswith("ray://") or not self.address.strip():
+            raise EvaluationError(
+                f"{self.address!r} is no address of a cluster: give HOST:PORT of its head, or "
+                "auto, on a machine that is a node of the cluster."
+            )
+
+
 def load(module: str = "ray") -> Any:
     """A module of the library, which takes seconds to load."""
     return import_module(module)

@@ -19,7 +19,7 @@ from duobench.envs.execution import ChunkExecution
 from duobench.errors import EvaluationError, PolicyError
 from duobench.results.limits import TimeLimits
 from duobench.results.suites import PAPER_EXECUTE, SuiteChoice
-from duobench.runners.ray_cluster import Cluster
+from duobench.runners.ray_process import Cluster
 
 if TYPE_CHECKING:
     from rich.console import Console
