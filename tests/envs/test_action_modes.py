@@ -67,14 +67,6 @@ def test_joint_displacements_add_up_to_targets() -> None:
     assert commanded(env)[OPENINGS] == pytest.approx([0.25, 0.75])
 
 
-def test_no_displacement_is_exactly_no_motion() -> None:
-    env = begun(RelativeJointActions)
-    start = commanded(env)
-    for _ in range(50):
-        env.step(np.where(np.isin(np.arange(16), OPENINGS), 1.0, 0.0))
-    assert np.array_equal(commanded(env), start)
-
-
 def test_displacements_stop_at_the_range_and_come_back_from_there() -> None:
     env = begun(RelativeJointActions)
     up, down = np.zeros(16), np.zeros(16)
@@ -105,16 +97,6 @@ def test_a_pose_is_reached() -> None:
         assert length < 0.004
         assert angle < 0.02
     assert commanded(env)[OPENINGS] == pytest.approx([0.5, 0.5])
-
-
-def test_staying_is_staying() -> None:
-    env = begun(CartesianActions)
-    action = poses_of(env)
-    start = tools(env)
-    for _ in range(60):
-        env.step(action)
-    for side, pose in tools(env).items():
-        assert max(pose.distance(start[side])) < 1e-4
 
 
 def test_a_far_pose_is_approached_within_the_velocity_limits() -> None:
@@ -150,8 +132,12 @@ def test_a_zero_quaternion_is_refused_before_anything_moves() -> None:
 # --- relative Cartesian --------------------------------------------------------------------------
 
 
+def both(env: SimEnv) -> gym.Env:
+    return RelativeCartesianActions(CartesianActions(env))
+
+
 def relative() -> Any:
-    return begun(lambda env: RelativeCartesianActions(CartesianActions(env)))
+    return begun(both)
 
 
 def shift(left: list[float], right: list[float]) -> np.ndarray:
@@ -174,13 +160,21 @@ def test_displacements_of_tools_add_up_along_the_tables_axes() -> None:
     assert max(end[Side.RIGHT].distance(right)) < 1e-3
 
 
-def test_no_displacement_does_not_drift() -> None:
-    env = relative()
-    start = tools(env)
+STILL = {RelativeJointActions: 0.0, CartesianActions: 1e-4, both: 1e-4}
+"""How far in metres or radians arms that shall stay may drift."""
+
+
+@pytest.mark.parametrize(("wrap", "most"), STILL.items())
+def test_staying_is_staying(wrap: Any, most: float) -> None:
+    env = begun(wrap)
+    action = poses_of(env) if wrap is CartesianActions else np.zeros(env.action_space.shape)
+    action[[len(action) // 2 - 1, -1]] = 1.0
+    joints, start = commanded(env), tools(env)
     for _ in range(200):
-        env.step(shift([], []))
+        env.step(action)
+    assert most or np.array_equal(commanded(env), joints)
     for side, pose in tools(env).items():
-        assert max(pose.distance(start[side])) < 1e-4
+        assert max(pose.distance(start[side])) <= most
 
 
 @pytest.mark.parametrize("place", [0, 3], ids=["shift", "turn"])
@@ -214,11 +208,6 @@ def test_a_reset_forgets_the_last_targets() -> None:
     start = tools(env)
     env.step(shift([], []))
     assert max(tools(env)[Side.LEFT].distance(start[Side.LEFT])) < 1e-5
-
-
-def test_it_needs_cartesian_actions_inside() -> None:
-    with pytest.raises(AttributeError, match="kinematics"):
-        RelativeCartesianActions(SimEnv(catalog.get(TASK)))
 
 
 # --- binary grippers -----------------------------------------------------------------------------
@@ -302,16 +291,3 @@ def test_images_of_chunks_play_in_real_time() -> None:
     env = duobench.make(TASK, cameras=False, chunk=3)
     assert env.metadata["render_fps"] == 10
     assert env.unwrapped.metadata["render_fps"] == 30
-
-
-def test_a_chunk_of_none_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least one"):
-        ActionChunks(SimEnv(catalog.get(TASK)), 0)
-
-
-def test_chunks_are_made_of_numbers() -> None:
-    choices = gym.wrappers.TransformAction(
-        SimEnv(catalog.get(TASK)), lambda action: action, gym.spaces.Discrete(3)
-    )
-    with pytest.raises(TypeError, match="Box"):
-        ActionChunks(choices, 2)

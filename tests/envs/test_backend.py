@@ -16,7 +16,6 @@ from duobench.envs import (
     BinaryGripper,
     Cameras,
     CartesianActions,
-    RandomizedReset,
     RelativeCartesianActions,
     RelativeJointActions,
     TaskStages,
@@ -178,9 +177,3 @@ def test_cameras_chunks_and_grippers(arms: NumberArms) -> None:
     assert arms.calls == ["start"]
     env.close()
     assert arms.calls == ["start", "stop", "close"]
-
-
-def test_only_a_simulation_lays_out_objects_and_judges_them(env: DuoEnv) -> None:
-    for wrap in (RandomizedReset, TaskStages):
-        with pytest.raises(TypeError, match="simulated environment"):
-            wrap(env)

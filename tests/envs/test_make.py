@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -10,12 +11,31 @@ import gymnasium as gym
 import msgspec
 import numpy as np
 import pytest
+from gymnasium.wrappers import FlattenObservation
 
 import duobench
+from duobench.envs import (
+    ActionChunks,
+    Cameras,
+    DuoEnv,
+    RandomizedReset,
+    RelativeCartesianActions,
+    SimEnv,
+    TaskStages,
+    TimeLimit,
+)
 from duobench.envs.config import EnvConfig
 from duobench.envs.protocol import make_env
-from duobench.errors import DuoBenchError, LayoutError, OptionError, UnknownNameError
+from duobench.errors import (
+    DuoBenchError,
+    LayoutError,
+    OptionError,
+    RenderingError,
+    UnknownNameError,
+)
+from duobench.looks.catalog import look
 from duobench.tasks import Task, catalog
+from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, sim_of
 
 
@@ -157,6 +177,8 @@ def test_attributes_are_found_on_the_outermost_environment() -> None:
         {"cameras": (name for name in ("head", "left_wrist")), "image_size": np.int32(48)},
         {"cameras": False, "chunk": np.int64(3), "horizon": 9, "action_mode": "cartesian"},
         {"binary_gripper": True, "render_mode": "rgb_array", "render_size": [48, 64]},
+        {"look": "random:3"},
+        {"look": look("side_light")},
     ],
     ids=lambda options: ", ".join(options) or "defaults",
 )
@@ -212,6 +234,37 @@ def test_a_reset_refuses_what_is_no_seed_layout_or_dict(
     for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
         with pytest.raises(error, match=words):
             env.reset(**asked)
+
+
+def bare() -> SimEnv:
+    return SimEnv(catalog.get(TASK))
+
+
+def choosing() -> gym.Env:
+    return gym.wrappers.TransformAction(bare(), lambda action: action, gym.spaces.Discrete(3))
+
+
+@pytest.mark.parametrize(
+    ("wrap", "error", "words"),
+    [
+        (lambda: RandomizedReset(bare(), "test"), UnknownNameError, "split 'test'.*eval, train"),
+        (lambda: RandomizedReset(DuoEnv(NumberArms(), catalog.get(TASK))), TypeError, "simulated"),
+        (lambda: TaskStages(DuoEnv(NumberArms(), catalog.get(TASK))), TypeError, "simulated"),
+        (lambda: TaskStages(gym.make("CartPole-v1")), TypeError, "DuoEnv"),
+        (lambda: TimeLimit(bare(), horizon=0), ValueError, "at least one"),
+        (lambda: ActionChunks(bare(), 0), ValueError, "at least one"),
+        (lambda: ActionChunks(choosing(), 2), TypeError, "Box"),
+        (lambda: RelativeCartesianActions(bare()), AttributeError, "kinematics"),
+        (lambda: Cameras(bare(), ["left_wirst"]), UnknownNameError, "'left_wrist'"),
+        (lambda: Cameras(bare(), ["head"], (721, 1280)), RenderingError, "720"),
+        (lambda: Cameras(FlattenObservation(bare()), ["head"]), TypeError, "Dict"),
+    ],
+)
+def test_a_wrapper_that_does_not_fit_is_refused(
+    wrap: Callable[[], gym.Env], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        wrap()
 
 
 def test_environments_are_made_where_underflow_is_an_error() -> None:
