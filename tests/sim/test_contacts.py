@@ -78,15 +78,19 @@ def test_contact_is_symmetric_and_of_the_moment() -> None:
 
 
 @pytest.mark.parametrize(
-    ("height", "gripper", "pads"),
-    [(3.0, False, False), (3.5, True, False), (4.0, False, False)],
+    ("height", "arm", "gripper"),
+    [(3.0, True, False), (3.5, True, True), (4.0, False, False), (4.5, False, False)],
 )
-def test_limbs_are_told_apart(height: float, gripper: bool, pads: bool) -> None:
+def test_limbs_are_told_apart_and_an_arm_is_all_of_it(
+    height: float, arm: bool, gripper: bool
+) -> None:
     model, data, contacts = toy()
     data.qpos[:3] = [-1.15, 0.0, height]
     look(model, data, contacts)
+    assert contacts.arm(Side.LEFT, "ball") is arm
     assert contacts.gripper(Side.LEFT, "ball") is gripper
-    assert contacts.grasped(Side.LEFT, "ball") is pads
+    assert not contacts.grasped(Side.LEFT, "ball")
+    assert not contacts.arm(Side.RIGHT, "ball")
     assert not contacts.gripper(Side.RIGHT, "ball")
 
 
@@ -107,15 +111,6 @@ def test_deepest_names_what_overlaps() -> None:
     assert {one, other} == {TABLE, "ball"}
     assert depth == pytest.approx(0.01)
     assert contacts.deepest(0.02) == []
-
-
-def test_an_arm_is_all_of_it() -> None:
-    model, data, contacts = toy()
-    for height, touches in ((3.0, True), (3.5, True), (4.5, False)):
-        data.qpos[:3] = [-1.15, 0.0, height]
-        look(model, data, contacts)
-        assert contacts.arm(Side.LEFT, "ball") is touches
-        assert not contacts.arm(Side.RIGHT, "ball")
 
 
 QUESTIONS = {
