@@ -2,12 +2,11 @@
 
 import json
 import os
-import subprocess
-import sys
 
 import pytest
 
 from duobench.tasks import catalog
+from tests.children import ran
 
 # Runs in a child process. Everything that the import does to the outside is seen by an audit
 # hook; byte code is not written, so that every file opened for writing is the package's own doing.
@@ -57,14 +56,8 @@ HEAVY = {
 def probed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     """Import the package in a fresh process, with an empty home, and report what happened."""
     folder = tmp_path_factory.mktemp("home")
-    result = subprocess.run(
-        [sys.executable, "-B", "-W", "error", "-c", PROBE],
-        cwd=folder,
-        env={**os.environ, "HOME": str(folder), "XDG_CACHE_HOME": str(folder)},
-        check=False,
-        capture_output=True,
-        text=True,
-    )
+    home = {**os.environ, "HOME": str(folder), "XDG_CACHE_HOME": str(folder)}
+    result = ran("-B", "-W", "error", "-c", PROBE, cwd=folder, env=home)
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     assert list(folder.iterdir()) == []

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -27,6 +25,7 @@ from duobench.randomness import (
     policy_seed,
 )
 from duobench.tasks import catalog
+from tests.children import printed
 
 DRAW = (
     "from duobench.randomness import episode_seed, generator, policy_seed\n"
@@ -51,14 +50,7 @@ def test_other_processes_draw_the_same() -> None:
     numbers = first_draw("bin_sort", 3), episode_seed("bin_sort", 3), policy_seed("bin_sort", 3)
     expected = "{} {} {}\n".format(*numbers)
     for salt in ("0", "1"):
-        result = subprocess.run(
-            [sys.executable, "-c", DRAW],
-            env={**os.environ, "PYTHONHASHSEED": salt},
-            check=True,
-            capture_output=True,
-            text=True,
-        )
-        assert result.stdout == expected
+        assert printed(DRAW, env={**os.environ, "PYTHONHASHSEED": salt}) == expected
 
 
 def test_the_suite_version_decides_too(monkeypatch: pytest.MonkeyPatch) -> None:

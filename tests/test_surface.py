@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import importlib
 import inspect
-import subprocess
-import sys
 
 import pytest
+
+from tests.children import printed
 
 SURFACE = {
     "duobench": "DuoBenchError __version__ make register",
@@ -103,14 +103,8 @@ def test_a_module_does_not_hide_the_function_of_its_name() -> None:
         "from duobench.evaluation import rollout; from duobench.runners import evaluate\n"
         "print(callable(evaluate), callable(rollout))"
     )
-    assert _output(code) == "True True\n"
+    assert printed(code) == "True True\n"
 
 
 def test_a_policy_needs_numpy_only() -> None:
-    assert _output(SERVER) == "(1, 16)\n" * 3
-
-
-def _output(code: str) -> str:
-    return subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True
-    ).stdout
+    assert printed(SERVER) == "(1, 16)\n" * 3

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +18,7 @@ from duobench.errors import DuoBenchError, OptionError
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
+from tests.children import printed
 from tests.envs.tools import TASK, sim_of
 
 MODULE = """
@@ -164,14 +163,7 @@ def test_a_module_that_registers_is_found_in_a_fresh_process(tmp_path: Path) -> 
         "env = gym.make('sorting_module:duobench/my_sort-v1', cameras=False)\n"
         "print(env.unwrapped.task)"
     )
-    result = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        cwd=tmp_path,
-        check=False,
-        capture_output=True,
-        text=True,
-    )
-    assert result.stdout == "my_sort\n", result.stderr
+    assert printed(code, cwd=tmp_path) == "my_sort\n"
 
 
 def test_the_benchmarks_ids_are_taken() -> None:

@@ -83,6 +83,9 @@ def test_targets_move_linearly_over_the_step(sim: Simulation) -> None:
     assert end[[7, 15]] == pytest.approx([127.5, 127.5])
     for number, row in enumerate(rows, start=1):
         assert row == pytest.approx(start + (end - start) * number / SUBSTEPS)
+    goal = command(left=0.1, opening=0.3)
+    sim.step(goal)
+    assert np.ptp(ramped(sim, goal), axis=0).max() == 0.0, "a repeated command is no ramp"
 
 
 def test_a_command_can_be_read_back_exactly(sim: Simulation, duo: Duo) -> None:
@@ -93,12 +96,6 @@ def test_a_command_can_be_read_back_exactly(sim: Simulation, duo: Duo) -> None:
         sim.step(sent)
         assert np.array_equal(duo.command().joints, sent.joints)
         assert duo.command().openings == pytest.approx(sent.openings, abs=1e-12)
-
-
-def test_a_repeated_command_is_no_ramp(sim: Simulation) -> None:
-    goal = command(left=0.1, opening=0.3)
-    sim.step(goal)
-    assert np.ptp(ramped(sim, goal), axis=0).max() == 0.0
 
 
 def test_states_and_commands_are_copies(sim: Simulation, duo: Duo) -> None:

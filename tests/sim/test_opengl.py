@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 import textwrap
 import threading
 from pathlib import Path
@@ -12,6 +11,7 @@ import pytest
 from duobench.errors import RenderingError
 from duobench.sim import opengl
 from duobench.sim.opengl import ASKED, CHOSEN, RenderingInfo, RenderThread, choose, probe
+from tests.children import ran
 
 VARIABLES = (ASKED, CHOSEN, "PYOPENGL_PLATFORM")
 DESCRIBE = """
@@ -27,14 +27,7 @@ DESCRIBE = """
 def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Python in a process of its own, in which nobody has chosen an OpenGL library."""
     kept = {name: value for name, value in os.environ.items() if name not in VARIABLES}
-    return subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)],
-        env={**kept, **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    return ran("-c", textwrap.dedent(code), env={**kept, **environment}, timeout=120)
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """Violent branches: what breaks is found, saved, and played again."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.robot.workcell import TABLE_X, TABLE_Y
 from duobench.sim import physics
 from duobench.spatial import SE3
+from tests.children import ran
 
 JOB = Job(task="transfer_gate", seed=0, branches=8, limits=Limits(link_speed=3.0))
 """Slow enough a limit that some branches break it, and the expert does not."""
@@ -75,8 +74,7 @@ def test_the_exit_code_says_whether_a_replay_broke(
     actions[-1, -1] = value
     file = replace(broken[0], actions=actions).save(tmp_path)
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "dev.tools.fuzz", "--replay", str(file), "--out", str(out)]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    done = ran("-m", "dev.tools.fuzz", "--replay", str(file), "--out", str(out))
     assert "1/1 " + file.name in done.stdout, done.stderr
     if np.isfinite(value):
         assert done.returncode == 0
