@@ -1,7 +1,5 @@
 """What is drawn: within its bounds, evenly, and decided by its seed alone."""
 
-from __future__ import annotations
-
 import math
 import os
 

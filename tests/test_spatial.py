@@ -1,7 +1,5 @@
 """Laws of rigid transforms, on random ones and on the awkward ones."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import FrozenInstanceError

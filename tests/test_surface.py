@@ -1,7 +1,5 @@
 """The public surface: what may be imported from where, and what a policy's server needs."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re

@@ -1,7 +1,5 @@
 """The order of the 16 numbers, and what a side is."""
 
-from __future__ import annotations
-
 from dataclasses import FrozenInstanceError
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The wheel as users get it: complete, and of use by itself, on a machine without a network."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """What a real robot needs runs in a process that cannot import the simulator."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

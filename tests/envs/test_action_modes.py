@@ -1,7 +1,5 @@
 """Action modes, binary grippers and chunks: other views of the same 16 numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium as gym

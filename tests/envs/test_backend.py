@@ -1,7 +1,5 @@
 """What is above a backend needs no simulation: it works on arms that are plain numbers."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Images in the observation."""
 
-from __future__ import annotations
-
 import gymnasium as gym
 import numpy as np
 import pytest

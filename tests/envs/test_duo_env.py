@@ -1,7 +1,5 @@
 """The base environment: what it takes, what it gives, what it refuses."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -3,8 +3,6 @@
 Whole episodes of experts are in `tests.experts.test_episodes`.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

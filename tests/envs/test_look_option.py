@@ -1,7 +1,5 @@
 """The look of an environment: an option of its making and of a reset."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium as gym

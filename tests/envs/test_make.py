@@ -1,7 +1,5 @@
 """Options: what they make of an environment, and what is refused."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import asdict

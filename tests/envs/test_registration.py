@@ -1,7 +1,5 @@
 """Ids, and tasks of one's own."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

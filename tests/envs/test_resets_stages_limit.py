@@ -1,7 +1,5 @@
 """Random resets, stages and the time limit: each alone, and what they promise together."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from contextlib import suppress

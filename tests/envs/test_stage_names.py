@@ -1,7 +1,5 @@
 """A misspelt name in a stage is an error when the environment is made, not at success."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

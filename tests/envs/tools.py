@@ -1,7 +1,5 @@
 """What the tests of environments share: actions, whole episodes, and ways to compare them."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Mapping

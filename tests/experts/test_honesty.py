@@ -5,8 +5,6 @@ They may read the simulator, and they run in the process that owns it. So whatev
 model and data, is compared before and after every call of an expert, bit for bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Variety: within its ranges, decided by task and seed, and none of it without being asked for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

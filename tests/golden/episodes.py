@@ -13,8 +13,6 @@ Renew it with `make golden`. That is allowed only together with a new `SUITE_VER
 a file of this version is never written over with other contents.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import sys

@@ -10,8 +10,6 @@ Numbers are rounded, to `DIGITS` significant digits or, where they are lengths a
 mesh is left out: of a hull the description is used, and where it is.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from typing import Any

@@ -1,7 +1,5 @@
 """Inverse kinematics: tools reach poses, within ranges and velocity limits."""
 
-from __future__ import annotations
-
 import math
 
 import mink

@@ -1,7 +1,5 @@
 """Looks as values: names, JSON, what is rejected, and that colours keep their names."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Every printable object is made of watertight bodies that a printer can make."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

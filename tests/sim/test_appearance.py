@@ -1,7 +1,5 @@
 """Looks in images: what they change, and that they leave nothing behind."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Who touches whom, against the engine's own list."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Commands in, state out; and names to ids: a misspelt one fails at once."""
 
-from __future__ import annotations
-
 import math
 
 import mujoco

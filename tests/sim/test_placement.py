@@ -1,7 +1,5 @@
 """Layouts: as data, applied, and refused where they cannot be."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

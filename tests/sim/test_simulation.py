@@ -1,7 +1,5 @@
 """State, stepping, settling and questions about props."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle
