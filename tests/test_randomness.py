@@ -100,8 +100,6 @@ def test_the_layout_of_a_policy_seed_is_another_one(name: str) -> None:
             assert shown not in made
 
 
-# --- splits --------------------------------------------------------------------------------------
-
 FIRST = range(100_000)
 
 

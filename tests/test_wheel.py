@@ -117,10 +117,6 @@ def test_an_environment_can_be_made_and_played(installed: Installed) -> None:
     assert told["stage"] == 0.0
 
 
-def test_the_command_lists_tasks(installed: Installed) -> None:
-    assert "bin_sort" in installed.output("duobench", "list")
-
-
 def test_the_command_evaluates_a_policy(installed: Installed) -> None:
     evaluate = ["eval", "--policy", "expert", "--tasks", "bin_sort", "--episodes", "1"]
     installed.output("duobench", *evaluate, "--videos", "0", "--out", "run")

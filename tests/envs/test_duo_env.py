@@ -208,14 +208,8 @@ def test_a_hold_ends_the_episode_and_the_next_beginning_ends_the_hold(running: S
     assert "truncation_reason" not in info
 
 
-# --- layouts -------------------------------------------------------------------------------------
-
-
 def drawn(seed: int) -> Layout:
     return next(catalog.get(TASK).layouts(seed))
-
-
-# --- variants ------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -271,9 +265,6 @@ def test_a_variant_that_only_the_instruction_names_must_be_given(worlds: Task) -
     env = SimEnv(replace(worlds, instruction="Go from {here}.", variants={}))
     with pytest.raises(LayoutError, match="'here'"):
         env.reset(options={"layout": world("flat")})
-
-
-# --- names and images --------------------------------------------------------------------------
 
 
 def test_two_environments_share_nothing_that_changes() -> None:

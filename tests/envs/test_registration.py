@@ -40,7 +40,6 @@ def test_a_task_is_named_by_each_spelling_of_its_id(mine: Task) -> None:
     for name in (TASK, mine.id):
         for spelling in (name, env_id(name), f"duobench:{env_id(name)}"):
             env = duobench.make(spelling, cameras=False)
-            assert env.spec is not None
             assert (env.get_wrapper_attr("task"), env.spec.id) == (name, env_id(name))
     assert {task.reference for task in find_tasks([env_id(TASK)])} == {TASK}
 
@@ -55,9 +54,7 @@ def test_a_spec_has_the_horizon(name: str) -> None:
 @pytest.mark.parametrize("horizon", [2, 1000])
 def test_there_is_one_time_limit(mine: Task, horizon: int, option: str) -> None:
     env = duobench.make(replace(mine, horizon=5), cameras=False, **{option: horizon})
-    assert env.spec is not None
     for made in (env, env.spec.make(), gym.make(env.spec)):
-        assert made.spec is not None
         assert made.spec.max_episode_steps == horizon
         assert str(made).count("TimeLimit") == 1
         assert made.get_wrapper_attr("config").horizon == horizon
@@ -87,7 +84,6 @@ def test_a_limit_of_gymnasium_counts_control_steps_and_is_part_of_the_state() ->
 
 def test_without_a_time_limit_an_episode_goes_on(mine: Task) -> None:
     env = duobench.make(mine, cameras=False, max_episode_steps=-1)
-    assert env.spec is not None
     assert env.spec.max_episode_steps is None
     for made in (env, env.spec.make()):
         made.reset(seed=0)
@@ -97,16 +93,13 @@ def test_without_a_time_limit_an_episode_goes_on(mine: Task) -> None:
 
 def test_a_spec_survives_its_text() -> None:
     for env_spec in (gym.spec(f"duobench/{TASK}-v1"), duobench.make(TASK, cameras=False).spec):
-        assert env_spec is not None
         again = gym.make(EnvSpec.from_json(env_spec.to_json()))
-        assert again.spec is not None
         assert again.spec.max_episode_steps == catalog.get(TASK).horizon
         assert str(again).count("TimeLimit") == 1
 
 
 def test_the_spec_of_a_wrapper_added_by_hand_makes_it_again() -> None:
     env = ActionChunks(duobench.make(TASK, cameras=False), 3)
-    assert env.spec is not None
     again = env.spec.make()
     assert str(again) == str(env)
     assert again.action_space == env.action_space
@@ -115,7 +108,6 @@ def test_the_spec_of_a_wrapper_added_by_hand_makes_it_again() -> None:
 def test_the_unversioned_id_is_the_newest_version() -> None:
     with pytest.warns(UserWarning, match="latest versioned"):
         env = gym.make(f"duobench/{TASK}", cameras=False)
-    assert env.spec is not None
     assert env.spec.id == f"duobench/{TASK}-v1"
 
 
@@ -125,7 +117,6 @@ def test_a_task_needs_no_registration(mine: Task, give: str) -> None:
     env = duobench.make(task, cameras=False)
     expected = mine if give == "object" else catalog.get(TASK)
     assert sim_of(env).definition is expected
-    assert env.spec is not None
     assert env.spec.id == env_id(expected.id)
     _, info = env.reset(seed=0)
     assert info["stage"] == 0

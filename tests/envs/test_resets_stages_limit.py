@@ -69,9 +69,6 @@ def begin(env: gym.Env, **others: SE3) -> Array:
     return sim_of(env).simulation.duo.command().flat
 
 
-# --- random resets -------------------------------------------------------------------------------
-
-
 def test_the_layout_is_the_first_valid_one_that_the_task_draws(env: gym.Env) -> None:
     _, info = env.reset(seed=7)
     task, simulation = catalog.get(TASK), sim_of(env).simulation
@@ -193,9 +190,6 @@ def test_an_impossible_layout_is_refused(env: gym.Env, spoil: Any, words: str) -
     env.step(wave(0))
 
 
-# --- stages --------------------------------------------------------------------------------------
-
-
 def test_info_says_where_the_episode_stands(env: gym.Env) -> None:
     task = catalog.get(TASK)
     _, at_reset = env.reset(seed=0)
@@ -288,9 +282,6 @@ def test_asking_why_changes_no_judgement() -> None:
     assert episodes[0] == episodes[1]
 
 
-# --- time limit ----------------------------------------------------------------------------------
-
-
 def test_the_horizon_ends_an_episode_which_can_be_played_on_to_a_later_one() -> None:
     env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=2)
     for _ in range(2):  # the limit is that of one episode
@@ -306,9 +297,6 @@ def test_the_horizon_ends_an_episode_which_can_be_played_on_to_a_later_one() -> 
         assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
         with pytest.raises(ResetNeededError, match="over"):
             env.step(wave(0))
-
-
-# --- the three are independent -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))

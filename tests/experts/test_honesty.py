@@ -22,7 +22,7 @@ from duobench.robot.joints import VELOCITY_LIMITS
 from duobench.sim.simulation import STATE, Simulation
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, SIDES, Array
-from tests.envs.tools import sim_of
+from tests.envs.tools import arrays, sim_of
 from tests.experts.baseline_episodes import make
 from tests.task_harness import marked
 
@@ -37,23 +37,10 @@ def model_bytes(model: mujoco.MjModel) -> bytes:
     return buffer.tobytes()
 
 
-def arrays(data: mujoco.MjData) -> dict[str, bytes]:
-    """Everything that the engine computed: the next physics step begins with some of it."""
-    found = {name: getattr(data, name) for name in dir(data) if not name.startswith("_")}
-    return {name: a.tobytes() for name, a in found.items() if isinstance(a, np.ndarray)}
-
-
 def watched(
     sim: Simulation, model: bytes, call: Callable[..., Any], *given: object
 ) -> tuple[Any, list[str]]:
-    """What a call returns, and the names of what it changes in the engine.
-
-    Args:
-        sim: The simulation.
-        model: How its model shall be.
-        call: What is called.
-        given: What it is called with.
-    """
+    """What a call returns, and the names of what it changes in the engine, of such a model."""
     state, before = sim.get_state(), arrays(sim.data)
     result = call(*given)
     after = arrays(sim.data)

@@ -37,9 +37,6 @@ def numbers(sample: VarietySample) -> list[float]:
     ]
 
 
-# --- samples -------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("variety", "freedom"), [(NONE, 1.0), (HUMAN, 0.0), (WIDE, 0.0)])
 def test_without_variety_or_freedom_a_motion_is_that_of_the_script(
     variety: Variety, freedom: float
@@ -115,9 +112,6 @@ def test_noise_is_as_strong_as_it_should_be_and_forgets_itself(variety: Variety)
     assert np.abs(np.diff(noise, axis=0)).max() < 3.0 * variety.noise
     late, early = noise[60:], noise[:-60]
     assert abs((late * early).mean()) < 0.2 * variety.noise**2
-
-
-# --- episodes ------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

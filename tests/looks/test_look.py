@@ -148,11 +148,6 @@ def test_a_colour_takes_the_place_of_the_main_one_only() -> None:
     assert {paint.rgb for paint in by_geom.values()} == {red}
 
 
-def test_an_object_that_the_task_has_not_is_told() -> None:
-    with pytest.raises(UnknownNameError, match="gate"):
-        resolve_materials(Simulation().model, Look(objects={"gate": Material()}))
-
-
 @pytest.mark.parametrize("name", TEXTURES)
 def test_a_texture_is_seeded_and_has_a_pattern(name: str) -> None:
     first = texture(name, (96, 64), (1.5, 1.0))

@@ -19,6 +19,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.types import HEAD, POLICY_CAMERAS
+from tests.envs.tools import arrays
 
 SIZE = 96
 Draw = Callable[..., np.ndarray]
@@ -56,16 +57,10 @@ def draw(simulation: Simulation, renderer: Renderer) -> Draw:
     return drawn
 
 
-def contents(simulation: Simulation) -> dict[str, bytes]:
-    model = simulation.model
-    arrays = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
-    return {name: a.tobytes() for name, a in arrays.items() if isinstance(a, np.ndarray)}
-
-
 def test_the_default_look_is_bit_identical_after_all_others(
     simulation: Simulation, renderer: Renderer
 ) -> None:
-    before, state = contents(simulation), simulation.get_state().tobytes()
+    before, state = arrays(simulation.model), simulation.get_state().tobytes()
     with Renderer(simulation.model, height=SIZE, width=SIZE) as never_switched:
         untouched = never_switched.render_all(simulation.data, POLICY_CAMERAS)
     for name in NAMES:
@@ -74,7 +69,7 @@ def test_the_default_look_is_bit_identical_after_all_others(
         renderer.set_look(look("default"))
         found = renderer.render_all(simulation.data, POLICY_CAMERAS)
         assert all(np.array_equal(found[camera], untouched[camera]) for camera in POLICY_CAMERAS)
-    assert contents(simulation) == before
+    assert arrays(simulation.model) == before
     assert simulation.get_state().tobytes() == state
 
 

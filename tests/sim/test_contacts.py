@@ -123,13 +123,10 @@ QUESTIONS = {
 def with_lid(
     gap: float, *, above: bool = True, aside: float = 0.0, hinge: float = 0.1
 ) -> tuple[Contacts, HingeAxis]:
-    """A level lid over a pad of the left hand, or below it.
+    """A level lid over a pad of the left hand, or below it, and its hinge; it opens upwards.
 
-    Args:
-        gap: From surface to surface, in metres; a contact below 0.
-        above: Whether the lid is above the pad.
-        aside: How far the lid is moved along its hinge, in metres.
-        hinge: Distance of the hinge from the pad's middle, in metres; it opens upwards.
+    In metres: the gap between surfaces, how far the lid is moved along its hinge, and how far the
+    hinge is from the pad's middle.
     """
     model, data, contacts = toy()
     x, y, z = data.xpos[model.body("left/gripper/left_pad").id].tolist()

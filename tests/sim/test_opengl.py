@@ -48,9 +48,6 @@ def impostor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-# --- the choice ----------------------------------------------------------------------------------
-
-
 def test_what_people_ask_for_is_taken_without_a_probe(undecided: pytest.MonkeyPatch) -> None:
     undecided.setattr(opengl.sys, "executable", "/nowhere/python")
     for asked, expected in (("egl", "egl"), ("OSMesa ", "osmesa")):
@@ -160,9 +157,6 @@ def test_software_rendering_is_told_once_for_a_whole_family_of_processes() -> No
     assert told == {"True\n": 1, "False\n": 0}[outcome.stdout]
 
 
-# --- contexts ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("asked", ["vulkan", "glfw"])
 def test_what_needs_a_display_or_does_not_exist_is_refused_with_what_does_not(asked: str) -> None:
     with pytest.raises(RenderingError, match=f"{asked} is nothing.*display.*egl, osmesa"):
@@ -174,9 +168,6 @@ def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) 
     assert outcome.returncode == 0, outcome.stderr
     assert "The OpenGL backend 'egl' does not work here" in outcome.stdout
     assert "libegl1" in outcome.stdout
-
-
-# --- the thread ----------------------------------------------------------------------------------
 
 
 def test_a_thread_hands_back_what_a_job_returns_or_raises() -> None:

@@ -42,6 +42,8 @@ def test_a_layout_survives_text() -> None:
     for name, pose in GOOD.poses.items():
         assert max(again.poses[name].distance(pose)) < 1e-12
     assert json.loads(text)["poses"]["bowl"] == [0.7, 0.3, 0.0, 0.0, 0.0, 0.0, 1.0]
+    turned = Layout.from_json({"poses": {"cube": [0.5, 0.1, 0.0, 0.0, 0.0, 2.0, 2.0]}})
+    assert turned.poses["cube"].yaw == pytest.approx(np.pi / 2), "of any length"
 
 
 def test_a_place_that_is_not_finite_is_refused() -> None:
@@ -99,14 +101,11 @@ def test_problems_are_named(sim: Simulation, layout: Layout, words: str) -> None
     assert any(word in problem for word in words.split("|") for problem in found), found
 
 
-def test_standing_on_the_table_is_no_problem(sim: Simulation) -> None:
-    assert problems(sim, GOOD) == []
-
-
 def test_the_first_valid_layout_is_taken(sim: Simulation) -> None:
     bad = changed(cube=SE3.at(2.0, 0.0, EDGE / 2))
     later = changed(cube=SE3.at(0.45, 0.1, EDGE / 2))
     assert first_valid(sim, iter([bad, bad, GOOD, later]), "test") is GOOD
+    assert problems(sim, GOOD) == [], "standing on the table is none"
 
 
 def test_drawing_is_bounded_and_the_error_says_why(sim: Simulation) -> None:
@@ -122,8 +121,3 @@ def test_drawing_is_bounded_and_the_error_says_why(sim: Simulation) -> None:
     with pytest.raises(LayoutError, match=f"'test'.*last of {MAX_SAMPLES}.*cube is out of reach"):
         first_valid(sim, candidates(), "test")
     assert drawn == MAX_SAMPLES
-
-
-def test_a_quaternion_of_any_length_is_an_orientation() -> None:
-    data = {"poses": {"cube": [0.5, 0.1, 0.0, 0.0, 0.0, 2.0, 2.0]}}
-    assert Layout.from_json(data).poses["cube"].yaw == pytest.approx(np.pi / 2)

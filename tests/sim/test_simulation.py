@@ -58,9 +58,6 @@ def falling(sim: Simulation) -> None:
     sim.forward()
 
 
-# --- state ---------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("prepare", [begin, falling], ids=["at rest", "falling"])
 @pytest.mark.parametrize("at", [0, 1, 7])
 def test_restoring_and_stepping_is_the_uninterrupted_episode(
@@ -113,9 +110,6 @@ def test_clearing_forgets_everything(sim: Simulation) -> None:
     assert np.array_equal(sim.duo.command().flat, HOME.flat)
 
 
-# --- motion --------------------------------------------------------------------------------------
-
-
 def test_a_step_takes_a_thirtieth_of_a_second(sim: Simulation) -> None:
     for _ in range(30):
         sim.step(HOME)
@@ -152,9 +146,6 @@ def test_settling_is_bounded(sim: Simulation) -> None:
     sim.forward()
     assert sim.settle() == MAX_SETTLE_STEPS
     assert Simulation().settle() == 1, "nothing is free"
-
-
-# --- props ---------------------------------------------------------------------------------------
 
 
 def test_props_are_placed_where_they_are_told(sim: Simulation) -> None:
