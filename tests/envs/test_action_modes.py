@@ -203,7 +203,7 @@ def test_openings_are_rounded_in_every_mode(mode: str) -> None:
     env = duobench.make(TASK, cameras=False, action_mode=mode, binary_gripper=True)
     env.reset(seed=0)
     side = env.action_space.shape[0] // 2
-    action = np.zeros((2, side))
+    action = np.zeros((2, side), np.float32)
     action[:, 6] = 1.0  # a unit quaternion where there is one
     action[:, -1] = 0.49, 0.5
     given = action.ravel().copy()
