@@ -1,7 +1,5 @@
 """Reads what a sheet's PDF draws, as far as sheets draw it: lines, filled shapes and text."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Predicates asked one moment after another, with the memory that stages have."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, cast

@@ -4,8 +4,6 @@
 ask for the class of an error, and for a word of it where one class stands for several.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import tempfile

@@ -1,7 +1,5 @@
 """Pseudo-terminals: serial ports whose device is a thread of the test."""
 
-from __future__ import annotations
-
 import os
 import pty
 import select

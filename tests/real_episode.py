@@ -3,8 +3,6 @@
 `tests.test_without_mujoco` runs this in a process that cannot import the simulator.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

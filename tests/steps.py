@@ -5,8 +5,6 @@ a function of the arms, or a tuple of one and its other arguments, those with ke
 dictionary at its end. An argument that is a function is called with the arms when its turn comes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

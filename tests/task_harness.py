@@ -1,7 +1,5 @@
 """A task on the bench: build a state or act through a script, and see which stage is reached."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass

@@ -1,9 +1,6 @@
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +8,7 @@ import pytest
 
 from duobench.errors import FileError, OtherRunError
 from duobench.files import begin_or_continue, differences, remove_temporary, write
+from tests.children import ran
 
 
 def test_file_appears_with_its_bytes_and_nothing_else(tmp_path: Path) -> None:
@@ -30,21 +28,10 @@ def test_write_that_fails_leaves_the_old_file_and_says_why(tmp_path: Path) -> No
         "resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))\n"
         "write(Path(sys.argv[1]), 'new' * 100)\n"
     )
-    failed = child(script, path)
+    failed = ran("-c", script, str(path))
     assert f"OutputError: Cannot write {path}: File too large. Nothing" in failed.stderr
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def child(script: str, path: Path) -> subprocess.CompletedProcess[str]:
-    source = str(Path(__file__).parents[1] / "src")
-    return subprocess.run(
-        [sys.executable, "-c", script, str(path)],
-        env={**os.environ, "PYTHONPATH": source},
-        check=False,
-        capture_output=True,
-        text=True,
-    )
 
 
 def test_killed_writer_leaves_rubbish_that_is_removed(tmp_path: Path) -> None:
@@ -56,7 +43,7 @@ def test_killed_writer_leaves_rubbish_that_is_removed(tmp_path: Path) -> None:
         "write(Path(sys.argv[1]), 'new')\n"
     )
     path = tmp_path / "deep" / "a.txt"
-    killed = child(script, path)
+    killed = ran("-c", script, str(path))
     assert killed.returncode == -signal.SIGKILL
     assert not path.exists()
     assert list(path.parent.iterdir())

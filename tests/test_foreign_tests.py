@@ -1,9 +1,9 @@
 """Packages of the field install a top-level package `tests`; ours must be found before it."""
 
 import os
-import subprocess
-import sys
 from pathlib import Path
+
+from tests.children import ran
 
 ROOT = Path(__file__).parents[1]
 CHILD = """
@@ -25,14 +25,8 @@ def test_tests_run_beside_another_package_of_that_name(tmp_path: Path) -> None:
     probe = tmp_path / "test_probe.py"
     probe.write_text(CHILD)
     path = os.pathsep.join([str(foreign.parent), os.environ.get("PYTHONPATH", "")])
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
-    result = subprocess.run(
-        [*command, "-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), str(probe)],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": path.rstrip(os.pathsep)},
-        check=False,
-        capture_output=True,
-        text=True,
-    )
+    command = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", str(ROOT / "pyproject.toml")]
+    env = {**os.environ, "PYTHONPATH": path.rstrip(os.pathsep)}
+    result = ran(*command, "--rootdir", str(ROOT), str(probe), cwd=ROOT, env=env)
     assert result.returncode == 0, result.stdout + result.stderr
     assert "1 passed" in result.stdout

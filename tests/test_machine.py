@@ -15,18 +15,10 @@ from tests.test_repository import ROOT, tracked
 COMMAND = re.compile(r"pip install((?: +(?:'[^'\n]+'|[^\s'\"`]+))+)")
 WORD = re.compile(r"'([^'\n]+)'|([^\s']+)")
 UNREAD = ("tests", "CHANGELOG.md")
-OTHERS = (
-    "lerobot",
-    "vlagents",
-    "rpyc",
-    "vla-eval",
-    "openpi-client",
-    "pandas",
-    "polars",
-    "duckdb",
-    "torch",
-    "pyarrow",
-)
+OTHERS = {
+    *("lerobot", "vlagents", "rpyc", "vla-eval", "openpi-client"),
+    *("pandas", "polars", "duckdb", "torch", "pyarrow"),
+}
 """Packages of others that pages and messages name."""
 
 
@@ -51,7 +43,7 @@ OURS = sorted(word for word in commands() if is_ours(word))
 
 def test_every_other_word_is_of_a_package_of_others() -> None:
     words = {word for word in commands() if not is_ours(word) and word[0] not in "-./{"}
-    assert {Requirement(word).name for word in words} <= set(OTHERS), words
+    assert {Requirement(word).name for word in words} <= OTHERS, words
 
 
 @pytest.mark.parametrize("word", [*OURS, f"{DISTRIBUTION}[serve]"])

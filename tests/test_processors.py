@@ -3,8 +3,6 @@
 `python -m dev.benchmarks.sweep --kernels` compares more variants, more seeds, and the experts.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from dev.benchmarks import kernels

@@ -1,5 +1,6 @@
 """From an import path to what it names."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -37,20 +38,18 @@ def test_what_a_path_names_is_imported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "words"),
+    ("path", "what", "fits", "words"),
     [
-        ("loaded:RDE", r"Unknown colour in module loaded 'RDE'. Did you mean 'RED'\?.*BLUE, RED"),
-        ("loaded:SIZE", "Unknown colour in module loaded 'SIZE'. Known: BLUE, RED"),
+        ("loaded:RDE", "colour", is_text, r"module loaded 'RDE'. Did you mean 'RED'\?.*BLUE, RED"),
+        ("loaded:SIZE", "colour", is_text, "Unknown colour in module loaded 'SIZE'.*: BLUE, RED"),
+        ("loaded:Yours", "class", callable, r"Known: Mine\.$"),  # the others are only imported
     ],
 )
-def test_another_attribute_lists_near_misses(path: str, words: str) -> None:
+def test_another_attribute_lists_near_misses(
+    path: str, what: str, fits: Callable[[object], bool], words: str
+) -> None:
     with pytest.raises(UnknownNameError, match=words):
-        load(path, "colour", is_text)
-
-
-def test_what_a_module_only_imported_is_not_listed() -> None:
-    with pytest.raises(UnknownNameError, match=r"Known: Mine\.$"):
-        load("loaded:Yours", "class", callable)
+        load(path, what, fits)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """Sheets of paper: true size, and the same bytes whatever the user's settings."""
 
-from __future__ import annotations
-
 import matplotlib as mpl
 import numpy as np
 import pytest

@@ -1,15 +1,13 @@
 """The public surface: what may be imported from where, and what a policy's server needs."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.children import printed
 
 ROOT = Path(__file__).parents[1]
 SURFACE = {
@@ -107,22 +105,11 @@ def test_a_module_does_not_hide_the_function_of_its_name() -> None:
         "from duobench.evaluation import rollout; from duobench.runners import evaluate\n"
         "print(callable(evaluate), callable(rollout))"
     )
-    assert _output(code) == "True True\n"
+    assert printed(code) == "True True\n"
 
 
 def test_a_policy_needs_numpy_only() -> None:
-    assert _output(SERVER) == "(1, 16)\n" * 3
-
-
-def test_policies_load_no_simulator() -> None:
-    code = "import sys, duobench.policy\nprint('mujoco' in sys.modules)"
-    assert _output(code) == "False\n"
-
-
-def _output(code: str) -> str:
-    return subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True
-    ).stdout
+    assert printed(SERVER) == "(1, 16)\n" * 3
 
 
 OFFERED = """

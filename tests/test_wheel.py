@@ -1,7 +1,5 @@
 """The wheel as users get it: complete, and of use by itself, on a machine without a network."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -117,10 +115,6 @@ def test_an_environment_can_be_made_and_played(installed: Installed) -> None:
     assert told["dark"] == []
     assert told["image"] == [24, 32, 3]
     assert told["stage"] == 0.0
-
-
-def test_the_command_lists_tasks(installed: Installed) -> None:
-    assert "bin_sort" in installed.output("duobench", "list")
 
 
 def test_the_command_evaluates_a_policy(installed: Installed) -> None:

@@ -1,13 +1,10 @@
 """What a real robot needs runs in a process that cannot import the simulator."""
 
-from __future__ import annotations
-
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import duobench
+from tests.children import printed
 
 ENGINES = ("mujoco", "manifold3d", "mink")
 BLOCKED = f"import sys\nsys.modules.update(dict.fromkeys({ENGINES}))\n"
@@ -93,13 +90,6 @@ def modules() -> list[str]:
     return sorted(name for name in names if not name.endswith("__main__"))
 
 
-def output(code: str, *arguments: str) -> str:
-    command = [sys.executable, "-W", "error", "-c", code, *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 def test_rooms_below_the_simulation_load_no_engine_and_tasks_no_geometry() -> None:
     chosen = [
         name
@@ -107,13 +97,13 @@ def test_rooms_below_the_simulation_load_no_engine_and_tasks_no_geometry() -> No
         if name.partition(".")[2].split(".")[0] in ROOMS and name not in NEEDS_AN_ENGINE
     ]
     assert len(chosen) > len(ROOMS)
-    assert output(BLOCKED + IMPORT_ALL, *chosen) == "[]\n"
+    assert printed(BLOCKED + IMPORT_ALL, *chosen) == "[]\n"
 
 
 def test_an_episode_on_arms_without_a_simulation_is_played_recorded_and_reported(
     tmp_path: Path,
 ) -> None:
-    found = json.loads(output(BLOCKED + PLAY % (ENGINES,), str(tmp_path)))
+    found = json.loads(printed(BLOCKED + PLAY % (ENGINES,), str(tmp_path)))
     assert found == {
         "stages": [0, 0, 1, 1, 1, 3, 3, 3, 5],
         "states": [9, 0],
@@ -132,10 +122,10 @@ def test_an_episode_on_arms_without_a_simulation_is_played_recorded_and_reported
 
 
 def test_an_episode_on_simulated_drivers_needs_no_engine_without_guard() -> None:
-    assert output(BLOCKED + REAL % (ENGINES,)) == "1 (24, 32, 3) True reflex\n[]\n"
+    assert printed(BLOCKED + REAL % (ENGINES,)) == "1 (24, 32, 3) True reflex\n[]\n"
 
 
 def test_few_modules_load_mujoco() -> None:
-    loading = output(BLOCKED + LIST, *modules()).split()
+    loading = printed(BLOCKED + LIST, *modules()).split()
     assert "duobench.sim.simulation" in loading
     assert len(loading) <= MOST, loading

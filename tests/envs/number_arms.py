@@ -1,7 +1,5 @@
 """A backend without any simulation, whose images and health tests can spoil."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Action modes, binary grippers and chunks: other views of the same 16 numbers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium as gym
@@ -11,7 +9,6 @@ import pytest
 import duobench
 from duobench.envs import (
     ActionChunks,
-    BinaryGripper,
     CartesianActions,
     RelativeCartesianActions,
     RelativeJointActions,
@@ -23,7 +20,7 @@ from duobench.robot.joints import JOINT_RANGES
 from duobench.spatial import SE3, rotation_about
 from duobench.tasks import catalog
 from duobench.types import SIDES, Side
-from tests.envs.tools import TASK, equal, sim_of, wave, waves
+from tests.envs.tools import TASK, equal, sim_of, waves
 
 OPENINGS = [7, 15]
 
@@ -48,9 +45,6 @@ def poses_of(env: gym.Env) -> np.ndarray:
     return np.ravel([[*tools(env)[side].tquat, 1.0] for side in SIDES])
 
 
-# --- relative joints -----------------------------------------------------------------------------
-
-
 def test_joint_displacements_add_up_to_targets() -> None:
     env = begun(RelativeJointActions)
     start = commanded(env)
@@ -67,14 +61,6 @@ def test_joint_displacements_add_up_to_targets() -> None:
     assert commanded(env)[OPENINGS] == pytest.approx([0.25, 0.75])
 
 
-def test_no_displacement_is_exactly_no_motion() -> None:
-    env = begun(RelativeJointActions)
-    start = commanded(env)
-    for _ in range(50):
-        env.step(np.where(np.isin(np.arange(16), OPENINGS), 1.0, 0.0))
-    assert np.array_equal(commanded(env), start)
-
-
 def test_displacements_stop_at_the_range_and_come_back_from_there() -> None:
     env = begun(RelativeJointActions)
     up, down = np.zeros(16), np.zeros(16)
@@ -84,9 +70,6 @@ def test_displacements_stop_at_the_range_and_come_back_from_there() -> None:
     assert commanded(env)[1] == JOINT_RANGES[1, 1]
     assert not env.step(down)[4]["clipped"][1]
     assert commanded(env)[1] == pytest.approx(JOINT_RANGES[1, 1] - 0.01)
-
-
-# --- Cartesian -----------------------------------------------------------------------------------
 
 
 def test_a_pose_is_reached() -> None:
@@ -105,16 +88,6 @@ def test_a_pose_is_reached() -> None:
         assert length < 0.004
         assert angle < 0.02
     assert commanded(env)[OPENINGS] == pytest.approx([0.5, 0.5])
-
-
-def test_staying_is_staying() -> None:
-    env = begun(CartesianActions)
-    action = poses_of(env)
-    start = tools(env)
-    for _ in range(60):
-        env.step(action)
-    for side, pose in tools(env).items():
-        assert max(pose.distance(start[side])) < 1e-4
 
 
 def test_a_far_pose_is_approached_within_the_velocity_limits() -> None:
@@ -147,11 +120,12 @@ def test_a_zero_quaternion_is_refused_before_anything_moves() -> None:
     assert sim_of(env).state_hash() == before
 
 
-# --- relative Cartesian --------------------------------------------------------------------------
+def both(env: SimEnv) -> gym.Env:
+    return RelativeCartesianActions(CartesianActions(env))
 
 
 def relative() -> Any:
-    return begun(lambda env: RelativeCartesianActions(CartesianActions(env)))
+    return begun(both)
 
 
 def shift(left: list[float], right: list[float]) -> np.ndarray:
@@ -174,13 +148,21 @@ def test_displacements_of_tools_add_up_along_the_tables_axes() -> None:
     assert max(end[Side.RIGHT].distance(right)) < 1e-3
 
 
-def test_no_displacement_does_not_drift() -> None:
-    env = relative()
-    start = tools(env)
+STILL = {RelativeJointActions: 0.0, CartesianActions: 1e-4, both: 1e-4}
+"""How far in metres or radians arms that shall stay may drift."""
+
+
+@pytest.mark.parametrize(("wrap", "most"), STILL.items())
+def test_staying_is_staying(wrap: Any, most: float) -> None:
+    env = begun(wrap)
+    action = poses_of(env) if wrap is CartesianActions else np.zeros(env.action_space.shape)
+    action[[len(action) // 2 - 1, -1]] = 1.0
+    joints, start = commanded(env), tools(env)
     for _ in range(200):
-        env.step(shift([], []))
+        env.step(action)
+    assert most or np.array_equal(commanded(env), joints)
     for side, pose in tools(env).items():
-        assert max(pose.distance(start[side])) < 1e-4
+        assert max(pose.distance(start[side])) <= most
 
 
 @pytest.mark.parametrize("place", [0, 3], ids=["shift", "turn"])
@@ -216,36 +198,19 @@ def test_a_reset_forgets_the_last_targets() -> None:
     assert max(tools(env)[Side.LEFT].distance(start[Side.LEFT])) < 1e-5
 
 
-def test_it_needs_cartesian_actions_inside() -> None:
-    with pytest.raises(AttributeError, match="kinematics"):
-        RelativeCartesianActions(SimEnv(catalog.get(TASK)))
-
-
-# --- binary grippers -----------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])
 def test_openings_are_rounded_in_every_mode(mode: str) -> None:
     env = duobench.make(TASK, cameras=False, action_mode=mode, binary_gripper=True)
     env.reset(seed=0)
     side = env.action_space.shape[0] // 2
-    action = np.zeros((2, side))
+    action = np.zeros((2, side), np.float32)
     action[:, 6] = 1.0  # a unit quaternion where there is one
     action[:, -1] = 0.49, 0.5
-    env.step(action.ravel())
+    given = action.ravel().copy()
+    env.step(given)
     assert commanded(env)[OPENINGS].tolist() == [0.0, 1.0]
+    assert np.array_equal(given, action.ravel()), "it is the caller's"
     env.close()
-
-
-def test_rounding_leaves_the_callers_action_alone() -> None:
-    env = begun(BinaryGripper)
-    action = wave(2)
-    kept = action.copy()
-    env.step(action)
-    assert np.array_equal(action, kept)
-
-
-# --- chunks --------------------------------------------------------------------------------------
 
 
 def test_a_chunk_is_its_actions_one_after_the_other() -> None:
@@ -270,6 +235,7 @@ def test_a_chunk_stops_at_the_horizon() -> None:
     assert truncated
     assert info["executed"] == 2
     assert env.get_wrapper_attr("_max_episode_steps") == 6
+    assert env.metadata["render_fps"] * 4 == env.unwrapped.metadata["render_fps"] == 30
 
 
 def test_clipping_anywhere_in_a_chunk_is_reported() -> None:
@@ -296,22 +262,3 @@ def test_a_bad_action_anywhere_in_a_chunk_moves_nothing(mode: str) -> None:
     with pytest.raises(ActionError, match="shape"):
         env.step(chunk[:2])
     assert sim_of(env).state_hash() == before
-
-
-def test_images_of_chunks_play_in_real_time() -> None:
-    env = duobench.make(TASK, cameras=False, chunk=3)
-    assert env.metadata["render_fps"] == 10
-    assert env.unwrapped.metadata["render_fps"] == 30
-
-
-def test_a_chunk_of_none_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least one"):
-        ActionChunks(SimEnv(catalog.get(TASK)), 0)
-
-
-def test_chunks_are_made_of_numbers() -> None:
-    choices = gym.wrappers.TransformAction(
-        SimEnv(catalog.get(TASK)), lambda action: action, gym.spaces.Discrete(3)
-    )
-    with pytest.raises(TypeError, match="Box"):
-        ActionChunks(choices, 2)

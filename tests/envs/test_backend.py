@@ -1,7 +1,5 @@
 """What is above a backend needs no simulation: it works on arms that are plain numbers."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable
@@ -16,7 +14,6 @@ from duobench.envs import (
     BinaryGripper,
     Cameras,
     CartesianActions,
-    RandomizedReset,
     RelativeCartesianActions,
     RelativeJointActions,
     TaskStages,
@@ -178,9 +175,3 @@ def test_cameras_chunks_and_grippers(arms: NumberArms) -> None:
     assert arms.calls == ["start"]
     env.close()
     assert arms.calls == ["start", "stop", "close"]
-
-
-def test_only_a_simulation_lays_out_objects_and_judges_them(env: DuoEnv) -> None:
-    for wrap in (RandomizedReset, TaskStages):
-        with pytest.raises(TypeError, match="simulated environment"):
-            wrap(env)

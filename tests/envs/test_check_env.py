@@ -1,7 +1,5 @@
 """Gymnasium's own checker, with warnings as errors, over the options."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """The base environment: what it takes, what it gives, what it refuses."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -130,25 +128,30 @@ def test_openings_are_never_clipped_for_speed(running: SimEnv) -> None:
         assert running.simulation.duo.command().openings == pytest.approx([opening] * 2)
 
 
-BAD_ACTIONS: dict[str, Any] = {
-    "nan": np.where(np.arange(16) == 3, np.nan, 0.0),
-    "infinite": np.where(np.arange(16) == 15, -np.inf, 0.0),
-    "opposite infinities": np.array([np.inf, -np.inf, *np.zeros(14)]),
-    "short": np.zeros(14),
-    "long": np.zeros(17),
-    "matrix": np.zeros((1, 16)),
-    "scalar": 0.0,
-    "text": "left",
-    "ragged": [[0.0], [0.0, 1.0]],
-    "nothing": None,
+NO_NUMBERS = "array of numbers"
+BAD_ACTIONS: dict[str, tuple[Any, str]] = {
+    "nan": (np.where(np.arange(16) == 3, np.nan, 0.0), "left_joint_4 is nan"),
+    "infinite": (np.where(np.arange(16) == 15, -np.inf, 0.0), "right_gripper is -inf"),
+    "opposite infinities": (np.array([np.inf, -np.inf, *np.zeros(14)]), "left_joint_2 is -inf"),
+    "short": (np.zeros(14), r"\(16,\).*left_joint_1.*\(14,\)"),
+    "long": (np.zeros(17), "shape"),
+    "matrix": (np.zeros((1, 16)), "shape"),
+    "scalar": (0.0, "shape"),
+    "text": ("left", f"{NO_NUMBERS}.*'left'"),
+    "ragged": ([[0.0], [0.0, 1.0]], NO_NUMBERS),
+    "nothing": (None, "shape"),
+    "complex": (np.zeros(16, dtype=complex), NO_NUMBERS),
+    "digits": (["0"] * 16, NO_NUMBERS),
+    "times": (np.zeros(16, dtype="timedelta64[s]"), NO_NUMBERS),
+    "masked": (np.ma.masked_equal(np.zeros(16), 0.0), NO_NUMBERS),
 }
 
 
-@pytest.mark.parametrize("bad", BAD_ACTIONS.values(), ids=BAD_ACTIONS.keys())
-def test_a_bad_action_changes_nothing(running: SimEnv, bad: Any) -> None:
+@pytest.mark.parametrize(("bad", "words"), BAD_ACTIONS.values(), ids=BAD_ACTIONS)
+def test_a_bad_action_changes_nothing(running: SimEnv, bad: Any, words: str) -> None:
     running.step(wave(1))
     before = running.state_hash()
-    with pytest.raises(ActionError):
+    with pytest.raises(ActionError, match=words):
         running.step(bad)
     assert running.state_hash() == before
     after_bad = running.step(wave(2))
@@ -160,21 +163,6 @@ def test_a_bad_action_changes_nothing(running: SimEnv, bad: Any) -> None:
 def test_huge_but_finite_targets_are_clipped(running: SimEnv) -> None:
     _, _, _, _, info = running.step(np.full(16, 1.5e308))
     assert info["clipped"].all()
-
-
-@pytest.mark.parametrize(
-    ("bad", "words"),
-    [
-        ("nan", ["left_joint_4", "nan"]),
-        ("infinite", ["right_gripper", "-inf"]),
-        ("short", ["(16,)", "(14,)", "left_joint_1"]),
-        ("text", ["array of numbers", "'left'"]),
-    ],
-)
-def test_the_error_says_what_was_wrong(running: SimEnv, bad: str, words: list[str]) -> None:
-    with pytest.raises(ActionError) as caught:
-        running.step(BAD_ACTIONS[bad])
-    assert [word for word in words if word not in str(caught.value)] == []
 
 
 def test_lists_and_float64_are_actions_too(running: SimEnv) -> None:
@@ -197,7 +185,7 @@ def test_a_step_before_the_first_reset_is_refused() -> None:
 
 def test_diverged_physics_ends_the_episode(running: SimEnv) -> None:
     running.simulation.data.qvel[:] = 1e30
-    with pytest.raises(SimulationError, match="bad"):
+    with pytest.raises(SimulationError, match=r"bad.*reset the environment"):
         running.step(wave(0))
     with pytest.raises(ResetNeededError):
         running.step(wave(0))
@@ -220,42 +208,8 @@ def test_a_hold_ends_the_episode_and_the_next_beginning_ends_the_hold(running: S
     assert "truncation_reason" not in info
 
 
-# --- layouts -------------------------------------------------------------------------------------
-
-
 def drawn(seed: int) -> Layout:
     return next(catalog.get(TASK).layouts(seed))
-
-
-def test_reported_layouts_are_the_users_own(env: SimEnv) -> None:
-    _, info = env.reset(options={"layout": drawn(5)})
-    given = info["layout"]
-    _, again = env.reset(options={"layout": given})
-    again["layout"]["poses"]["white_cube"][0] = 99.0
-    assert given["poses"]["white_cube"][0] != 99.0
-
-
-@pytest.mark.parametrize(
-    ("spoil", "words"),
-    [
-        (lambda poses: poses.pop("white_cube"), "missing.*white_cube"),
-        (lambda poses: poses.update(ghost=[0.5, 0, 0, 0, 0, 0, 1]), "unknown.*ghost"),
-        (lambda poses: poses.update(white_cube=[0.5, 0.0]), "no layout"),
-        (lambda poses: poses.update(white_cube=poses["black_cube"]), "overlap"),
-        (lambda poses: poses.update(white_cube=[2.0, 0, 0.016, 0, 0, 0, 1]), "out of reach"),
-    ],
-)
-def test_an_impossible_layout_is_refused(env: SimEnv, spoil: Any, words: str) -> None:
-    layout = drawn(5).to_json()
-    spoil(layout["poses"])
-    env.reset(seed=0)
-    with pytest.raises(LayoutError, match=words):
-        env.reset(options={"layout": layout})
-    with pytest.raises(ResetNeededError):
-        env.step(wave(0))
-
-
-# --- variants ------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -313,9 +267,6 @@ def test_a_variant_that_only_the_instruction_names_must_be_given(worlds: Task) -
         env.reset(options={"layout": world("flat")})
 
 
-# --- names and images --------------------------------------------------------------------------
-
-
 def test_two_environments_share_nothing_that_changes() -> None:
     one, other = SimEnv(catalog.get(TASK)), SimEnv(catalog.get(TASK))
     one.reset(seed=0)
@@ -342,21 +293,6 @@ def test_render_draws_the_overview() -> None:
 def test_render_without_a_mode_says_what_to_do(running: SimEnv) -> None:
     with pytest.raises(DuoBenchError, match="render_mode"):
         running.render()
-
-
-@pytest.mark.parametrize(
-    "action",
-    [
-        np.zeros(16, dtype=complex),
-        ["0"] * 16,
-        np.zeros(16, dtype="timedelta64[s]"),
-        np.ma.masked_equal(np.zeros(16), 0.0),
-    ],
-    ids=lambda action: str(np.asanyarray(action).dtype),
-)
-def test_what_numpy_would_convert_silently_is_refused(running: SimEnv, action: Any) -> None:
-    with pytest.raises(ActionError, match="array of numbers"):
-        running.step(action)
 
 
 def test_no_chain_of_links_leaves_the_space_of_tool_poses() -> None:

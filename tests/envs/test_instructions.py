@@ -1,7 +1,5 @@
 """What an episode's policy is told: the task's instruction, another one, or a sampled one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

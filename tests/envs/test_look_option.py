@@ -1,8 +1,5 @@
 """The look of an environment: an option of its making and of a reset."""
 
-from __future__ import annotations
-
-import json
 from typing import Any
 
 import gymnasium as gym
@@ -10,7 +7,6 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.envs.config import EnvConfig
 from duobench.looks.catalog import look
 from duobench.looks.look import Look
 from tests.envs.tools import TASK, sim_of, wave
@@ -78,12 +74,3 @@ def test_a_look_of_ones_own_is_kept_in_the_configuration(value: Any) -> None:
     assert seen(env)[0].mean() < seen(bright)[0].mean()
     env.close()
     bright.close()
-
-
-def test_a_configuration_with_a_look_survives_json() -> None:
-    import msgspec
-
-    for value in ("random:3", look("side_light")):
-        config = EnvConfig(look=value)
-        text = json.dumps(msgspec.to_builtins(config))
-        assert msgspec.convert(json.loads(text), EnvConfig) == config

@@ -1,8 +1,7 @@
 """Options: what they make of an environment, and what is refused."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -10,12 +9,31 @@ import gymnasium as gym
 import msgspec
 import numpy as np
 import pytest
+from gymnasium.wrappers import FlattenObservation
 
 import duobench
+from duobench.envs import (
+    ActionChunks,
+    Cameras,
+    DuoEnv,
+    RandomizedReset,
+    RelativeCartesianActions,
+    SimEnv,
+    TaskStages,
+    TimeLimit,
+)
 from duobench.envs.config import EnvConfig
 from duobench.envs.protocol import make_env
-from duobench.errors import DuoBenchError, LayoutError, OptionError, UnknownNameError
+from duobench.errors import (
+    DuoBenchError,
+    LayoutError,
+    OptionError,
+    RenderingError,
+    UnknownNameError,
+)
+from duobench.looks.catalog import look
 from duobench.tasks import Task, catalog
+from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, sim_of
 
 
@@ -69,11 +87,15 @@ def test_everything_at_once_keeps_its_place() -> None:
         ({"image_size": [720, 1280]}, (720, 1280, 3)),
         ({"image_size": np.int64(64)}, (64, 64, 3)),
         ({"image_size": tuple(np.array([48, 64]))}, (48, 64, 3)),
+        *(({"cameras": none}, None) for none in (False, (), [])),
     ],
 )
-def test_image_sizes(options: dict[str, Any], shape: tuple[int, ...]) -> None:
-    env = make_env(TASK, cameras=("left_wrist",), **options)
-    assert env.observation_space["pixels"]["left_wrist"].shape == shape  # type: ignore[index]
+def test_image_sizes_and_none_without_cameras(
+    options: dict[str, Any], shape: tuple[int, ...] | None
+) -> None:
+    space: Any = make_env(TASK, **{"cameras": ("left_wrist",), **options}).observation_space
+    assert ("pixels" in space.spaces) == (shape is not None)
+    assert shape is None or space["pixels"]["left_wrist"].shape == shape
 
 
 @pytest.mark.parametrize("task", [TASK, catalog.get(TASK)], ids=["id", "task"])
@@ -81,14 +103,8 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
     names = {"head": 0, "left_wrist": 1}
     for cameras in ((name for name in names), names.keys()):
         env = duobench.make(task, cameras=cameras)
-        assert env.spec is not None
         for made in (env, gym.make(env.spec)):
             assert made.get_wrapper_attr("config").cameras == ("head", "left_wrist")
-
-
-@pytest.mark.parametrize("none", [False, (), []])
-def test_no_cameras_no_pixels(none: Any) -> None:
-    assert "pixels" not in make_env(TASK, cameras=none).observation_space  # type: ignore[operator]
 
 
 @pytest.mark.parametrize(
@@ -157,6 +173,8 @@ def test_attributes_are_found_on_the_outermost_environment() -> None:
         {"cameras": (name for name in ("head", "left_wrist")), "image_size": np.int32(48)},
         {"cameras": False, "chunk": np.int64(3), "horizon": 9, "action_mode": "cartesian"},
         {"binary_gripper": True, "render_mode": "rgb_array", "render_size": [48, 64]},
+        {"look": "random:3"},
+        {"look": look("side_light")},
     ],
     ids=lambda options: ", ".join(options) or "defaults",
 )
@@ -212,6 +230,37 @@ def test_a_reset_refuses_what_is_no_seed_layout_or_dict(
     for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
         with pytest.raises(error, match=words):
             env.reset(**asked)
+
+
+def bare() -> SimEnv:
+    return SimEnv(catalog.get(TASK))
+
+
+def choosing() -> gym.Env:
+    return gym.wrappers.TransformAction(bare(), lambda action: action, gym.spaces.Discrete(3))
+
+
+@pytest.mark.parametrize(
+    ("wrap", "error", "words"),
+    [
+        (lambda: RandomizedReset(bare(), "test"), UnknownNameError, "split 'test'.*eval, train"),
+        (lambda: RandomizedReset(DuoEnv(NumberArms(), catalog.get(TASK))), TypeError, "simulated"),
+        (lambda: TaskStages(DuoEnv(NumberArms(), catalog.get(TASK))), TypeError, "simulated"),
+        (lambda: TaskStages(gym.make("CartPole-v1")), TypeError, "DuoEnv"),
+        (lambda: TimeLimit(bare(), horizon=0), ValueError, "at least one"),
+        (lambda: ActionChunks(bare(), 0), ValueError, "at least one"),
+        (lambda: ActionChunks(choosing(), 2), TypeError, "Box"),
+        (lambda: RelativeCartesianActions(bare()), AttributeError, "kinematics"),
+        (lambda: Cameras(bare(), ["left_wirst"]), UnknownNameError, "'left_wrist'"),
+        (lambda: Cameras(bare(), ["head"], (721, 1280)), RenderingError, "720"),
+        (lambda: Cameras(FlattenObservation(bare()), ["head"]), TypeError, "Dict"),
+    ],
+)
+def test_a_wrapper_that_does_not_fit_is_refused(
+    wrap: Callable[[], gym.Env], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        wrap()
 
 
 def test_environments_are_made_where_underflow_is_an_error() -> None:

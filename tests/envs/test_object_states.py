@@ -1,7 +1,5 @@
 """Object states: the numbers are those of the simulation, of what the layout chose, and named."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from itertools import product

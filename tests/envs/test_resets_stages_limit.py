@@ -1,11 +1,10 @@
 """Random resets, stages and the time limit: each alone, and what they promise together."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -29,7 +28,7 @@ from duobench.stages.logic import all_of, any_of
 from duobench.stages.predicates import touching
 from duobench.stages.progress import LOST_SECONDS, Stage
 from duobench.tasks import catalog
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, Array
 from tests.envs.tools import TASK, equal, sim_of, wave
 
 
@@ -61,9 +60,13 @@ LYING = replace(
     ),
 )
 """The same objects with stages that hold wherever cubes come from."""
+AWAY = SE3.at(0.4, 0.0, 0.016)
 
 
-# --- random resets -------------------------------------------------------------------------------
+def begin(env: gym.Env, **others: SE3) -> Array:
+    """Both cubes lie in their bowls, or elsewhere; returns the action that holds the arms."""
+    env.reset(options={"layout": Layout(poses={**solved(), **others})})
+    return sim_of(env).simulation.duo.command().flat
 
 
 def test_the_layout_is_the_first_valid_one_that_the_task_draws(env: gym.Env) -> None:
@@ -104,16 +107,6 @@ def test_a_reset_samples_from_the_split_of_its_environment_or_options(env: gym.E
     train.close()
 
 
-def test_an_unknown_split_is_refused(env: gym.Env) -> None:
-    for call in (
-        lambda: duobench.make(TASK, split="test"),
-        lambda: RandomizedReset(SimEnv(catalog.get(TASK)), "test"),
-        lambda: env.reset(seed=7, options={"split": "test"}),
-    ):
-        with pytest.raises(UnknownNameError, match=r"split 'test'.*Known: eval, train"):
-            call()
-
-
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
@@ -122,6 +115,7 @@ def test_an_unknown_split_is_refused(env: gym.Env) -> None:
         ({"layouts": {}}, UnknownNameError, "'layouts'.*Did you mean 'layout'"),
         ({"look": 5}, OptionError, "A look is a name, a Look or its JSON form; got 5"),
         ({"split": 1}, UnknownNameError, "split 1"),
+        ({"split": "test"}, UnknownNameError, "split 'test'.*Known: eval, train"),
         ({"instruction": " "}, OptionError, "text that can be printed, got ' '"),
         ({"instruction": "a\x00b"}, OptionError, "text that can be printed"),
         ({"instruction": 11}, OptionError, "a number from 0 to 10: .*; got 11"),
@@ -163,23 +157,37 @@ def test_a_seed_of_the_layout_can_be_given(env: gym.Env) -> None:
     assert state_hash(env) == before
 
 
-def test_the_callers_options_are_not_changed(env: gym.Env) -> None:
+def test_what_goes_in_and_what_comes_out_is_the_users_own(env: gym.Env) -> None:
     options: dict[str, object] = {"look": "default"}
-    env.reset(seed=7, options=options)
+    _, info = env.reset(seed=7, options=options)
     assert options == {"look": "default"}
+    given = info["layout"]
+    _, again = env.reset(options={"layout": given})
+    again["layout"]["poses"]["white_cube"][0] = 99.0
+    assert given["poses"]["white_cube"][0] != 99.0
+    again["stage_to_subinstructions"].clear()
+    assert env.step(wave(0))[-1]["stage_to_subinstructions"]
 
 
-def test_a_failed_reset_leaves_no_episode(env: gym.Env) -> None:
-    env.reset(seed=0)
-    with pytest.raises(LayoutError):
-        env.reset(options={"layout": {"poses": {}}})
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda poses: poses.pop("white_cube"), "missing.*white_cube"),
+        (lambda poses: poses.update(ghost=[0.5, 0, 0, 0, 0, 0, 1]), "unknown.*ghost"),
+        (lambda poses: poses.update(white_cube=[0.5, 0.0]), "no layout"),
+        (lambda poses: poses.update(white_cube=poses["black_cube"]), "overlap"),
+        (lambda poses: poses.update(white_cube=[2.0, 0, 0.016, 0, 0, 0, 1]), "out of reach"),
+    ],
+)
+def test_an_impossible_layout_is_refused(env: gym.Env, spoil: Any, words: str) -> None:
+    layout = env.reset(seed=5)[1]["layout"]
+    spoil(layout["poses"])
+    with pytest.raises(LayoutError, match=words):
+        env.reset(options={"layout": layout})
     with pytest.raises(ResetNeededError):
         env.step(wave(0))
     env.reset(seed=0)
     env.step(wave(0))
-
-
-# --- stages --------------------------------------------------------------------------------------
 
 
 def test_info_says_where_the_episode_stands(env: gym.Env) -> None:
@@ -199,17 +207,9 @@ def test_info_says_where_the_episode_stands(env: gym.Env) -> None:
     assert isinstance(info["success"], bool)
 
 
-def test_what_was_told_is_the_users_own(env: gym.Env) -> None:
-    _, info = env.reset(seed=0)
-    info["stage_to_subinstructions"].clear()
-    _, _, _, _, info = env.step(wave(0))
-    assert info["stage_to_subinstructions"]
-
-
 def test_the_last_stage_terminates_with_full_reward() -> None:
     env = duobench.make(LYING, cameras=False)
-    env.reset(options={"layout": Layout(poses=solved())})
-    hold = sim_of(env).simulation.duo.command().flat
+    hold = begin(env)
     _, reward, terminated, truncated, info = env.step(hold)
     assert (reward, terminated, truncated) == (1.0, True, False)
     assert (info["success"], info["is_success"], info["success_at_end"]) == (True,) * 3
@@ -222,12 +222,10 @@ def test_the_last_stage_terminates_with_full_reward() -> None:
 
 def test_success_at_end_is_about_now_while_success_stays() -> None:
     env = TaskStages(SimEnv(LYING))
-    env.reset(options={"layout": Layout(poses=solved())})
-    base = env.base
-    hold = base.simulation.duo.command().flat
+    hold = begin(env)
     assert env.step(hold)[4]["success_at_end"]
-    base.simulation.place("white_cube", SE3.at(0.4, 0.0, 0.016))
-    base.simulation.forward()
+    env.base.simulation.place("white_cube", AWAY)
+    env.base.simulation.forward()
     _, reward, terminated, _, info = env.step(hold)
     assert (reward, terminated, info["success"]) == (1.0, True, True)
     assert not info["success_at_end"]
@@ -237,10 +235,7 @@ def test_what_is_to_be_done_now_is_said_after_a_slip_and_in_a_restored_episode()
     lies = any_of(*_LYING)
     slipping = replace(LYING, stages=(replace(LYING.stages[0], stays=lies), LYING.stages[1]))
     env = TaskStages(SimEnv(slipping))
-    poses = solved()
-    poses["black_cube"] = SE3.at(0.4, 0.0, 0.016)
-    env.reset(options={"layout": Layout(poses=poses)})
-    hold = env.base.simulation.duo.command().flat
+    hold = begin(env, black_cube=AWAY)
     assert env.step(hold)[4]["current_subinstruction"] == "Do both."
     env.base.simulation.place("white_cube", SE3.at(0.4, 0.1, 0.016))
     infos = [env.step(hold)[4] for _ in range(round(LOST_SECONDS * CONTROL_HZ))]
@@ -252,22 +247,11 @@ def test_what_is_to_be_done_now_is_said_after_a_slip_and_in_a_restored_episode()
     assert env.restore_state(saved)[1]["current_subinstruction"] == "Do one."
 
 
-def test_partial_progress_is_rewarded_in_proportion() -> None:
+def test_partial_progress_is_rewarded_and_on_request_it_is_said_what_is_missing() -> None:
     env = TaskStages(SimEnv(LYING))
-    poses = solved()
-    poses["black_cube"] = SE3.at(0.4, 0.0, 0.016)
-    env.reset(options={"layout": Layout(poses=poses)})
-    _, reward, terminated, _, info = env.step(env.base.simulation.duo.command().flat)
+    hold = begin(env, black_cube=AWAY)
+    _, reward, terminated, _, info = env.step(hold)
     assert (info["stage"], reward, terminated) == (1, 1 / 2, False)
-
-
-def test_stages_say_on_request_why_the_next_one_is_not_reached() -> None:
-    env = TaskStages(SimEnv(LYING))
-    poses = solved()
-    poses["black_cube"] = SE3.at(0.4, 0.0, 0.016)
-    env.reset(options={"layout": Layout(poses=poses)})
-    hold = env.base.simulation.duo.command().flat
-    env.step(hold)
     assert env.unmet is None
     env.explain_stages()
     env.step(hold)
@@ -275,7 +259,7 @@ def test_stages_say_on_request_why_the_next_one_is_not_reached() -> None:
     with pytest.raises(DuoBenchError):
         env.step(np.full(16, np.nan))
     assert env.unmet is None  # the simulation may be anywhere
-    env.reset(options={"layout": Layout(poses=solved())})
+    begin(env)
     assert env.unmet is None
     env.step(hold)
     assert env.unmet == ()
@@ -298,43 +282,21 @@ def test_asking_why_changes_no_judgement() -> None:
     assert episodes[0] == episodes[1]
 
 
-# --- time limit ----------------------------------------------------------------------------------
-
-
-def test_the_horizon_truncates_and_ends_the_episode() -> None:
-    env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=3)
-    for _ in range(2):
-        env.reset(seed=0)
-        assert [env.step(wave(k))[3] for k in range(3)] == [False, False, True]
-        with pytest.raises(ResetNeededError, match="over"):
-            env.step(wave(0))
-
-
-def test_an_episode_that_was_cut_off_can_be_played_on_to_a_later_limit() -> None:
+def test_the_horizon_ends_an_episode_which_can_be_played_on_to_a_later_one() -> None:
     env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=2)
     for _ in range(2):  # the limit is that of one episode
         env.reset(seed=0)
-        assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
+        with pytest.raises(ActionError):
+            env.step(np.full(16, np.nan))
+        assert [env.step(wave(k))[3] for k in range(2)] == [False, True], (
+            "refused ones do not count"
+        )
+        with pytest.raises(ResetNeededError, match="over"):
+            env.step(wave(0))
         env.play_on(4)
         assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
         with pytest.raises(ResetNeededError, match="over"):
             env.step(wave(0))
-
-
-def test_a_refused_action_is_not_counted() -> None:
-    env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=2)
-    env.reset(seed=0)
-    with pytest.raises(ActionError):
-        env.step(np.full(16, np.nan))
-    assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
-
-
-def test_a_limit_below_one_is_refused() -> None:
-    with pytest.raises(ValueError, match="at least one"):
-        TimeLimit(SimEnv(catalog.get(TASK)), horizon=0)
-
-
-# --- the three are independent -------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
@@ -346,8 +308,3 @@ def test_any_order_gives_the_same_episode(env: gym.Env, order: tuple[int, ...]) 
     assert equal(env.reset(seed=5), other.reset(seed=5))
     for k in range(3):
         assert equal(env.step(wave(k)), other.step(wave(k)))
-
-
-def test_wrappers_wrap_our_environment_only() -> None:
-    with pytest.raises(TypeError, match="DuoEnv"):
-        TaskStages(gym.make("CartPole-v1"))

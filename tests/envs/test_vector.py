@@ -3,8 +3,6 @@
 That whole episodes are the same is proven in `tests/test_determinism.py`.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping
 from functools import partial

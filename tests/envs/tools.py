@@ -1,13 +1,12 @@
 """What the tests of environments share: actions, whole episodes, and ways to compare them."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import DuoCommand
 
-__all__ = ["TASK", "check", "equal", "make_small", "sim_of", "wave", "waves"]
+__all__ = ["TASK", "arrays", "check", "equal", "make_small", "sim_of", "wave", "waves"]
 
 TASK = "bin_sort"
 
@@ -65,3 +64,9 @@ def check(env: gym.Env) -> None:
             warnings.filterwarnings("ignore", message=remark)
         check_env(env)
     env.close()
+
+
+def arrays(engine: mujoco.MjModel | mujoco.MjData) -> dict[str, bytes]:
+    """Everything that a model or its data holds."""
+    found = {name: getattr(engine, name) for name in dir(engine) if not name.startswith("_")}
+    return {name: a.tobytes() for name, a in found.items() if isinstance(a, np.ndarray)}

@@ -1,7 +1,5 @@
 """Expert episodes of one environment alone: what every other way to run them is compared with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """Episodes of every expert, each played once and asked everything that tests want to know of it."""
 
-from __future__ import annotations
-
 import gymnasium as gym
 import numpy as np
 import pytest

@@ -24,11 +24,6 @@ TASK = replace(get("bin_sort"), id="my_sort", expert="sorting_by_script:script")
 """
 
 
-@pytest.mark.parametrize("name", catalog.names())
-def test_every_task_has_an_expert(name: str) -> None:
-    assert find_script(name).__module__ == f"duobench.experts.scripts.{name}"
-
-
 @pytest.mark.parametrize("give", ["object", "path"])
 def test_a_task_of_ones_own_names_its_expert(
     give: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

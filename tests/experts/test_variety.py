@@ -1,7 +1,5 @@
 """Variety: within its ranges, decided by task and seed, and none of it without being asked for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -39,18 +37,20 @@ def numbers(sample: VarietySample) -> list[float]:
     ]
 
 
-# --- samples -------------------------------------------------------------------------------------
-
-
-def test_no_variety_is_no_difference() -> None:
-    for sample in samples(NONE)[:10]:
-        assert sample.pace(1.0) == 1.0
-        assert sample.pause_steps(SIDES, 1.0) == sample.pause_steps(SIDES, 1.0) == 0
-        assert not sample.detour(WAY, 1.0).any()
-        assert np.array_equal(sample.grasp_offset(1.0).rotation, np.eye(3))
-        assert not sample.grasp_offset(1.0).translation.any()
-        assert sample.ordered(SIDES) == SIDES
-        assert not sample.disturbance(np.ones(2)).any()
+@pytest.mark.parametrize(("variety", "freedom"), [(NONE, 1.0), (HUMAN, 0.0), (WIDE, 0.0)])
+def test_without_variety_or_freedom_a_motion_is_that_of_the_script(
+    variety: Variety, freedom: float
+) -> None:
+    for sample in samples(variety)[:20]:
+        assert variety is not NONE or sample.pause_steps(SIDES, freedom) == 0
+        sample.pause_steps(SIDES, freedom)
+        assert sample.pace(freedom) == 1.0
+        assert sample.pause_steps(SIDES, freedom) == 0
+        assert not sample.detour(WAY, freedom).any()
+        assert np.array_equal(sample.grasp_offset(freedom).rotation, np.eye(3))
+        assert not sample.grasp_offset(freedom).translation.any()
+        assert variety is not NONE or sample.ordered(SIDES) == SIDES
+        assert not sample.disturbance(np.full(2, freedom)).any()
 
 
 def test_a_sample_follows_from_task_seed_and_variety() -> None:
@@ -112,20 +112,6 @@ def test_noise_is_as_strong_as_it_should_be_and_forgets_itself(variety: Variety)
     assert np.abs(np.diff(noise, axis=0)).max() < 3.0 * variety.noise
     late, early = noise[60:], noise[:-60]
     assert abs((late * early).mean()) < 0.2 * variety.noise**2
-
-
-@VARIED
-def test_without_freedom_a_motion_is_that_of_the_script(variety: Variety) -> None:
-    for sample in samples(variety)[:20]:
-        sample.pause_steps(SIDES, 0.0)
-        assert sample.pace(0.0) == 1.0
-        assert sample.pause_steps(SIDES, 0.0) == 0
-        assert not sample.detour(WAY, 0.0).any()
-        assert not sample.grasp_offset(0.0).translation.any()
-        assert not sample.disturbance(np.zeros(2)).any()
-
-
-# --- episodes ------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

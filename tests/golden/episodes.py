@@ -13,8 +13,6 @@ Renew it with `make golden`. That is allowed only together with a new `SUITE_VER
 a file of this version is never written over with other contents.
 """
 
-from __future__ import annotations
-
 import json
 import platform
 import sys
@@ -56,13 +54,11 @@ class NotRenewedError(Exception):
 
 
 def play(name: str, seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
-    """What the file holds of expert episodes of one task, by seed."""
     played = play_alone(name, *seeds)
     return {str(seed): summary(episode) for seed, episode in zip(seeds, played, strict=True)}
 
 
 def summary(episode: Episode) -> dict[str, Any]:
-    """What the file holds of an episode."""
     stages = [info["stage"] for *_, info in episode.results]
     changes = [
         [step, stages[step]] for step in range(1, len(stages)) if stages[step] != stages[step - 1]
@@ -84,7 +80,6 @@ def record(names: Iterable[str]) -> Content:
 
 
 def read(path: Path = PATH) -> Content:
-    """The golden file."""
     return json.loads(path.read_text(encoding="utf-8"))
 
 
@@ -114,7 +109,6 @@ def _task_differences(name: str, old: Any, new: Any) -> Iterator[str]:
 
 
 def episode_differences(episode: str, old: Any, new: Any) -> Iterator[str]:
-    """What differs between two records of an episode."""
     for key, before, after in _pairs(old, new):
         if key == HASHES:
             if EXACT and before != after:

@@ -10,8 +10,6 @@ Numbers are rounded, to `DIGITS` significant digits or, where they are lengths a
 mesh is left out: of a hull the description is used, and where it is.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from typing import Any
@@ -35,80 +33,40 @@ NOISE = 14
 
 Description = dict[str, Any]
 
-OPTIONS = (
-    "timestep",
-    "gravity",
-    "integrator",
-    "cone",
-    "jacobian",
-    "solver",
-    "iterations",
-    "tolerance",
-    "ls_iterations",
-    "ls_tolerance",
-    "noslip_iterations",
-    "noslip_tolerance",
-    "ccd_iterations",
-    "ccd_tolerance",
-    "impratio",
-    "density",
-    "viscosity",
-    "wind",
-    "disableflags",
-    "enableflags",
-    "disableactuator",
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(text.split())
+
+
+OPTIONS = _names(
+    """
+    timestep gravity integrator cone jacobian solver iterations tolerance ls_iterations ls_tolerance
+    noslip_iterations noslip_tolerance ccd_iterations ccd_tolerance impratio density viscosity wind
+    disableflags enableflags disableactuator
+    """
 )
 SIZES = ("nq", "nv", "nu", "na", "nbody", "njnt", "ngeom", "nmocap", "neq", "ntendon", "npair")
 BODY = ("mass", "inertia", "ipos", "pos", "gravcomp")
 TURNS = ("quat", "iquat")
-JOINT = (
-    "type",
-    "axis",
-    "pos",
-    "range",
-    "limited",
-    "stiffness",
-    "stiffnesspoly",
-    "springyield",
-    "actfrcrange",
-    "actfrclimited",
-    "margin",
-    "solref",
-    "solimp",
+JOINT = _names(
+    """
+    type axis pos range limited stiffness stiffnesspoly springyield actfrcrange actfrclimited margin
+    solref solimp
+    """
 )
 DOF = ("damping", "dampingpoly", "armature", "frictionloss", "solref", "solimp")
-SERVO = (
-    "trntype",
-    "gear",
-    "gaintype",
-    "gainprm",
-    "biastype",
-    "biasprm",
-    "dyntype",
-    "dynprm",
-    "ctrlrange",
-    "ctrllimited",
-    "forcerange",
-    "forcelimited",
-    "armature",
-    "damping",
-    "delay",
+SERVO = _names(
+    """
+    trntype gear gaintype gainprm biastype biasprm dyntype dynprm ctrlrange ctrllimited forcerange
+    forcelimited armature damping delay
+    """
 )
 EQUALITY = ("type", "data", "solref", "solimp", "active0")
 TENDON = ("range", "limited", "stiffness", "damping", "frictionloss", "lengthspring")
-CONTACT = (
-    "contype",
-    "conaffinity",
-    "condim",
-    "friction",
-    "solref",
-    "solimp",
-    "solmix",
-    "margin",
-    "gap",
-    "priority",
-    "adhesion",
-    "surfacevel",
+CONTACT = _names(
+    """
+    contype conaffinity condim friction solref solimp solmix margin gap priority adhesion surfacevel
+    """
 )
 HINGE = ("stiffness", "range", "axis", "pos")
 HINGE_DOF = ("damping", "armature", "frictionloss")

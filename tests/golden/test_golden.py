@@ -65,9 +65,6 @@ def test_a_stage_may_be_reached_a_few_steps_sooner_or_later(
         assert (found == []) is same
 
 
-# --- renewal -------------------------------------------------------------------------------------
-
-
 def changed(content: dict[str, Any], *keys: Any, to: Any) -> dict[str, Any]:
     """A copy in which the task's value under some keys is another."""
     other = copy.deepcopy(content)

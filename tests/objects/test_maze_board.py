@@ -4,6 +4,7 @@ import manifold3d
 import numpy as np
 import pytest
 
+from duobench.objects import Image
 from duobench.objects.maze_board import (
     BAR,
     BASE,
@@ -49,17 +50,19 @@ def test_every_printed_board_weighs_what_the_simulated_one_does(maze: Maze) -> N
     assert print_mass == pytest.approx(volume * PLA_DENSITY)
 
 
+def shown(maze: Maze) -> list[Image]:
+    hidden = wall_variants()[str(MAZES.index(maze))].without_images
+    return [image for index, image in enumerate(board().images) if index not in hidden]
+
+
 @mazes
 def test_only_start_and_goal_of_a_board_are_coloured(maze: Maze) -> None:
-    number = MAZES.index(maze)
-    hidden = wall_variants()[str(number)].without_images
-    shown = [image for index, image in enumerate(board().images) if index not in hidden]
     colours = {}
     for corner in CORNERS:
         # The corner's floor is all that is within its cell and not higher than the floor.
         (image,) = (
             image
-            for image in shown
+            for image in shown(maze)
             if np.abs(image.mesh.vertices[:, :2] - cell_centre(corner)).max() < 0.51 * PITCH
         )
         colours[corner] = image.rgba
@@ -72,19 +75,13 @@ def test_only_start_and_goal_of_a_board_are_coloured(maze: Maze) -> None:
 
 @mazes
 def test_the_shown_images_are_the_board_without_two_faces_in_one_place(maze: Maze) -> None:
-    number = MAZES.index(maze)
-    hidden = wall_variants()[str(number)].without_images
-    shown = [
-        manifold_from(image.mesh)
-        for index, image in enumerate(board().images)
-        if index not in hidden
-    ]
-    whole = manifold3d.Manifold.batch_boolean(shown, manifold3d.OpType.Add)
+    images = [manifold_from(image.mesh) for image in shown(maze)]
+    whole = manifold3d.Manifold.batch_boolean(images, manifold3d.OpType.Add)
     exact = union_of(printable_board(maze).shapes)
     assert (whole - exact).volume() == pytest.approx(0.0, abs=1e-12)
     assert (exact - whole).volume() == pytest.approx(0.0, abs=1e-12)
     # Walls reach into the floor; nothing else overlaps.
-    *rest, walls = shown
+    *rest, walls = images
     for one, other in itertools.combinations(rest, 2):
         assert (one ^ other).volume() == pytest.approx(0.0, abs=1e-12)
     assert walls.bounding_box()[5] == pytest.approx(WALL_HEIGHT)

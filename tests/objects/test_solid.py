@@ -1,7 +1,5 @@
 """Mass, centre and inertia of every solid of the benchmark, against those of another library."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

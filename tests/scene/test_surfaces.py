@@ -1,7 +1,5 @@
 """Only the pads grip well, and everything that looks solid is."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Small scenes for the tests of simulation and stages."""
 
-from __future__ import annotations
-
 from duobench.objects.blocks import RED, WHITE, block, cube
 from duobench.objects.bowl import bowl
 from duobench.objects.chest import chest

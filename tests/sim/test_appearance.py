@@ -1,9 +1,7 @@
 """Looks in images: what they change, and that they leave nothing behind."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,8 +19,10 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.types import HEAD, POLICY_CAMERAS
+from tests.envs.tools import arrays
 
 SIZE = 96
+Draw = Callable[..., np.ndarray]
 NAMES = [*LOOKS, "random:1", "random:2"]
 OTHERS = [name for name in NAMES if name != "default"]
 
@@ -46,16 +46,21 @@ def renderer(simulation: Simulation) -> Iterator[Renderer]:
         yield one
 
 
-def contents(simulation: Simulation) -> dict[str, bytes]:
-    model = simulation.model
-    arrays = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
-    return {name: a.tobytes() for name, a in arrays.items() if isinstance(a, np.ndarray)}
+@pytest.fixture(scope="module")
+def draw(simulation: Simulation, renderer: Renderer) -> Draw:
+    """An image of a camera in a look."""
+
+    def drawn(look: Look = Look(), camera: str = HEAD) -> np.ndarray:  # noqa: B008 - it is frozen
+        renderer.set_look(look)
+        return renderer.render(simulation.data, camera)
+
+    return drawn
 
 
 def test_the_default_look_is_bit_identical_after_all_others(
     simulation: Simulation, renderer: Renderer
 ) -> None:
-    before, state = contents(simulation), simulation.get_state().tobytes()
+    before, state = arrays(simulation.model), simulation.get_state().tobytes()
     with Renderer(simulation.model, height=SIZE, width=SIZE) as never_switched:
         untouched = never_switched.render_all(simulation.data, POLICY_CAMERAS)
     for name in NAMES:
@@ -64,7 +69,7 @@ def test_the_default_look_is_bit_identical_after_all_others(
         renderer.set_look(look("default"))
         found = renderer.render_all(simulation.data, POLICY_CAMERAS)
         assert all(np.array_equal(found[camera], untouched[camera]) for camera in POLICY_CAMERAS)
-    assert contents(simulation) == before
+    assert arrays(simulation.model) == before
     assert simulation.get_state().tobytes() == state
 
 
@@ -104,15 +109,9 @@ def test_noise_differs_from_state_to_state_and_camera_to_camera() -> None:
         assert np.array_equal(first, noise(HEAD))
 
 
-def test_exposure_and_blur(simulation: Simulation, renderer: Renderer) -> None:
-    renderer.set_look(Look())
-    plain = renderer.render(simulation.data, HEAD).astype(float)
-    renderer.set_look(Look(exposure=-1.0))
-    darker = renderer.render(simulation.data, HEAD).mean()
-    renderer.set_look(Look(exposure=1.0))
-    assert darker < plain.mean() < renderer.render(simulation.data, HEAD).mean()
-    renderer.set_look(Look(blur=0.02))
-    soft = renderer.render(simulation.data, HEAD).astype(float)
+def test_exposure_and_blur(draw: Draw) -> None:
+    plain, soft = draw().astype(float), draw(Look(blur=0.02)).astype(float)
+    assert draw(Look(exposure=-1.0)).mean() < plain.mean() < draw(Look(exposure=1.0)).mean()
     assert np.abs(np.diff(soft, axis=0)).mean() < 0.8 * np.abs(np.diff(plain, axis=0)).mean()
     assert soft.mean() == pytest.approx(plain.mean(), rel=0.02)
 
@@ -150,28 +149,21 @@ def test_a_wider_field_of_view_makes_things_smaller(
     assert shares[0] > shares[1] > shares[2] > 0
 
 
-def test_furniture_is_seen_and_is_no_geom(simulation: Simulation, renderer: Renderer) -> None:
-    renderer.set_look(Look())
-    before = renderer.segment(simulation.data, HEAD)
-    image = renderer.render(simulation.data, HEAD)
-    renderer.set_look(Look(clutter=40, seed=1))
-    assert not np.array_equal(renderer.render(simulation.data, HEAD), image)
+def test_furniture_is_seen_and_is_no_geom(
+    simulation: Simulation, renderer: Renderer, draw: Draw
+) -> None:
+    image, before = draw(), renderer.segment(simulation.data, HEAD)
+    assert not np.array_equal(draw(Look(clutter=40, seed=1)), image)
     assert np.array_equal(renderer.segment(simulation.data, HEAD), before)
 
 
-def test_shadows_fall_where_the_light_comes_from(
-    simulation: Simulation, renderer: Renderer
-) -> None:
-    position = (0.24, 2.2, 1.7)
-    images = []
-    for shadow in (False, True):
-        light = Light(position=position, colour=(0.7, 0.7, 0.7), shadow=shadow)
-        renderer.set_look(Look(lights=(light,)))
-        images.append(renderer.render(simulation.data, HEAD).astype(int))
-    darker = (images[0] - images[1]).max(axis=2) > 20
-    assert 0.005 < darker.mean() < 0.5
-    renderer.set_look(Look(lights=()))
-    assert renderer.render(simulation.data, HEAD).mean() < images[1].mean()
+def test_shadows_fall_where_the_light_comes_from(draw: Draw) -> None:
+    light = Light(position=(0.24, 2.2, 1.7), colour=(0.7, 0.7, 0.7))
+    without, shadowed = (
+        draw(Look(lights=(replace(light, shadow=shadow),))).astype(int) for shadow in (False, True)
+    )
+    assert 0.005 < ((without - shadowed).max(axis=2) > 20).mean() < 0.5
+    assert draw(Look(lights=())).mean() < shadowed.mean()
 
 
 def colours_in(task: str, bodies: tuple[str, ...]) -> Iterator[tuple[str, list[np.ndarray]]]:
@@ -224,12 +216,11 @@ def test_what_a_layout_leaves_out_stays_left_out() -> None:
 
 
 def test_an_image_file_is_a_background(
-    simulation: Simulation, renderer: Renderer, tmp_path: Path
+    simulation: Simulation, renderer: Renderer, draw: Draw, tmp_path: Path
 ) -> None:
     path = tmp_path / "green.png"
     Image.new("RGB", (20, 10), (0, 255, 0)).save(path)
-    renderer.set_look(Look(parts={"walls": Material(image=str(path))}))
-    image = renderer.render(simulation.data, OVERVIEW)
+    image = draw(Look(parts={"walls": Material(image=str(path))}), OVERVIEW)
     walls = np.isin(
         renderer.segment(simulation.data, OVERVIEW),
         np.flatnonzero(simulation.model.geom_matid == simulation.model.material("wall").id),

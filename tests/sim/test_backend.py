@@ -23,6 +23,7 @@ def backend() -> SimBackend:
 
 def test_held_arms_stay_until_they_are_brought_home(backend: SimBackend) -> None:
     backend.start()
+    assert (backend.health(), backend.image_ages()) == (None, {}), "nothing breaks or grows old"
     assert backend.command(AWAY) is AWAY
     backend.hold("first")
     backend.hold("second")
@@ -37,11 +38,6 @@ def test_held_arms_stay_until_they_are_brought_home(backend: SimBackend) -> None
     assert state.joints == pytest.approx(HOME.joints)
     assert state.openings == pytest.approx(1.0)
     assert backend.command(AWAY) is AWAY
-
-
-def test_nothing_of_a_simulation_breaks_or_grows_old(backend: SimBackend) -> None:
-    assert backend.health() is None
-    assert backend.image_ages() == {}
 
 
 def sent_in(env: duobench.envs.DuoWrapper, action: np.ndarray, steps: int) -> np.ndarray:

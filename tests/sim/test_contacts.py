@@ -1,7 +1,5 @@
 """Who touches whom, against the engine's own list."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest
@@ -78,15 +76,19 @@ def test_contact_is_symmetric_and_of_the_moment() -> None:
 
 
 @pytest.mark.parametrize(
-    ("height", "gripper", "pads"),
-    [(3.0, False, False), (3.5, True, False), (4.0, False, False)],
+    ("height", "arm", "gripper"),
+    [(3.0, True, False), (3.5, True, True), (4.0, False, False), (4.5, False, False)],
 )
-def test_limbs_are_told_apart(height: float, gripper: bool, pads: bool) -> None:
+def test_limbs_are_told_apart_and_an_arm_is_all_of_it(
+    height: float, arm: bool, gripper: bool
+) -> None:
     model, data, contacts = toy()
     data.qpos[:3] = [-1.15, 0.0, height]
     look(model, data, contacts)
+    assert contacts.arm(Side.LEFT, "ball") is arm
     assert contacts.gripper(Side.LEFT, "ball") is gripper
-    assert contacts.grasped(Side.LEFT, "ball") is pads
+    assert not contacts.grasped(Side.LEFT, "ball")
+    assert not contacts.arm(Side.RIGHT, "ball")
     assert not contacts.gripper(Side.RIGHT, "ball")
 
 
@@ -109,15 +111,6 @@ def test_deepest_names_what_overlaps() -> None:
     assert contacts.deepest(0.02) == []
 
 
-def test_an_arm_is_all_of_it() -> None:
-    model, data, contacts = toy()
-    for height, touches in ((3.0, True), (3.5, True), (4.5, False)):
-        data.qpos[:3] = [-1.15, 0.0, height]
-        look(model, data, contacts)
-        assert contacts.arm(Side.LEFT, "ball") is touches
-        assert not contacts.arm(Side.RIGHT, "ball")
-
-
 QUESTIONS = {
     "between": ["ball"],
     "partners": [],
@@ -130,13 +123,10 @@ QUESTIONS = {
 def with_lid(
     gap: float, *, above: bool = True, aside: float = 0.0, hinge: float = 0.1
 ) -> tuple[Contacts, HingeAxis]:
-    """A level lid over a pad of the left hand, or below it.
+    """A level lid over a pad of the left hand, or below it, and its hinge; it opens upwards.
 
-    Args:
-        gap: From surface to surface, in metres; a contact below 0.
-        above: Whether the lid is above the pad.
-        aside: How far the lid is moved along its hinge, in metres.
-        hinge: Distance of the hinge from the pad's middle, in metres; it opens upwards.
+    In metres: the gap between surfaces, how far the lid is moved along its hinge, and how far the
+    hinge is from the pad's middle.
     """
     model, data, contacts = toy()
     x, y, z = data.xpos[model.body("left/gripper/left_pad").id].tolist()

@@ -1,7 +1,5 @@
 """Commands in, state out; and names to ids: a misspelt one fails at once."""
 
-from __future__ import annotations
-
 import math
 
 import mujoco
@@ -10,7 +8,7 @@ import pytest
 
 from duobench.errors import DuoBenchError, UnknownNameError
 from duobench.kinematics.inverse import Kinematics
-from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
+from duobench.robot.joints import HOME_JOINTS
 from duobench.scene.compose import SUBSTEPS, compose
 from duobench.scene.naming import arm_joint_names, gripper_name, pad_names, tcp_name
 from duobench.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
@@ -41,14 +39,6 @@ def duo(sim: Simulation) -> Duo:
 def command(left: float = 0.0, right: float = 0.0, opening: float = 1.0) -> DuoCommand:
     joints = HOME.joints + np.array([[left], [right]])
     return DuoCommand(joints=joints, openings=np.full(2, opening))
-
-
-def test_the_limits_are_the_arms_own(duo: Duo) -> None:
-    joints = np.delete(np.arange(16), [7, 15])
-    assert duo.limits.low[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 0], 2))
-    assert duo.limits.high[joints] == pytest.approx(np.tile(JOINT_RANGES[:, 1], 2))
-    assert duo.limits.low[[7, 15]].tolist() == [0.0, 0.0]
-    assert duo.limits.high[[7, 15]].tolist() == [1.0, 1.0]
 
 
 def test_the_robot_is_found_by_its_names(sim: Simulation) -> None:
@@ -91,6 +81,9 @@ def test_targets_move_linearly_over_the_step(sim: Simulation) -> None:
     assert end[[7, 15]] == pytest.approx([127.5, 127.5])
     for number, row in enumerate(rows, start=1):
         assert row == pytest.approx(start + (end - start) * number / SUBSTEPS)
+    goal = command(left=0.1, opening=0.3)
+    sim.step(goal)
+    assert np.ptp(ramped(sim, goal), axis=0).max() == 0.0, "a repeated command is no ramp"
 
 
 def test_a_command_can_be_read_back_exactly(sim: Simulation, duo: Duo) -> None:
@@ -103,26 +96,13 @@ def test_a_command_can_be_read_back_exactly(sim: Simulation, duo: Duo) -> None:
         assert duo.command().openings == pytest.approx(sent.openings, abs=1e-12)
 
 
-def test_what_was_read_back_is_a_copy(sim: Simulation, duo: Duo) -> None:
-    read = duo.command()
-    kept = read.flat
-    sim.step(command(left=0.1))
-    assert np.array_equal(read.flat, kept)
-
-
-def test_a_repeated_command_is_no_ramp(sim: Simulation) -> None:
-    goal = command(left=0.1, opening=0.3)
-    sim.step(goal)
-    assert np.ptp(ramped(sim, goal), axis=0).max() == 0.0
-
-
-def test_a_state_is_a_copy_too(sim: Simulation, duo: Duo) -> None:
-    state = duo.read()
-    kept = state.flat.copy(), state.tcp_poses.copy()
+def test_states_and_commands_are_copies(sim: Simulation, duo: Duo) -> None:
+    read, state = duo.command(), duo.read()
+    kept = read.flat, state.flat.copy(), state.tcp_poses.copy()
     for _ in range(5):
         sim.step(command(left=0.2, opening=0.0))
-    assert np.array_equal(state.flat, kept[0])
-    assert np.array_equal(state.tcp_poses, kept[1])
+    for one, other in zip((read.flat, state.flat, state.tcp_poses), kept, strict=True):
+        assert np.array_equal(one, other)
 
 
 def test_the_arms_follow_and_each_is_its_own(sim: Simulation) -> None:

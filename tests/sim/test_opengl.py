@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 import textwrap
 import threading
 from pathlib import Path
@@ -12,6 +11,7 @@ import pytest
 from duobench.errors import RenderingError
 from duobench.sim import opengl
 from duobench.sim.opengl import ASKED, CHOSEN, RenderingInfo, RenderThread, choose, probe
+from tests.children import ran
 
 VARIABLES = (ASKED, CHOSEN, "PYOPENGL_PLATFORM")
 DESCRIBE = """
@@ -27,14 +27,7 @@ DESCRIBE = """
 def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Python in a process of its own, in which nobody has chosen an OpenGL library."""
     kept = {name: value for name, value in os.environ.items() if name not in VARIABLES}
-    return subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)],
-        env={**kept, **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-    )
+    return ran("-c", textwrap.dedent(code), env={**kept, **environment}, timeout=120)
 
 
 @pytest.fixture
@@ -53,9 +46,6 @@ def impostor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path.touch(mode=0o755)
     monkeypatch.setattr(opengl.sys, "executable", str(path))
     return path
-
-
-# --- the choice ----------------------------------------------------------------------------------
 
 
 def test_what_people_ask_for_is_taken_without_a_probe(undecided: pytest.MonkeyPatch) -> None:
@@ -167,9 +157,6 @@ def test_software_rendering_is_told_once_for_a_whole_family_of_processes() -> No
     assert told == {"True\n": 1, "False\n": 0}[outcome.stdout]
 
 
-# --- contexts ------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("asked", ["vulkan", "glfw"])
 def test_what_needs_a_display_or_does_not_exist_is_refused_with_what_does_not(asked: str) -> None:
     with pytest.raises(RenderingError, match=f"{asked} is nothing.*display.*egl, osmesa"):
@@ -181,9 +168,6 @@ def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) 
     assert outcome.returncode == 0, outcome.stderr
     assert "The OpenGL backend 'egl' does not work here" in outcome.stdout
     assert "libegl1" in outcome.stdout
-
-
-# --- the thread ----------------------------------------------------------------------------------
 
 
 def test_a_thread_hands_back_what_a_job_returns_or_raises() -> None:

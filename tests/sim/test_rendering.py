@@ -158,18 +158,22 @@ def test_an_unknown_camera_is_named_with_near_misses(
         renderer.segment(simulation.data, "")
 
 
-@pytest.mark.parametrize(("height", "width"), [(721, 224), (224, 1281), (0, 224), (224, -1)])
-def test_a_size_beyond_the_native_one_is_refused(
-    simulation: Simulation, height: int, width: int
+@pytest.mark.parametrize(
+    ("height", "width", "samples", "words"),
+    [
+        (721, 224, 1, "224x721.*1280x720"),
+        (224, 1281, 1, "1281x224.*1280x720"),
+        (0, 224, 1, "224x0.*1280x720"),
+        (224, -1, 1, "-1x224.*1280x720"),
+        (8, 8, 0, "1 to 64, got 0"),
+        (8, 8, 65, "1 to 64, got 65"),
+    ],
+)
+def test_a_size_beyond_the_native_one_or_a_senseless_number_of_samples_is_refused(
+    simulation: Simulation, height: int, width: int, samples: int, words: str
 ) -> None:
-    with pytest.raises(RenderingError, match=f"{width}x{height}.*1280x720"):
-        Renderer(simulation.model, height=height, width=width)
-
-
-@pytest.mark.parametrize("samples", [0, 65])
-def test_a_senseless_number_of_samples_is_refused(simulation: Simulation, samples: int) -> None:
-    with pytest.raises(RenderingError, match=f"1 to 64, got {samples}"):
-        Renderer(simulation.model, height=8, width=8, samples=samples)
+    with pytest.raises(RenderingError, match=words):
+        Renderer(simulation.model, height=height, width=width, samples=samples)
 
 
 def test_a_closed_renderer_says_so(simulation: Simulation) -> None:

@@ -1,7 +1,5 @@
 """Steps that the engine's sparse solver cannot solve, and what is done instead."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,10 +1,10 @@
 """Violent branches: what breaks is found, saved, and played again."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -12,11 +12,14 @@ from dev.tools.fuzz import KEPT, MAX_DEPTH, Episode, Job, Limits, Violation, Wat
 from duobench.envs.sim_env import sim_of
 from duobench.robot.workcell import TABLE_X, TABLE_Y
 from duobench.sim import physics
+from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
+from tests.children import ran
 
 JOB = Job(task="transfer_gate", seed=0, branches=8, limits=Limits(link_speed=3.0))
 """Slow enough a limit that some branches break it, and the expert does not."""
 EDGE = TABLE_X[1]
+Begun = tuple[gym.Env, Simulation, Any, dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
@@ -30,9 +33,8 @@ def shared() -> Episode:
 
 
 @pytest.fixture
-def episode(shared: Episode) -> Episode:
-    shared.env.reset(seed=0)
-    return shared
+def episode(shared: Episode) -> Begun:
+    return shared.env, sim_of(shared.env).simulation, *shared.env.reset(seed=0)
 
 
 def words(violations: tuple[Violation, ...]) -> list[tuple[str, bytes]]:
@@ -75,8 +77,7 @@ def test_the_exit_code_says_whether_a_replay_broke(
     actions[-1, -1] = value
     file = replace(broken[0], actions=actions).save(tmp_path)
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "dev.tools.fuzz", "--replay", str(file), "--out", str(out)]
-    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    done = ran("-m", "dev.tools.fuzz", "--replay", str(file), "--out", str(out))
     assert "1/1 " + file.name in done.stdout, done.stderr
     if np.isfinite(value):
         assert done.returncode == 0
@@ -109,10 +110,9 @@ def test_kept_episodes_break_an_engine_that_is_not_mended(
     ids=["pressed in", "through", "below the edge", "beside", "hanging over the edge"],
 )
 def test_what_went_through_the_table_is_told_from_what_is_beside_it(
-    episode: Episode, pose: SE3, problem: str | None
+    episode: Begun, pose: SE3, problem: str | None
 ) -> None:
-    env, sim = episode.env, sim_of(episode.env).simulation
-    observation, info = env.reset(seed=0)
+    env, sim, observation, info = episode
     sim.place("beam", pose)
     sim.forward()
     assert sim.min_height("beam") < -0.9 * MAX_DEPTH
@@ -120,9 +120,8 @@ def test_what_went_through_the_table_is_told_from_what_is_beside_it(
     assert found is None if problem is None else (found or "").startswith(problem)
 
 
-def test_what_fell_beside_the_table_may_roll_under_it(episode: Episode) -> None:
-    env, sim = episode.env, sim_of(episode.env).simulation
-    observation, info = env.reset(seed=0)
+def test_what_fell_beside_the_table_may_roll_under_it(episode: Begun) -> None:
+    env, sim, observation, info = episode
     watch = Watch(env, Limits())
     for x in (EDGE + 0.2, EDGE - 0.2):
         sim.place("beam", SE3.at(x, 0.0, -0.7))
@@ -131,9 +130,8 @@ def test_what_fell_beside_the_table_may_roll_under_it(episode: Episode) -> None:
     assert watch.fallen == {"beam"}
 
 
-def test_a_state_that_is_not_finite_and_a_stage_that_falls_are_problems(episode: Episode) -> None:
-    env, sim = episode.env, sim_of(episode.env).simulation
-    observation, info = env.reset(seed=0)
+def test_a_state_that_is_not_finite_and_a_stage_that_falls_are_problems(episode: Begun) -> None:
+    env, sim, observation, info = episode
     watch = Watch(env, Limits())
     assert watch.problem(observation, {**info, "stage": 2}) is None
     assert watch.problem(observation, {**info, "stage": 1}) == "stage 1 of 5 after stage 2"

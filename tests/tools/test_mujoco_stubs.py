@@ -1,10 +1,10 @@
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from dev.tools.mujoco_stubs import PACKAGE, generate, widen
+from tests.children import ran
 
 # Each line is right by what the bindings take and return, except where the comment says otherwise.
 USE = """
@@ -48,10 +48,8 @@ def test_the_checker_finds_wrong_uses_of_mujoco_and_no_others(tmp_path: Path) ->
     generate(tmp_path / "typings")
     assert (tmp_path / "typings" / PACKAGE / "__init__.pyi").is_file()
     (tmp_path / "use.py").write_text(USE)
-    checker = [sys.executable, "-m", "basedpyright", "--pythonpath", sys.executable]
     (tmp_path / "pyproject.toml").write_text('[tool.basedpyright]\ntypeCheckingMode = "standard"\n')
-    result = subprocess.run(
-        [*checker, "use.py"], cwd=tmp_path, check=False, capture_output=True, text=True
-    )
+    checker = ["-m", "basedpyright", "--pythonpath", sys.executable]
+    result = ran(*checker, "use.py", cwd=tmp_path)
     places = [line for line in result.stdout.splitlines() if " - error: " in line]
     assert [int(line.split(" - ")[0].split(":")[-2]) for line in places] == WRONG, result.stdout

@@ -1,0 +1,18 @@
+"""Python in processes of its own."""
+
+import subprocess
+import sys
+from typing import Any
+
+
+def ran(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Python with some arguments, run to its end."""
+    command = [sys.executable, *arguments]
+    return subprocess.run(command, check=False, capture_output=True, text=True, **options)
+
+
+def printed(code: str, *arguments: str, **options: Any) -> str:
+    """What code prints that ends well and warns of nothing."""
+    done = ran("-W", "error", "-c", code, *arguments, **options)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
