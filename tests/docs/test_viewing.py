@@ -21,7 +21,8 @@ TIMEOUT_S = 120
 
 
 def look(line: str, folder: Path) -> list[dict[str, Any]]:
-    """Run a command, and look at its page until an episode is shown."""
+    """Run a command, and look at its page until an episode is shown, or the report of a run."""
+    last = "report" if "--watch" in line else "instruction"
     command = [sys.executable, "-P", "-m", *shlex.split(line)]
     seen: list[dict[str, Any]] = []
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
@@ -29,10 +30,10 @@ def look(line: str, folder: Path) -> list[dict[str, Any]]:
         try:
             address = next(each for each in process.stdout if "http://" in each)
             with open_page(address.split()[-1]) as page:
-                while not (seen and seen[-1].get("instruction")):
+                while not (seen and seen[-1].get(last)):
                     seen.append(page.hear_of("status"))
-                page.frame()
-            process.send_signal(signal.SIGINT)
+            if last != "report":
+                process.send_signal(signal.SIGINT)
             process.communicate(timeout=TIMEOUT_S)
         finally:
             process.kill()
@@ -45,7 +46,7 @@ def test_commands_run(tmp_path: Path) -> None:
     (commands,) = blocks(PAGE, "sh")
     shown = {}
     for line in commands.splitlines():
-        if " view " in line:
+        if " view " in line or "--watch" in line:
             shown[line.split()[-1]] = look(line, tmp_path)[-1]
             continue
         command = [sys.executable, "-P", "-m", *shlex.split(line)]
@@ -53,6 +54,7 @@ def test_commands_run(tmp_path: Path) -> None:
     assert len(shown["carry_pot"]["items"]) == LAYOUTS
     assert len(shown["data/expert"]["items"]) == 2
     assert shown["data/expert"]["steps"] > 0
+    assert shown["--watch"]["run"]["finished"] == 2
     assert [item["state"] for item in shown["runs/expert"]["items"]] == ["success"] * 2
 
 
