@@ -127,7 +127,7 @@ def test_video_that_cannot_be_made_is_told(
     path.write_text(encode(replace(record, sent=None), RECORD_SCHEMA))
     assert refusal("report", run, "--import-tasks", "--videos", "all") == "1"
     out = capsys.readouterr().out
-    assert "No video of nod, episode 0: Its record does not have what was sent." in out
+    assert "No video of nod, episode 0: It has no joint targets." in out
     assert "1 video made" in out
     video = 'src="videos/wave/random.sim.none.default/00000.webm"'
     assert video in (run / "index.html").read_text()
