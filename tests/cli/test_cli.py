@@ -9,8 +9,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -29,6 +31,7 @@ from duobench.files import decode, encode, locked
 from duobench.results.folder import RunFolder
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.tasks import catalog
+from tests.cli.conftest import Told, refusal
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.processes import wait_until, workers
 from tests.policy.serving.serving import Serve
@@ -59,8 +62,14 @@ def duobench(
     *words: str, folder: Path | None = None, **environment: str
 ) -> subprocess.CompletedProcess[str]:
     """Run the command as it is installed: -P keeps the current folder off the path."""
+    return python("-P", "-m", "duobench", *words, folder=folder, **environment)
+
+
+def python(
+    *words: str, folder: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-P", "-m", "duobench", *words],
+        [sys.executable, *words],
         env={**ENVIRONMENT, **environment},
         cwd=folder,
         capture_output=True,
@@ -69,94 +78,86 @@ def duobench(
     )
 
 
-def evaluate(out: Path, *more: str) -> None:
+@pytest.fixture
+def evaluate(told: Told) -> Told:
+    """Plays two small tasks, one episode of each without a video; what it printed."""
     small_ones = [toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME]
-    words = ["--policy", "random", "--out", str(out), "--tasks", *small_ones, "--workers", "0"]
-    main(["eval", *words, *more])
+    words = ["--policy", "random", "--tasks", *small_ones, "--workers", "0"]
+    return partial(told, "eval", *words, "--episodes", "1", "--videos", "0", "--out")
 
 
-def test_eval_leaves_what_it_says_and_exits_well(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    evaluate(tmp_path / "run", "--episodes", "2", "--first-episode", "1", "--videos", "0")
-    out = capsys.readouterr().out
-    assert "4 of 4 episodes" in out
-    assert "All tasks" in out
-    assert f"Report: {tmp_path / 'run' / 'index.html'}" in out
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+def test_eval_leaves_what_it_says_and_exits_well(tmp_path: Path, evaluate: Told) -> None:
+    run = tmp_path / "run"
+    out = evaluate(run, "--episodes", "2", "--first-episode", "1")
+    for words in ("4 of 4 episodes", "All tasks", f"Report: {run / 'index.html'}"):
+        assert words in out
+    summary = json.loads((run / "summary.json").read_text())
     assert summary["first_episode"] == 1
     assert summary["tasks"]["nod"]["episodes"] == 2
-    names = [path.name for path in sorted((tmp_path / "run" / "records" / "wave").glob("*/*"))]
+    names = [path.name for path in sorted((run / "records" / "wave").glob("*/*"))]
     assert names == ["00001.json", "00002.json"]
 
 
-def test_report_builds_the_page_anew(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    evaluate(tmp_path / "run", "--episodes", "1", "--videos", "0")
-    table = capsys.readouterr().out.partition("Task")[2]
-    before = (tmp_path / "run" / "index.html").read_bytes()
-    (tmp_path / "run" / "index.html").unlink()
-    main(["report", str(tmp_path / "run")])
-    assert capsys.readouterr().out.partition("Task")[2] == table
-    assert (tmp_path / "run" / "index.html").read_bytes() == before
+def test_report_builds_the_page_anew(tmp_path: Path, evaluate: Told, told: Told) -> None:
+    table = evaluate(tmp_path / "run").partition("Task")[2]
+    page = tmp_path / "run" / "index.html"
+    before = page.read_bytes()
+    page.unlink()
+    assert told("report", tmp_path / "run").partition("Task")[2] == table
+    assert page.read_bytes() == before
 
 
-def test_report_makes_videos_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_report_makes_videos_once(tmp_path: Path, evaluate: Told, told: Told) -> None:
     run = tmp_path / "run"
-    evaluate(run, "--episodes", "2", "--videos", "0")
-    main(["report", str(run), "--import-tasks", "--videos", "nod:1"])
-    assert "1 video made\n" in capsys.readouterr().out
+    evaluate(run, "--episodes", "2")
+    assert "1 video made\n" in told("report", run, "--import-tasks", "--videos", "nod:1")
     assert 'src="videos/nod/random.sim.none.default/00001.webm"' in (run / "index.html").read_text()
-    main(["report", str(run), "--import-tasks", "--videos", "all"])
-    out = capsys.readouterr().out
+    out = told("report", run, "--import-tasks", "--videos", "all")
     assert "4 of 4 videos" in out
     assert "3 videos made, 1 there before" in out
 
 
 def test_video_that_cannot_be_made_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, evaluate: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run = tmp_path / "run"
-    evaluate(run, "--episodes", "1", "--videos", "0")
+    evaluate(run)
     path = RunFolder(run).record(key(RunFolder(run), "nod", 0))
     record = decode(path.read_bytes(), EpisodeRecord, RECORD_SCHEMA)
     path.write_text(encode(replace(record, sent=None), RECORD_SCHEMA))
-    with pytest.raises(SystemExit, match="1"):
-        main(["report", str(run), "--import-tasks", "--videos", "all"])
+    assert refusal("report", run, "--import-tasks", "--videos", "all") == "1"
     out = capsys.readouterr().out
     assert "No video of nod, episode 0: It has no joint targets." in out
     assert "1 video made" in out
-    assert (
-        'src="videos/wave/random.sim.none.default/00000.webm"' in (run / "index.html").read_text()
-    )
+    video = 'src="videos/wave/random.sim.none.default/00000.webm"'
+    assert video in (run / "index.html").read_text()
 
 
-def test_command_of_the_report_makes_the_same_report(tmp_path: Path) -> None:
-    evaluate(tmp_path / "one", "--episodes", "1", "--videos", "0", "--look", "dark")
-    (command,) = RunFolder(tmp_path / "one").commands()
-    assert html.escape(command) in (tmp_path / "one" / "index.html").read_text()
+def test_command_of_the_report_makes_the_same_report(tmp_path: Path, evaluate: Told) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    evaluate(one, "--look", "dark")
+    (command,) = RunFolder(one).commands()
+    assert html.escape(command) in (one / "index.html").read_text()
     program, *words = shlex.split(command)
     assert program == "duobench"
-    main([str(tmp_path / "two") if word == "DIR" else word for word in words])
+    main([str(two) if word == "DIR" else word for word in words])
     for name in ("summary.json", "run.json"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-    pages = [(tmp_path / name / "index.html").read_text() for name in ("one", "two")]
+        assert (one / name).read_bytes() == (two / name).read_bytes()
+    pages = [(folder / "index.html").read_text() for folder in (one, two)]
     assert without_times(pages[0]) == without_times(pages[1])
 
 
-def test_eval_plays_on_after_the_horizon(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_eval_plays_on_after_the_horizon(tmp_path: Path, told: Told) -> None:
     late = ["--policy", f"{toy_tasks.__name__}:Late", "--tasks", toy_tasks.NUDGE_NAME]
     words = ["eval", *late, "--episodes", "4", "--videos", "0", "--workers", "0"]
-    main([*words, "--overtime", "1.5", "--out", str(tmp_path / "run")])
-    out = capsys.readouterr().out
+    out = told(*words, "--overtime", "1.5", "--out", tmp_path / "run")
     row = next(line for line in out.splitlines() if line.strip().startswith("nudge"))
     assert row.split()[:6] == ["nudge", "4", "25.0", "4.6–69.9", "0.250", "75.0"]
     run = json.loads((tmp_path / "run" / "run.json").read_text())
     assert run["suite"]["overtime"] == 1.5
     assert "--overtime 1.5" in RunFolder(tmp_path / "run").commands()[0]
-    with pytest.raises(SystemExit, match=r"1 \(none\) or more, such as 1\.5; got 0\.5\."):
-        main([*words, "--overtime", "0.5", "--out", str(tmp_path / "other")])
+    refused = refusal(*words, "--overtime", "0.5", "--out", tmp_path / "other")
+    assert "1 (none) or more, such as 1.5; got 0.5." in refused
 
 
 def test_command_has_every_option_that_a_result_may_depend_on() -> None:
@@ -188,11 +189,10 @@ def test_no_group_of_options_is_longer_than_ten(verb: Callable[..., None]) -> No
     assert {name: flags for name, flags in groups.items() if len(flags) > 10} == {}
 
 
-def test_command_of_a_served_policy_says_how_it_is_asked(tmp_path: Path) -> None:
+def test_command_of_a_served_policy_says_how_it_is_asked(tmp_path: Path, evaluate: Told) -> None:
     serve = Serve()
     url = f"ws://127.0.0.1:{serve(toy_batches.Wanders())}"
-    words = ["--policy", "openpi", "--server", url, "--execute", "7", "--episodes", "1"]
-    evaluate(tmp_path / "run", *words, "--videos", "0")
+    evaluate(tmp_path / "run", "--policy", "openpi", "--server", url, "--execute", "7")
     serve.close()
     (command,) = RunFolder(tmp_path / "run").commands()
     assert "--policy openpi --server URL " in command
@@ -200,139 +200,107 @@ def test_command_of_a_served_policy_says_how_it_is_asked(tmp_path: Path) -> None
     assert url not in (tmp_path / "run" / "run.json").read_text()
 
 
-def test_list_tells_every_task(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["list", "--stages"])
-    out = capsys.readouterr().out
-    words = " ".join(out.split())
+def test_list_tells_every_task(told: Told) -> None:
+    words = " ".join(told("list", "--stages").split())
+    assert "{" not in words
     for name in catalog.names():
         task = catalog.get(name)
         assert f"{name} {task.category} {task.max_stage} {task.horizon} " in words
-        assert "{" not in words
         for number, stage in enumerate(task.stages, 1):
             assert f"{number} {stage.name}"[:60] in words
 
 
-def test_render_draws_every_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(
-        [
-            "render",
-            toy_tasks.WAVE_NAME,
-            "--seed",
-            "5",
-            "--size",
-            "48",
-            "64",
-            "--out",
-            str(tmp_path),
-        ]
-    )
-    told = capsys.readouterr().out.split()
-    assert [Path(path).name for path in told] == [
-        f"wave-5-{camera}.png" for camera in ("head", "left_wrist", "right_wrist", "overview")
-    ]
-    for path in told:
+def test_render_draws_every_camera(tmp_path: Path, told: Told) -> None:
+    words = ["--seed", "5", "--size", "48", "64", "--out", tmp_path]
+    paths = [Path(path) for path in told("render", toy_tasks.WAVE_NAME, *words).split()]
+    cameras = ("head", "left_wrist", "right_wrist", "overview")
+    assert [path.name for path in paths] == [f"wave-5-{camera}.png" for camera in cameras]
+    for path in paths:
         with Image.open(path) as image:
             assert image.size == (64, 48)
             low, high = image.convert("L").getextrema()
             assert high - low > 50
 
 
-def test_doctor_tells_versions_and_graphics(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["doctor"])
-    out = capsys.readouterr().out
+def test_doctor_tells_versions_and_graphics(told: Told) -> None:
+    out = told("doctor")
     for word in ("mujoco", "suite version", "backend", "renderer", "three cameras"):
         assert word in out
     assert " ms at 224x224" in out
 
 
-@pytest.mark.parametrize("verb", ["doctor", "eval", "render"])
-def test_library_that_mujoco_cannot_load_is_told_in_words(verb: str, tmp_path: Path) -> None:
-    run = str(tmp_path / "run")
-    words = {
-        "eval": ["--policy", "hold", "--out", run],
-        "render": ["bin_sort", "--out", run],
-    }
-    told = duobench(verb, *words.get(verb, []), MUJOCO_GL="bogus")
-    assert told.returncode == 1
-    assert "MUJOCO_GL=bogus" in told.stdout + told.stderr
-    assert "or unset it" in told.stdout + told.stderr
-    assert "Traceback" not in told.stderr
-    assert ("suite version" in told.stdout) == (verb == "doctor")
-
-
-def test_doctor_without_graphics_says_so_and_fails() -> None:
-    told = duobench("doctor", MUJOCO_GL="off")
-    assert told.returncode == 1
-    assert "Rendering is switched off by MUJOCO_GL=off" in told.stdout
-    assert "mujoco" in told.stdout
-    assert "Traceback" not in told.stderr
+@pytest.mark.parametrize(
+    ("words", "backend", "reason"),
+    [
+        ("doctor", "bogus", "or unset it"),
+        ("doctor", "off", "Rendering is switched off by MUJOCO_GL=off"),
+        ("eval --policy hold --out run", "bogus", "or unset it"),
+        ("render bin_sort --out run", "bogus", "or unset it"),
+    ],
+)
+def test_graphics_that_are_not_there_are_told_in_words(
+    tmp_path: Path, words: str, backend: str, reason: str
+) -> None:
+    done = duobench(*words.split(), folder=tmp_path, MUJOCO_GL=backend)
+    assert done.returncode == 1
+    assert f"MUJOCO_GL={backend}" in done.stdout + done.stderr
+    assert reason in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert ("suite version" in done.stdout) == (words == "doctor")
+    assert backend != "off" or "mujoco" in done.stdout
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["eval", "--policy", "exprt", "--out", "OUT"], "Did you mean 'expert'"),
-        (
-            ["eval", "--policy", "hold", "--out", "OUT", "--tasks", "bin_sorts"],
-            "Did you mean 'bin_sort'",
-        ),
-        (
-            ["eval", "--policy", "hold", "--out", "OUT", "--tasks", "bin_sort", "bin_sort"],
-            "more than once: bin_sort",
-        ),
-        (["eval", "--policy", "hold", "--out", "OUT", "--episodes", "0"], "at least one episode"),
-        (["eval", "--policy", "no.such.module:make", "--out", "OUT"], "no module named"),
-        (["eval", "--policy", "hold", "--out", "OUT", "--workers", "-3"], "got -3"),
-        (["eval", "--policy", "hold", "--out", "/proc/run"], "/proc/run cannot be the folder"),
-        (["eval", "--policy", "hold", "--out", "/proc/run"], "give --out another folder; the same"),
-        (["eval", "--policy", "hold", "--out", "OUT", "--act-timeout", "0"], "limits are positive"),
-        (["eval", "--policy", "x\udcff:X", "--out", "OUT"], r"'x\udcff:X'"),
-        (["eval", "--policy", ":x", "--out", "OUT"], "is no `module:attribute`"),
-        (["render", "nothing"], "Unknown task 'nothing'"),
-        (["render", "bin_sort", "--seed", "-1"], "from 0 on, got -1"),
-        (["render", "bin_sort", "--out", "/proc/run"], "/proc/run cannot be the folder"),
-        (["report", "OUT"], "There is no folder"),
-        (["eval", "--policy", "mine.py", "--out", "OUT"], "mine:MyPolicy for MyPolicy in mine.py"),
-        (["eval", "--policy", "mine.Mine", "--out", "OUT"], "mine:Mine for Mine in mine.py"),
-        (["serve", "--policy", "expert:human"], "expert:human reads the state of the simulator"),
-        (["evaluate"], "no verb 'evaluate'. Did you mean `duobench eval`?"),
-        (["export", "demos"], "Did you mean `duobench export lerobot demos`?"),
-        (["data", "chek", "demos"], "Did you mean `duobench data check`?"),
-        (["walk"], "There are: eval, report, "),
-        (
-            ["eval", "--task", "bin_sort"],
-            "duobench eval has no option --task. Did you mean --tasks?",
-        ),
-        (["eval", "--retry_brocken"], "Did you mean --retry-broken?"),
-        (["record", "--epsiodes=3"], "Did you mean --episodes?"),
-        (["eval", "--episodes", "ten"], "--episodes takes a whole number, not 'ten'"),
-        (["eval", "--act-timeout=long"], "--act-timeout takes a number, not 'long'"),
-        (["train", "pi0"], "takes act, diffusion, pi05 or xvla as policy, not 'pi0'"),
+        ("eval --policy exprt --out OUT", "Did you mean 'expert'"),
+        ("eval --policy hold --out OUT --tasks bin_sorts", "Did you mean 'bin_sort'"),
+        ("eval --policy hold --out OUT --tasks bin_sort bin_sort", "more than once: bin_sort"),
+        ("eval --policy hold --out OUT --episodes 0", "at least one episode"),
+        ("eval --policy no.such.module:make --out OUT", "no module named"),
+        ("eval --policy hold --out OUT --workers -3", "got -3"),
+        ("eval --policy hold --out /proc/run", "/proc/run cannot be the folder"),
+        ("eval --policy hold --out /proc/run", "give --out another folder; the same"),
+        ("eval --policy hold --out OUT --act-timeout 0", "limits are positive"),
+        ("eval --policy x\udcff:X --out OUT", r"'x\udcff:X'"),
+        ("eval --policy :x --out OUT", "is no `module:attribute`"),
+        ("render nothing", "Unknown task 'nothing'"),
+        ("render bin_sort --seed -1", "from 0 on, got -1"),
+        ("render bin_sort --out /proc/run", "/proc/run cannot be the folder"),
+        ("report OUT", "There is no folder"),
+        ("eval --policy mine.py --out OUT", "mine:MyPolicy for MyPolicy in mine.py"),
+        ("eval --policy mine.Mine --out OUT", "mine:Mine for Mine in mine.py"),
+        ("serve --policy expert:human", "expert:human reads the state of the simulator"),
+        ("evaluate", "no verb 'evaluate'. Did you mean `duobench eval`?"),
+        ("export demos", "Did you mean `duobench export lerobot demos`?"),
+        ("data chek demos", "Did you mean `duobench data check`?"),
+        ("walk", "There are: eval, report, "),
+        ("eval --task bin_sort", "duobench eval has no option --task. Did you mean --tasks?"),
+        ("eval --retry_brocken", "Did you mean --retry-broken?"),
+        ("record --epsiodes=3", "Did you mean --episodes?"),
+        ("eval --episodes ten", "--episodes takes a whole number, not 'ten'"),
+        ("eval --act-timeout=long", "--act-timeout takes a number, not 'long'"),
+        ("train pi0", "takes act, diffusion, pi05 or xvla as policy, not 'pi0'"),
     ],
 )
 def test_mistake_is_told_in_a_line_without_traceback(
-    words: list[str], message: str, tmp_path: Path
+    words: str, message: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(SystemExit) as left:
-        main([word.replace("OUT", str(tmp_path / "run")) for word in words])
-    assert str(left.value.code).startswith("error: ")
-    assert message in str(left.value.code)
-    assert "\n" not in str(left.value.code)
+    refused = refusal(*words.replace("OUT", str(tmp_path / "run")).split())
+    assert refused.startswith("error: ")
+    assert message in refused
+    assert "\n" not in refused
 
 
 def test_wrong_arguments_are_refused_with_the_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["eval", "--policy", "hold"])
-    assert left.value.code == 2
+    assert refusal("eval", "--policy", "hold") == "2"
     assert "--out" in capsys.readouterr().err
 
 
-def test_policy_of_a_wrong_name_can_be_corrected(tmp_path: Path) -> None:
-    words = ["eval", "--tasks", toy_tasks.WAVE_NAME, "--episodes", "1", "--videos", "0"]
-    words += ["--out", str(tmp_path / "run"), "--policy"]
+def test_policy_of_a_wrong_name_can_be_corrected(tmp_path: Path, evaluate: Told) -> None:
     with pytest.raises(SystemExit, match="no module named"):
-        main([*words, "nomod:Foo"])
-    main([*words, "hold", "--workers", "0"])
+        evaluate(tmp_path / "run", "--policy", "nomod:Foo")
+    evaluate(tmp_path / "run", "--policy", "hold")
     assert (tmp_path / "run" / "index.html").exists()
 
 
@@ -341,47 +309,39 @@ def test_broken_episodes_are_told_and_played_again(tmp_path: Path) -> None:
     for name in ("signal", "random", "queue", "tempfile", "socket"):
         (tmp_path / f"{name}.py").write_text("raise ImportError('not the real one')\n")
     (tmp_path / "mine.py").write_text(BREAKS_ONCE)
-    words = [
-        "eval",
-        "--policy",
-        "mine:Mine",
-        "--tasks",
-        toy_tasks.WAVE_NAME,
-        "--episodes",
-        "1",
-    ]
+    words = ["eval", "--policy", "mine:Mine", "--tasks", toy_tasks.WAVE_NAME, "--episodes", "1"]
     words += ["--videos", "0", "--out", "run"]
-    told = duobench(*words, folder=tmp_path)
-    assert told.returncode == 1
-    assert "wave, episode 0 failed with an error: SystemExit: 3" in told.stdout
-    assert "1 episode failed with an error" in told.stdout
-    assert "--retry-broken" in told.stdout
-    assert "Report: run/index.html" in told.stdout
-    assert duobench(*words, folder=tmp_path).returncode == 1
-    told = duobench(*words, "--retry-broken", folder=tmp_path)
-    assert told.returncode == 0, told.stdout + told.stderr
-    assert "failed" not in told.stdout
-
-
-def test_other_run_is_refused_with_its_command(tmp_path: Path) -> None:
-    words = ("--episodes", "1", "--videos", "0")
-    evaluate(tmp_path / "run", *words)
-    with pytest.raises(
-        SystemExit,
-        match=r"policy hold instead.*--out another folder, such as .*hold,.*--policy random",
+    done = duobench(*words, folder=tmp_path)
+    assert done.returncode == 1
+    for said in (
+        "wave, episode 0 failed with an error: SystemExit: 3",
+        "1 episode failed with an error",
+        "--retry-broken",
+        "Report: run/index.html",
     ):
-        evaluate(tmp_path / "run", *words, "--policy", "hold")
+        assert said in done.stdout
+    assert duobench(*words, folder=tmp_path).returncode == 1
+    done = duobench(*words, "--retry-broken", folder=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "failed" not in done.stdout
+
+
+def test_other_run_is_refused_with_its_command(tmp_path: Path, evaluate: Told) -> None:
+    evaluate(tmp_path / "run")
+    told = r"policy hold instead.*--out another folder, such as .*hold,.*--policy random"
+    with pytest.raises(SystemExit, match=told):
+        evaluate(tmp_path / "run", "--policy", "hold")
 
 
 @pytest.mark.parametrize("verb", ["eval", "record"])
 def test_folder_in_use_is_refused_with_who_uses_it(tmp_path: Path, verb: str) -> None:
     if verb == "record":
         DataSet.open(tmp_path)
-    told = f"wait until process {os.getpid()} is done. Give --out another folder."
     words = [verb, "--policy", "hold", "--tasks", toy_tasks.WAVE_NAME, "--workers", "0"]
-    lock = locked(tmp_path) if verb == "record" else RunFolder(tmp_path).writer()
-    with lock, pytest.raises(SystemExit, match=rf"Another process .*{told}$"):
-        main([*words, "--out", str(tmp_path)])
+    with locked(tmp_path) if verb == "record" else RunFolder(tmp_path).writer():
+        refused = refusal(*words, "--out", tmp_path)
+    assert "Another process " in refused
+    assert refused.endswith(f"wait until process {os.getpid()} is done. Give --out another folder.")
 
 
 def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: Path) -> None:
@@ -393,16 +353,10 @@ def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: 
     )
     words = ["eval", "--policy", "hold", "--tasks", toy_tasks.WAVE_NAME, "--episodes", "1"]
     words += ["--videos", "0", "--workers", "0", "--out", str(tmp_path / "run")]
-    told = subprocess.run(
-        [sys.executable, "-c", script, *words],
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert told.returncode == 1
-    assert told.stderr.startswith("error: Cannot write ")
-    assert "File too large. Nothing finished is lost. Make room" in told.stderr
+    done = python("-c", script, *words)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: Cannot write ")
+    assert "File too large. Nothing finished is lost. Make room" in done.stderr
     assert len(list(tmp_path.glob("run/records/*/*/*.json"))) == 1
     main(words)
 
@@ -417,22 +371,20 @@ def test_output_that_is_full_is_told_in_a_sentence() -> None:
     assert told.stderr == "error: the output: No space left on device. What is finished is kept.\n"
 
 
-def test_output_may_have_any_encoding(tmp_path: Path) -> None:
-    evaluate(tmp_path / "run", "--episodes", "1", "--videos", "0")
-    told = duobench("report", str(tmp_path / "run"), PYTHONIOENCODING="ascii")
-    assert told.returncode == 0, told.stderr
-    assert "All tasks" in told.stdout
+def test_output_may_have_any_encoding(tmp_path: Path, evaluate: Told) -> None:
+    evaluate(tmp_path / "run")
+    done = duobench("report", str(tmp_path / "run"), PYTHONIOENCODING="ascii")
+    assert done.returncode == 0, done.stderr
+    assert "All tasks" in done.stdout
 
 
 def test_table_of_a_folder_that_cannot_be_written_is_shown(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, evaluate: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    evaluate(tmp_path / "run", "--episodes", "1", "--videos", "0")
-    table = capsys.readouterr().out.partition("Task")[2].partition("Report")[0]
+    table = evaluate(tmp_path / "run").partition("Task")[2].partition("Report")[0]
     (tmp_path / "run" / "summary.json").unlink()
     (tmp_path / "run" / "summary.json").mkdir()
-    with pytest.raises(SystemExit, match="error: Cannot write"):
-        main(["report", str(tmp_path / "run")])
+    assert refusal("report", tmp_path / "run").startswith("error: Cannot write")
     assert capsys.readouterr().out.partition("Task")[2].partition("Report")[0] == table
 
 
@@ -455,9 +407,8 @@ def test_text_of_people_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().out == "policy [bold]x[/] :smile: [/nothing]\n"
 
 
-def test_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["--version"])
-    assert capsys.readouterr().out == f"duobench {__version__}\n"
+def test_version_is_told(told: Told) -> None:
+    assert told("--version") == f"duobench {__version__}\n"
 
 
 def test_interrupt_that_an_import_would_swallow_ends_the_run(tmp_path: Path) -> None:
@@ -469,10 +420,9 @@ def test_interrupt_that_an_import_would_swallow_ends_the_run(tmp_path: Path) -> 
         "    pass\n"
         "from tests.evaluation.toy_tasks import WAVE\n"
     )
-    told = duobench(
-        *("eval", "--policy", "hold", "--tasks", "swallows:WAVE", "--out", "run"), folder=tmp_path
-    )
-    assert (told.returncode, told.stdout, told.stderr) == (130, "", "\nStopped.\n")
+    words = ["eval", "--policy", "hold", "--tasks", "swallows:WAVE", "--out", "run"]
+    done = duobench(*words, folder=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "\nStopped.\n")
     assert not (tmp_path / "run").exists()
 
 
@@ -480,28 +430,31 @@ def test_interrupt_while_the_package_is_imported_is_answered_in_words(tmp_path: 
     (tmp_path / "gymnasium.py").write_text(
         "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n"
     )
-    told = subprocess.run(
-        [sys.executable, "-c", "from duobench_command import main; main()", "list"],
-        env={**ENVIRONMENT, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT / "src")])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert (told.returncode, told.stdout, told.stderr) == (130, "", "\nStopped.\n")
+    path = os.pathsep.join([str(tmp_path), str(ROOT / "src")])
+    script = "from duobench_command import main; main()"
+    done = python("-c", script, "list", PYTHONPATH=path)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "\nStopped.\n")
 
 
-@pytest.mark.parametrize("moment", ["starting", "playing", "pressed twice", "terminated"])
-def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
-    command = [sys.executable, "-m", "duobench", "eval", "--policy", "hold", "--episodes", "500"]
-    command += ["--tasks", toy_tasks.WAVE_NAME, "--videos", "0", "--workers", "2"]
+@contextmanager
+def started(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """A command of its own in a group of processes of its own."""
     with subprocess.Popen(
-        [*command, "--out", str(tmp_path / "run")],
+        [sys.executable, "-m", "duobench", *words],
         env=ENVIRONMENT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     ) as process:
+        yield process
+
+
+@pytest.mark.parametrize("moment", ["starting", "playing", "pressed twice", "terminated"])
+def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
+    words = ["eval", "--policy", "hold", "--episodes", "500", "--tasks", toy_tasks.WAVE_NAME]
+    words += ["--videos", "0", "--workers", "2", "--out", str(tmp_path / "run")]
+    with started(*words) as process:
         if moment == "starting":
             wait_until(lambda: workers(process.pid), "a worker")
         else:
@@ -511,35 +464,26 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
         if moment == "pressed twice":
             time.sleep(0.02)
             os.killpg(process.pid, signal.SIGINT)
-        told, complaint = process.communicate()
+        said, complaint = process.communicate()
     assert process.returncode == 128 + number
     # Who presses twice may cut off this line, and nothing else.
-    assert "the same command goes on" in told or moment in {"pressed twice", "terminated"}
+    assert "the same command goes on" in said or moment in {"pressed twice", "terminated"}
     assert complaint.strip() == "Stopped."
 
 
 def test_interrupted_recording_says_that_it_goes_on(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "duobench", "record", "--policy", "hold", "--keep-failures"]
-    with subprocess.Popen(
-        [*command, "--tasks", "bin_sort", "--workers", "0", "--out", str(tmp_path / "demos")],
-        env=ENVIRONMENT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
+    words = ["record", "--policy", "hold", "--keep-failures", "--tasks", "bin_sort"]
+    with started(*words, "--workers", "0", "--out", str(tmp_path / "demos")) as process:
         wait_until(lambda: list(tmp_path.glob("demos/episodes/*/*.parquet")), "an episode")
         process.send_signal(signal.SIGINT)
-        told, complaint = process.communicate()
+        said, complaint = process.communicate()
     assert (process.returncode, complaint.strip()) == (130, "Stopped.")
-    assert "What is finished is kept; the same command goes on from there." in told
+    assert "What is finished is kept; the same command goes on from there." in said
 
 
 def test_importing_the_command_line_loads_nothing_heavy() -> None:
-    script = "import sys, duobench.cli; print(*sorted(sys.modules))"
-    told = subprocess.run(
-        [sys.executable, "-c", script], env=ENVIRONMENT, capture_output=True, text=True, check=True
-    )
-    loaded = set(told.stdout.split())
+    done = python("-c", "import sys, duobench.cli; print(*sorted(sys.modules))")
+    loaded = set(done.stdout.split())
     assert "duobench.cli" in loaded
     heavy = {"tyro", "rich", "matplotlib", "jinja2", "av", "PIL", "duobench.evaluation"}
     assert loaded & heavy == set()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.cli import main
+from tests.cli.conftest import Told, refusal
 from tests.results.outcomes import play
 
 
@@ -17,10 +17,9 @@ def runs(tmp_path: Path) -> tuple[str, str]:
 
 
 def test_it_says_who_is_better_and_where_the_page_is(
-    runs: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    runs: tuple[str, str], tmp_path: Path, told: Told
 ) -> None:
-    main(["compare", *runs, "paper:ACT", "--out", str(tmp_path / "both")])
-    out = capsys.readouterr().out
+    out = told("compare", *runs, "paper:ACT", "--out", tmp_path / "both")
     assert "new is better than old in Sort: 12 of 12 episodes against 0 of 12" in out
     assert f"Comparison: {tmp_path / 'both' / 'index.html'}" in out
     assert (tmp_path / "both" / "index.html").is_file()
@@ -36,9 +35,7 @@ def test_it_says_who_is_better_and_where_the_page_is(
     ],
 )
 def test_what_cannot_be_compared_is_told(words: str, message: str, runs: tuple[str, str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["compare", *words.format(*runs).split()])
-    assert message.format(*runs) in str(left.value.code)
+    assert message.format(*runs) in refusal("compare", *words.format(*runs).split())
 
 
 def test_other_verbs_do_without_scipy() -> None:

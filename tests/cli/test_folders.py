@@ -1,23 +1,21 @@
 """A folder that is not of the kind that a verb takes: what it is, and what would do."""
 
-import json
 from pathlib import Path
 
 import pytest
 
-from duobench.cli import main
 from duobench.data import DataSet
+from tests.cli.conftest import Told, refusal
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(autouse=True)
+def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder with an empty data set and what looks like an evaluation, in which one works."""
     monkeypatch.chdir(tmp_path)
     DataSet.open("demos")
     run = tmp_path / "runs" / "x"
     run.mkdir(parents=True)
-    (run / "run.json").write_text(json.dumps({}))
-    return tmp_path
+    (run / "run.json").write_text("{}")
 
 
 @pytest.mark.parametrize(
@@ -33,14 +31,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("data split demos --out a b", "--fraction 0.8, or all of some tasks, such as --tasks"),
     ],
 )
-@pytest.mark.usefixtures("folder")
 def test_it_says_what_would_do(words: str, message: str) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(words.split())
-    assert message in str(left.value.code)
+    assert message in refusal(*words.split())
 
 
-@pytest.mark.usefixtures("folder")
-def test_nothing_to_recover_is_said(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["data", "recover", "demos"])
-    assert capsys.readouterr().out == "There is nothing to recover.\n"
+def test_nothing_to_recover_is_said(told: Told) -> None:
+    assert told("data", "recover", "demos") == "There is nothing to recover.\n"

@@ -1,7 +1,5 @@
 import hashlib
-import os
 import signal
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -18,18 +16,18 @@ from duobench.data import Actor, DataSet, Recording, stream
 from duobench.data.schema import INFO_KEY
 from duobench.data.stream import BATCH_ROWS, recover
 from duobench.errors import DataError, FileError, OtherRunError, OutputError
-from tests.data.tools import TASK, ended, equal, play, recorded, recorder, room
+from tests.data.tools import TASK, child_of, ended, equal, play, recorded, recorder, room
 from tests.envs.tools import wave
+from tests.evaluation.processes import wait_until
 
-CHILD = """
-import sys
-from pathlib import Path
-from tests.data.tools import play, recorder
-env = recorder(Path(sys.argv[1]), horizon=100_000)
-print("ready", flush=True)
-play(env, steps=20)
-play(env, steps=100_000, seed=1)
-"""
+
+def record(folder: Path) -> None:
+    """Record one short episode and one that never ends, until somebody kills this process."""
+    env = recorder(folder, horizon=100_000)
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+    play(env, steps=20)
+    play(env, steps=100_000, seed=1)
 
 
 @pytest.fixture(scope="module")
@@ -56,59 +54,41 @@ def test_it_is_plain_parquet(example: tuple[Path, Recording]) -> None:
     assert table.column("state")[-1].as_py() is not None
 
 
-def signed(text: bytes) -> dict[bytes, bytes]:
-    """What a file says of its episode, with the checksum that belongs to it."""
-    return {INFO_KEY: text, INFO_KEY + b".sha256": hashlib.sha256(text).hexdigest().encode()}
-
-
-def _cut(data: bytes) -> bytes:
-    return data[: len(data) // 2]
-
-
-def _flip(data: bytes) -> bytes:
-    middle = len(data) // 3
-    return (
-        data[:middle]
-        + bytes(255 - byte for byte in data[middle : middle + 64])
-        + data[middle + 64 :]
-    )
-
-
-@pytest.mark.parametrize("damage", [_cut, _flip, lambda _: b"", lambda _: b"PAR1" * 100])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "foreign"])
 def test_a_damaged_file_is_named_and_the_rest_stays_usable(
-    tmp_path: Path, example: tuple[Path, Recording], damage
+    tmp_path: Path, example: tuple[Path, Recording], damage: str
 ) -> None:
     data = DataSet.open(tmp_path)
     for name in ("a", "b"):
         example[1].write(data.episode(TASK, name))
     bad = data.episode(TASK, "a")
-    bad.write_bytes(damage(bad.read_bytes()))
+    content = bad.read_bytes()
+    third = len(content) // 3
+    flipped = bytes(255 - byte for byte in content[third : third + 64])
+    bad.write_bytes(
+        {
+            "cut": content[: len(content) // 2],
+            "flipped": content[:third] + flipped + content[third + 64 :],
+            "empty": b"",
+            "foreign": b"PAR1" * 100,
+        }[damage]
+    )
     with pytest.raises(DataError, match=r"a\.parquet"):
         Recording.read(bad)
     assert equal(Recording.read(data.episode(TASK, "b")), example[1])
 
 
-def test_a_word_that_was_changed_in_what_a_file_says_of_itself_is_found(
-    tmp_path: Path, example: tuple[Path, Recording]
-) -> None:
-    (good,) = DataSet.open(example[0]).episodes()
-    instruction = example[1].info.instruction.encode()
-    table, bad = pq.read_table(good), tmp_path / "changed.parquet"
-    metadata = dict(table.schema.metadata)
-    metadata[INFO_KEY] = metadata[INFO_KEY].replace(instruction, instruction.swapcase())
-    pq.write_table(table.replace_schema_metadata(metadata), bad)
-    for read in (Recording.read, Recording.read_info):
-        with pytest.raises(DataError, match=r"changed\.parquet: .*checksum is another one"):
-            read(bad)
-
-
-def changed(old: bytes, new: bytes) -> Callable[[pa.Table], pa.Table]:
-    """What a file says of its episode is something else, with its own checksum."""
+def changed(old: bytes, new: bytes, *, is_signed: bool = True) -> Callable[[pa.Table], pa.Table]:
+    """What a file says of its episode is something else, with a checksum that belongs to it."""
 
     def change(table: pa.Table) -> pa.Table:
-        text = table.schema.metadata[INFO_KEY]
-        assert old in text
-        return table.replace_schema_metadata(signed(text.replace(old, new)))
+        metadata = dict(table.schema.metadata)
+        assert old in metadata[INFO_KEY]
+        metadata[INFO_KEY] = metadata[INFO_KEY].replace(old, new)
+        if is_signed:
+            checksum = hashlib.sha256(metadata[INFO_KEY]).hexdigest()
+            metadata[INFO_KEY + b".sha256"] = checksum.encode()
+        return table.replace_schema_metadata(metadata)
 
     return change
 
@@ -117,16 +97,25 @@ def without_numbers(kind: pa.DataType, value: object) -> Callable[[pa.Table], pa
     return lambda table: table.set_column(0, "time", pa.array([value] * table.num_rows, kind))
 
 
+WHOLE = (Recording.read,)
+BOTH = (Recording.read, Recording.read_info)
+
+
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "message", "readers"),
     [
-        (lambda _: pa.table({"a": [1, 2]}), "no recording of DuoBench"),
-        (changed(b'"schema": 5', b'"schema": 4'), "Schema 4; this version reads 5"),
-        (changed(b'"schema": 5', b'"schema": 6'), "Schema 6; this version reads 5"),
-        (changed(b'"look": "default"', b'"look": "neon"'), r"x\.parquet.*Unknown look 'neon'"),
-        (lambda table: table.drop_columns(["sent"]), "missing: sent"),
-        (without_numbers(pa.string(), "x"), "'time' has type string"),
-        (without_numbers(pa.float64(), None), "'time' lacks values"),
+        (lambda _: pa.table({"a": [1, 2]}), "no recording of DuoBench", BOTH),
+        (changed(b'"schema": 5', b'"schema": 4'), "Schema 4; this version reads 5", BOTH),
+        (changed(b'"schema": 5', b'"schema": 6'), "Schema 6; this version reads 5", BOTH),
+        (
+            changed(b'"look": "default"', b'"look": "neon"'),
+            r"x\.parquet.*Unknown look 'neon'",
+            BOTH,
+        ),
+        (changed(b"default", b"DEFAULT", is_signed=False), "checksum is another one", BOTH),
+        (lambda table: table.drop_columns(["sent"]), "missing: sent", WHOLE),
+        (without_numbers(pa.string(), "x"), "'time' has type string", WHOLE),
+        (without_numbers(pa.float64(), None), "'time' lacks values", WHOLE),
     ],
 )
 def test_foreign_files_and_other_schemas_are_refused(
@@ -134,12 +123,14 @@ def test_foreign_files_and_other_schemas_are_refused(
     example: tuple[Path, Recording],
     change: Callable[[pa.Table], pa.Table],
     message: str,
+    readers: tuple[Callable[[Path], object], ...],
 ) -> None:
     (good,) = DataSet.open(example[0]).episodes()
     path = tmp_path / "x.parquet"
     pq.write_table(change(pq.read_table(good)), path)
-    with pytest.raises(DataError, match=message):
-        Recording.read(path)
+    for read in readers:
+        with pytest.raises(DataError, match=message):
+            read(path)
 
 
 @pytest.mark.parametrize("content", ["{}", "nothing", '{"schema": 9}'])
@@ -157,9 +148,7 @@ def test_folders_that_hold_something_else_are_left_alone(tmp_path: Path) -> None
         DataSet.open(tmp_path)
 
 
-def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_row(
-    tmp_path: Path,
-) -> None:
+def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_row(tmp_path: Path) -> None:
     expected = recorded(tmp_path / "whole", steps=60, horizon=80)
     env = recorder(tmp_path / "left", horizon=80)
     play(env, steps=60)
@@ -175,13 +164,8 @@ def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_row(
         np.testing.assert_array_equal(rows.state, expected.state[: len(rows) + 1])
         assert ended(rows).cut
     assert max(kept) >= 60 - BATCH_ROWS
-    for other in (
-        b"",
-        whole[:7],
-        whole[:100],
-        b"\xff" * 100,
-        whole.replace(b'"action": 1', b'"action":-1'),
-    ):
+    changed_sizes = whole.replace(b'"action": 1', b'"action":-1')
+    for other in (b"", whole[:7], whole[:100], b"\xff" * 100, changed_sizes):
         partial.write_bytes(other)
         with pytest.raises(DataError, match=r"00000\.part"):
             recover(partial)
@@ -191,20 +175,11 @@ def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_row(
 def test_a_killed_recording_loses_half_a_second_and_no_finished_episode(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     for attempt in range(3):
-        folder = tmp_path / str(attempt)
-        root = Path(__file__).parents[2]
-        child = subprocess.Popen(
-            [sys.executable, "-c", CHILD, str(folder)],
-            cwd=root,
-            env={**os.environ, "PYTHONPATH": f"{root / 'src'}:{root}"},
-            stdout=subprocess.PIPE,
-        )
+        data = DataSet(tmp_path / str(attempt))
+        child = child_of(__name__, data.path)
         assert child.stdout is not None
         child.stdout.readline()
-        data = DataSet(folder)
-        deadline = time.monotonic() + 60
-        while len(data.episodes()) < 1 and time.monotonic() < deadline:
-            time.sleep(0.01)
+        wait_until(data.episodes, "the first episode")
         time.sleep(float(rng.uniform(0.1, 0.5)))
         child.send_signal(signal.SIGKILL)
         child.communicate()
@@ -301,23 +276,17 @@ def test_what_was_left_is_not_thrown_away_for_another_episode(
     play(env, steps=30, seed=1)
     data = DataSet(tmp_path)
     (partial,) = data.partials()
-    left = partial.read_bytes()
+    left, same = partial.read_bytes(), recover(partial)
     env.discard()
-    for recording, is_same in ((example[1], False), (recover_from(partial, left), True)):
-        partial.write_bytes(left)
-        recording.write(data.episode(TASK, "00000"))
-        if is_same:
-            data.recover(partial)
-        else:
-            with pytest.raises(DataError, match="is another episode"):
-                data.recover(partial)
-        assert partial.exists() is not is_same
-    env.close()
-
-
-def recover_from(partial: Path, left: bytes) -> Recording:
     partial.write_bytes(left)
-    return recover(partial)
+    example[1].write(data.episode(TASK, "00000"))
+    with pytest.raises(DataError, match="is another episode"):
+        data.recover(partial)
+    assert partial.exists()
+    same.write(data.episode(TASK, "00000"))
+    data.recover(partial)
+    assert not partial.exists()
+    env.close()
 
 
 def test_no_recording_overwrites_what_was_put_in_its_place(
@@ -352,10 +321,9 @@ def test_no_recording_overwrites_what_was_put_in_its_place(
 def test_a_hostile_head_is_named(tmp_path: Path, head: bytes) -> None:
     path = tmp_path / "x.part"
     path.write_bytes(head + b"\0" * 1000)
-    with pytest.raises(DataError, match=r"x\.part"):
-        recover(path)
-    with pytest.raises(DataError, match=r"x\.part"):
-        stream.read_info(path)
+    for read in (recover, stream.read_info):
+        with pytest.raises(DataError, match=r"x\.part"):
+            read(path)
 
 
 @pytest.mark.parametrize("size", [-1, 0, 2**27, 2**62, 10**400])
@@ -372,3 +340,7 @@ def test_hostile_sizes_cost_nothing(tmp_path: Path, size: int) -> None:
     with pytest.raises(DataError):
         recover(other)
     env.close()
+
+
+if __name__ == "__main__":
+    record(Path(sys.argv[1]))

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -14,15 +15,14 @@ import pytest
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.arrange import merge
 from duobench.data.lerobot import statistics
-from duobench.data.lerobot.export import export_lerobot
+from duobench.data.lerobot.export import Exported, export_lerobot, write_videos
 from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.errors import DataError, OtherRunError, OutputError, RenderingError, UnknownNameError
 from duobench.files import locked
-from tests.data.tools import HORIZON, TASK, ended, play, recorder
+from tests.data.tools import HORIZON, SOURCES, TASK, child_of, data_of, ended, recorder, room
 from tests.evaluation.processes import children, is_running, wait_until
 
-ROOT = Path(__file__).parents[2]
 EPISODES = 3
 SMALL = ExportOptions(size=(32, 48))
 MIN_PSNR_DB = 25.0  # for tiny images, whose every edge is a frequency that the codec drops
@@ -31,12 +31,7 @@ COMMAND = ["export", "lerobot", "--size", "32", "48"]
 
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
-    folder = tmp_path_factory.mktemp("data") / "demos"
-    env = recorder(folder)
-    for seed in range(EPISODES):
-        play(env, seed=seed)
-    env.close()
-    return DataSet.open(folder)
+    return data_of(tmp_path_factory.mktemp("data") / "demos", EPISODES)
 
 
 @pytest.fixture(scope="module")
@@ -52,15 +47,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def start(data: DataSet, out: Path, workers: int) -> subprocess.Popen[str]:
-    source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
-    words = [*COMMAND, str(data.path), "--out", str(out), "--workers", str(workers)]
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "duobench", *words],
-        env={**os.environ, "PYTHONPATH": source},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    return child_of("duobench", *COMMAND, data.path, "--out", out, "--workers", workers)
 
 
 def frames(path: Path) -> list[np.ndarray]:
@@ -71,6 +58,11 @@ def frames(path: Path) -> list[np.ndarray]:
 def columns(folder: Path, index: int = 0) -> dict[str, np.ndarray]:
     table = pq.read_table(ExportFolder(folder).data(index))
     return {name: np.array(table.column(name).to_pylist()) for name in table.column_names}
+
+
+def export(data: DataSet, out: Path, **options: Any) -> Exported:
+    """An export without images, unless cameras are among the options, in this process."""
+    return export_lerobot(data, out, replace(SMALL, **{"cameras": (), **options}), workers=0)
 
 
 def test_rows_pair_what_was_seen_with_the_action_after_it(data: DataSet, exported: Path) -> None:
@@ -98,19 +90,15 @@ def test_videos_hold_every_frame_as_it_is_rendered(data: DataSet, exported: Path
 
 
 def test_a_look_changes_the_images_alone(data: DataSet, exported: Path, tmp_path: Path) -> None:
-    options = replace(SMALL, look="dark", cameras=("head",))
-    export_lerobot(data, tmp_path / "out", options, workers=0)
+    export(data, tmp_path / "out", look="dark", cameras=("head",))
     dark, usual = (ExportFolder(path).video("head", 0) for path in (tmp_path / "out", exported))
     assert np.mean(frames(dark)) < 0.8 * np.mean(frames(usual))
     one, two = columns(tmp_path / "out"), columns(exported)
     assert all(np.array_equal(one[name], two[name]) for name in two)
-    with pytest.raises(UnknownNameError, match="wood_table"):
-        replace(SMALL, look="wood_tabel")
 
 
 def test_delayed_pairing_shows_what_came_after_the_action(data: DataSet, tmp_path: Path) -> None:
-    options = replace(SMALL, pairing=Pairing.DELAYED, cameras=())
-    export_lerobot(data, tmp_path / "out", options, workers=0)
+    export(data, tmp_path / "out", pairing=Pairing.DELAYED)
     (recording, *_), rows = list(data.recordings()), columns(tmp_path / "out")
     np.testing.assert_array_equal(rows["observation.state"], recording.agent_pos[1:])
     np.testing.assert_array_equal(rows["action"], recording.action.astype(np.float32))
@@ -197,7 +185,7 @@ def test_files_named_as_the_standard_library_do_no_harm(
     command.write_text("from duobench.cli import main\nif __name__ == '__main__':\n    main()\n")
     done = subprocess.run(
         [sys.executable, str(command), *words, str(data.path), "--workers", "1"],
-        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        env={**os.environ, "PYTHONPATH": SOURCES},
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -220,18 +208,18 @@ def test_a_lost_file_is_made_again(data: DataSet, exported: Path, tmp_path: Path
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (replace(SMALL, size=(64, 64)), r"size \(64, 64\) instead of \(32, 48\)"),
-        (replace(SMALL, look="dark"), "look dark instead of default"),
-        (replace(SMALL, pairing=Pairing.DELAYED), "pairing delayed instead of causal"),
-        (replace(SMALL, cameras=("head",)), "cameras"),
+        ({"size": (64, 64)}, r"size \(64, 64\) instead of \(32, 48\)"),
+        ({"look": "dark"}, "look dark instead of default"),
+        ({"pairing": Pairing.DELAYED}, "pairing delayed instead of causal"),
+        ({"cameras": ("head",)}, "cameras"),
     ],
 )
 def test_other_options_are_refused_with_the_difference(
-    data: DataSet, exported: Path, options: ExportOptions, message: str
+    data: DataSet, exported: Path, options: dict[str, Any], message: str
 ) -> None:
     before = files(exported)
     with pytest.raises(OtherRunError, match=message):
-        export_lerobot(data, exported, options, workers=0)
+        export_lerobot(data, exported, replace(SMALL, **options), workers=0)
     assert files(exported) == before
 
 
@@ -243,11 +231,10 @@ def copy(data: DataSet, tmp_path: Path) -> DataSet:
 
 
 def test_another_data_set_is_refused(copy: DataSet, tmp_path: Path) -> None:
-    options = replace(SMALL, cameras=())
-    export_lerobot(copy, tmp_path / "out", options, workers=0)
+    export(copy, tmp_path / "out")
     copy.episodes()[0].unlink()
     with pytest.raises(OtherRunError, match="episodes 1 removed"):
-        export_lerobot(copy, tmp_path / "out", options, workers=0)
+        export(copy, tmp_path / "out")
 
 
 def test_a_damaged_recording_stops_before_anything_is_written(
@@ -256,7 +243,7 @@ def test_a_damaged_recording_stops_before_anything_is_written(
     bad = copy.episodes()[1]
     bad.write_bytes(bad.read_bytes()[:-100])
     with pytest.raises(DataError, match=bad.name):
-        export_lerobot(copy, tmp_path / "out", SMALL, workers=0)
+        export(copy, tmp_path / "out", cameras=SMALL.cameras)
     assert not (tmp_path / "out").exists()
 
 
@@ -267,10 +254,9 @@ def test_a_recording_that_changes_meanwhile_stops_the_export(copy: DataSet, tmp_
         if done == HORIZON:
             second.write_bytes(first.read_bytes())
 
+    options = replace(SMALL, cameras=())
     with pytest.raises(DataError, match=f"{second.name} has changed"):
-        export_lerobot(
-            copy, tmp_path / "out", replace(SMALL, cameras=()), workers=0, progress=change
-        )
+        export_lerobot(copy, tmp_path / "out", options, workers=0, progress=change)
 
 
 def test_only_kept_episodes_are_exported(copy: DataSet, tmp_path: Path) -> None:
@@ -278,32 +264,38 @@ def test_only_kept_episodes_are_exported(copy: DataSet, tmp_path: Path) -> None:
     recording = Recording.read(path)
     outcome = replace(ended(recording), kept=False, reason="A test.")
     replace(recording, info=replace(recording.info, outcome=outcome)).write(path)
-    options = replace(SMALL, cameras=())
-    done = export_lerobot(copy, tmp_path / "out", options, workers=0)
+    done = export(copy, tmp_path / "out")
     assert (done.episodes, done.left_out) == (EPISODES - 1, 1)
     with pytest.raises(DataError, match="no episode to export"):
-        export_lerobot(copy, tmp_path / "no", replace(options, only_successes=True), workers=0)
+        export(copy, tmp_path / "no", only_successes=True)
 
 
 def test_a_folder_of_something_else_is_left_alone(data: DataSet, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("precious")
     with pytest.raises(OtherRunError, match="not empty"):
-        export_lerobot(data, tmp_path, SMALL, workers=0)
+        export(data, tmp_path)
     with pytest.raises(DataError, match="lies in the data set"):
-        export_lerobot(data, data.path / "out", SMALL, workers=0)
+        export(data, data.path / "out")
     with locked(tmp_path / "out"), pytest.raises(OutputError, match="Another process"):
-        export_lerobot(data, tmp_path / "out", SMALL, workers=0)
+        export(data, tmp_path / "out")
 
 
-def test_what_cannot_be_is_refused(data: DataSet, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="even"):
-        ExportOptions(size=(33, 48))
-    with pytest.raises(RenderingError, match="1280x720"):
-        ExportOptions(size=(722, 48))
-    with pytest.raises(UnknownNameError, match="left_wrist"):
-        ExportOptions(cameras=("left_wrists",))
-    with pytest.raises(UnknownNameError, match=TASK):
-        export_lerobot(data, tmp_path / "out", ExportOptions(tasks=("sort_bin",)))
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"size": (33, 48)}, DataError, "even"),
+        ({"size": (722, 48)}, RenderingError, "1280x720"),
+        ({"cameras": ("left_wrists",)}, UnknownNameError, "left_wrist"),
+        ({"look": "wood_tabel"}, UnknownNameError, "wood_table"),
+        ({"action": "cartesian_relatif"}, UnknownNameError, "cartesian_relative"),
+        ({"tasks": ("sort_bin",)}, UnknownNameError, TASK),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    data: DataSet, tmp_path: Path, options: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        export(data, tmp_path / "out", **options)
     with pytest.raises(DataError, match="workers"):
         export_lerobot(data, tmp_path / "out", replace(SMALL, cameras=()), workers=-1)
 
@@ -318,8 +310,7 @@ def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path
         env.step(action.ravel())
     env.close()
     data = DataSet.open(tmp_path / "data")
-    options = ExportOptions(cameras=(), action_source=ActionSource.GIVEN)
-    done = export_lerobot(data, tmp_path / "given", options, workers=0)
+    done = export(data, tmp_path / "given", action_source=ActionSource.GIVEN)
     assert done.residual is not None
     assert done.residual.targets == 2 * HORIZON
     assert done.residual.max_position < 1e-4
@@ -329,37 +320,30 @@ def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path
     np.testing.assert_allclose(given, recording.sent, atol=0.05)
     np.testing.assert_array_equal(given[:, [7, 15]], 0.5)
     assert not np.array_equal(given, recording.sent)
-    export_lerobot(data, tmp_path / "sent", ExportOptions(cameras=()), workers=0)
+    export(data, tmp_path / "sent")
     sent = columns(tmp_path / "sent")["action"]
     np.testing.assert_array_equal(sent, recording.sent.astype(np.float32))
 
 
-FULL_DISK = """
-import sys
-from pathlib import Path
-import numpy as np
-from duobench.data.lerobot.export import write_videos
-from duobench.errors import OutputError
-from tests.data.tools import room
-paths = {name: Path(sys.argv[1]) / f"{name}.mp4" for name in "ab"}
-frame = np.random.default_rng(0).integers(0, 255, (128, 128, 3), dtype=np.uint8)
-try:
-    with room(int(sys.argv[2])):
-        write_videos((dict.fromkeys("ab", frame) for _ in range(40)), paths)
-except OutputError as error:
-    print(error)
-"""
-
-
 @pytest.mark.parametrize("size", [20, 1000, 40_000])
 def test_a_full_disk_is_said_and_crashes_nothing(tmp_path: Path, size: int) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, str(tmp_path), str(size)],
-        env={**os.environ, "PYTHONPATH": f"{ROOT / 'src'}:{ROOT}"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Cannot write" in done.stdout
+    done = child_of(__name__, tmp_path, size)
+    said, complaint = done.communicate()
+    assert done.returncode == 0, complaint
+    assert "Cannot write" in said
     assert not list(tmp_path.iterdir())
+
+
+def fill_a_disk(folder: Path, size: int) -> None:
+    """Write two videos where files grow to a number of bytes, and say the error."""
+    paths = {name: folder / f"{name}.mp4" for name in "ab"}
+    frame = np.random.default_rng(0).integers(0, 255, (128, 128, 3), dtype=np.uint8)
+    try:
+        with room(size):
+            write_videos((dict.fromkeys("ab", frame) for _ in range(40)), paths)
+    except OutputError as error:
+        sys.stdout.write(str(error))
+
+
+if __name__ == "__main__":
+    fill_a_disk(Path(sys.argv[1]), int(sys.argv[2]))

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -17,13 +18,13 @@ from duobench.data.schema import Domain
 from duobench.envs import action_labels
 from duobench.envs.action_labels import LABELS, POSE_LABELS, rotations_from_columns
 from duobench.envs.config import LAYOUT
-from duobench.errors import ActionError, DataError, PolicyError, SeveralTasksError, UnknownNameError
+from duobench.errors import ActionError, DataError, PolicyError, SeveralTasksError
 from duobench.evaluation import policies
 from duobench.evaluation.rollout import rollout
 from duobench.policy import lerobot_checkpoint as labels
 from duobench.randomness import SUITE_VERSION
 from duobench.spatial import SE3, product
-from tests.data.tools import HORIZON, TASK, play, recorder
+from tests.data.tools import HORIZON, TASK, data_of, recorder
 
 SHORT_TASK = "carry_pot"
 TOOLS = ("cartesian", "cartesian_relative")
@@ -83,22 +84,19 @@ def test_object_states_are_those_that_an_environment_shows(data: DataSet, tmp_pa
 
 
 def test_object_states_of_several_tasks_need_a_folder_each(data: DataSet, tmp_path: Path) -> None:
-    both = DataSet.open(tmp_path / "both")
+    both = data_of(tmp_path / "both", 1)
     path = data.episodes()[0]
     both.add(SHORT_TASK, path.stem, path.read_bytes())
-    env = recorder(both.path)
-    play(env)
-    env.close()
-    options = ExportOptions(cameras=(), object_state=True)
+    out, options = tmp_path / "out", ExportOptions(cameras=(), object_state=True)
     with pytest.raises(SeveralTasksError, match="bin_sort, carry_pot"):
-        export_lerobot(both, tmp_path / "out", options, workers=0)
-    assert not (tmp_path / "out").exists()
+        export_lerobot(both, out, options, workers=0)
+    assert not out.exists()
     with pytest.raises(SystemExit, match="--per-task"):
         main(["export", "lerobot", str(both.path), "--out", "out", "--object-state"])
-    done = export_lerobot(both, tmp_path / "out", options, per_task=True, workers=0)
+    done = export_lerobot(both, out, options, per_task=True, workers=0)
     assert done.episodes == 2
     for task in (TASK, SHORT_TASK):
-        info = json.loads((tmp_path / "out" / task / "meta/info.json").read_text())
+        info = json.loads((out / task / "meta/info.json").read_text())
         assert info["total_episodes"] == 1
 
 
@@ -195,8 +193,6 @@ def test_names_say_what_actions_are() -> None:
         assert found is not None
         assert found.mode == mode
     assert action_labels.find(POSE_LABELS[::-1]) is None
-    with pytest.raises(UnknownNameError, match="cartesian_relative"):
-        ExportOptions(action="cartesian_relatif")
 
 
 def test_a_checkpoint_whose_actions_are_not_known_is_rejected(tmp_path: Path) -> None:
@@ -211,22 +207,21 @@ def test_a_checkpoint_whose_actions_are_not_known_is_rejected(tmp_path: Path) ->
             labels.labels_of(tmp_path, 16)
 
 
-def test_real_episodes_have_no_object_states(data: DataSet, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"domain": Domain.REAL, "first_hash": None, "last_hash": None}, "real table"),
+        ({"suite_version": "4"}, f"is of suite 4; this version exports suite {SUITE_VERSION}"),
+    ],
+)
+def test_real_episodes_have_no_object_states_and_other_suites_are_not_exported(
+    data: DataSet, tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
     (recording,) = data.recordings()
-    info = replace(recording.info, domain=Domain.REAL, first_hash=None, last_hash=None)
-    path = DataSet.open(tmp_path / "real").episode(SHORT_TASK, "00000")
-    replace(recording, info=info, state=np.empty((len(recording) + 1, 0))).write(path)
-    options = ExportOptions(cameras=(), object_state=True)
-    with pytest.raises(DataError, match="real table"):
-        export_lerobot(DataSet.open(tmp_path / "real"), tmp_path / "out", options, workers=0)
-
-
-def test_episodes_of_another_suite_are_not_exported(data: DataSet, tmp_path: Path) -> None:
-    (recording,) = data.recordings()
-    info = replace(recording.info, suite_version="4")
-    path = DataSet.open(tmp_path / "old").episode(SHORT_TASK, "00000")
-    replace(recording, info=info).write(path)
-    with pytest.raises(
-        DataError, match=f"is of suite 4; this version exports suite {SUITE_VERSION}"
-    ):
-        export_lerobot(DataSet.open(tmp_path / "old"), tmp_path / "out", workers=0)
+    info = replace(recording.info, **changes)
+    state = np.empty((len(recording) + 1, 0)) if info.is_real else recording.state
+    other = DataSet.open(tmp_path / "other")
+    replace(recording, info=info, state=state).write(other.episode(SHORT_TASK, "00000"))
+    options = ExportOptions(cameras=(), object_state=info.is_real)
+    with pytest.raises(DataError, match=message):
+        export_lerobot(other, tmp_path / "out", options, workers=0)

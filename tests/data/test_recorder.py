@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -63,16 +64,18 @@ def test_any_row_can_be_continued_from_to_the_last_bit(tmp_path: Path) -> None:
         np.testing.assert_array_equal(sim.simulation.get_state(), rows.state[number + 1])
 
 
-@pytest.mark.parametrize("how", ["reset", "close"])
-def test_an_episode_that_is_left_early_is_kept_and_says_so(tmp_path: Path, how: str) -> None:
+@pytest.mark.parametrize(("how", "steps"), [("reset", 9), ("close", 9), ("close", 0)])
+def test_an_episode_that_is_left_early_is_kept_and_says_so(
+    tmp_path: Path, how: str, steps: int
+) -> None:
     env = recorder(tmp_path)
-    play(env, steps=9)
+    play(env, steps)
     if how == "reset":
         env.reset(seed=1)
         env.discard()
     env.close()
     rows = only(tmp_path)
-    assert len(rows) == 9
+    assert (len(rows), len(rows.state)) == (steps, steps + 1)
     assert ended(rows).cut
     assert how in str(ended(rows).reason)
 
@@ -86,22 +89,6 @@ def test_an_episode_that_the_arms_end_says_why(tmp_path: Path) -> None:
     outcome = ended(only(tmp_path))
     assert (outcome.cut, outcome.kept, outcome.reason) == (False, True, "Somebody came too near.")
     env.close()
-
-
-def test_a_reset_alone_is_an_episode_without_actions(tmp_path: Path) -> None:
-    rows = recorded(tmp_path, steps=0)
-    assert len(rows) == 0
-    assert len(rows.state) == 1
-
-
-def test_an_action_that_was_refused_is_not_recorded(tmp_path: Path) -> None:
-    env = recorder(tmp_path)
-    observation, _ = env.reset(seed=0)
-    env.step(observation["agent_pos"])
-    with pytest.raises(ActionError):
-        env.step(np.full(16, np.nan))
-    env.close()
-    assert len(only(tmp_path)) == 1
 
 
 def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(tmp_path: Path) -> None:
@@ -121,10 +108,9 @@ def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(tmp_path: Path) -
 
 def test_discarded_episodes_leave_nothing(tmp_path: Path) -> None:
     env = recorder(tmp_path)
-    play(env, steps=20)
-    env.discard()
-    env.step(env.reset(seed=1)[0]["agent_pos"])
-    env.discard()
+    for steps in (20, 1):
+        play(env, steps)
+        env.discard()
     env.close()
     data = DataSet.open(tmp_path)
     assert not data.episodes()
@@ -132,13 +118,11 @@ def test_discarded_episodes_leave_nothing(tmp_path: Path) -> None:
 
 
 def test_names_count_on_and_are_never_overwritten(tmp_path: Path) -> None:
-    env = recorder(tmp_path)
-    for _ in range(2):
-        play(env, steps=3)
-    env.close()
-    other = recorder(tmp_path)
-    play(other, steps=3)
-    other.close()
+    for episodes in (2, 1):
+        env = recorder(tmp_path)
+        for _ in range(episodes):
+            play(env, steps=3)
+        env.close()
     assert [path.stem for path in DataSet.open(tmp_path).episodes()] == ["00000", "00001", "00002"]
     env = recorder(tmp_path)
     env.next_name = "00001"
@@ -148,19 +132,17 @@ def test_names_count_on_and_are_never_overwritten(tmp_path: Path) -> None:
 
 def test_two_recorders_at_once_take_different_names(tmp_path: Path) -> None:
     first, second = recorder(tmp_path), recorder(tmp_path)
-    first.reset(seed=0)
-    second.reset(seed=0)
+    for env in (first, second):
+        env.reset(seed=0)
     first.close()
     second.close()
     assert len(DataSet.open(tmp_path).episodes()) == 2
-    third = recorder(tmp_path)
-    third.next_name = "x"
-    third.reset(seed=0)
-    fourth = recorder(tmp_path)
-    fourth.next_name = "x"
+    first, second = recorder(tmp_path), recorder(tmp_path)
+    first.next_name = second.next_name = "x"
+    first.reset(seed=0)
     with pytest.raises(DataError, match="being recorded by another process"):
-        fourth.reset(seed=0)
-    third.close()
+        second.reset(seed=0)
+    first.close()
 
 
 def test_recorders_say_where_they_belong(tmp_path: Path) -> None:
@@ -188,12 +170,15 @@ def test_a_restored_state_is_not_recorded_as_if_actions_led_there(tmp_path: Path
 
 
 @pytest.mark.parametrize("wanted", [0.5, [1.0, 2.0], np.full(16, np.nan)])
-def test_what_cannot_have_been_wanted_is_refused(tmp_path: Path, wanted: object) -> None:
+def test_actions_that_were_refused_are_not_recorded(tmp_path: Path, wanted: Any) -> None:
     env = recorder(tmp_path)
-    env.reset(seed=0)
-    with pytest.raises(ActionError):
-        env.intend(wanted)  # pyright: ignore[reportArgumentType]
+    observation, _ = env.reset(seed=0)
+    env.step(observation["agent_pos"])
+    for take in (env.intend, env.step):
+        with pytest.raises(ActionError):
+            take(wanted)
     env.close()
+    assert len(only(tmp_path)) == 1
 
 
 def test_actions_are_named_by_the_wrapper_that_takes_them(tmp_path: Path) -> None:

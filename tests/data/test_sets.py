@@ -1,9 +1,9 @@
 """Data sets as a whole: looked at, checked, merged and split, in Python and by their commands."""
 
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +20,14 @@ from duobench.data.summary import summarize
 from duobench.errors import DataError, OutputError, UnknownNameError
 from duobench.files import locked
 from duobench.tasks import catalog
-from tests.data.tools import HORIZON, TASK, ended, play, recorded, recorder
+from tests.data.tools import HORIZON, TASK, data_of, ended, recorded
 
 EPISODES = 4
 
 
 @pytest.fixture(scope="module")
 def original(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
-    folder = tmp_path_factory.mktemp("data") / "demos"
-    env = recorder(folder, split="train")
-    for seed in range(EPISODES):
-        play(env, seed=seed)
-    env.close()
-    return DataSet.open(folder)
+    return data_of(tmp_path_factory.mktemp("data") / "demos", EPISODES, split="train")
 
 
 @pytest.fixture
@@ -72,15 +67,12 @@ def with_column(name: str, row: int, value: float) -> Callable[[Recording], Reco
 # --- check ---------------------------------------------------------------------------------------
 
 
-def test_a_sound_data_set_has_no_problems(original: DataSet) -> None:
+def test_a_sound_data_set_has_no_problems(original: DataSet, tmp_path: Path) -> None:
     seen = []
     assert find_problems(original, progress=lambda *numbers: seen.append(numbers)) == []
     assert seen == [(done, EPISODES) for done in range(EPISODES + 1)]
-
-
-def test_an_episode_without_a_time_limit_has_no_problems(tmp_path: Path) -> None:
     recorded(tmp_path, steps=3, horizon=None, max_episode_steps=-1)
-    assert find_problems(DataSet.open(tmp_path), workers=0) == []
+    assert find_problems(DataSet.open(tmp_path), workers=0) == [], "without a time limit"
 
 
 @pytest.mark.parametrize(
@@ -121,38 +113,45 @@ def test_a_damaged_file_and_a_leftover_are_named_by_the_command(
     with pytest.raises(SystemExit, match="1"):
         main(["data", "check", str(data.path), "--workers", "2"])
     out = capsys.readouterr().out
-    assert f"{path}: Cannot read" in out
-    assert "00009.part: Its recording was interrupted" in out
-    assert f"{EPISODES} episodes, 2 problems" in out
+    for said in (
+        f"{path}: Cannot read",
+        "00009.part: Its recording was interrupted",
+        f"{EPISODES} episodes, 2 problems",
+    ):
+        assert said in out
 
 
 # --- merge and split -----------------------------------------------------------------------------
 
 
-def test_a_split_follows_from_its_seed(original: DataSet, tmp_path: Path) -> None:
+def test_a_split_follows_from_its_seed_and_takes_whole_tasks(
+    original: DataSet, tmp_path: Path
+) -> None:
     chosen = []
     for name, seed in (("a", 0), ("b", 0), *((str(seed), seed) for seed in range(1, 9))):
         split(original, tmp_path / name, tmp_path / f"not-{name}", fraction=0.5, seed=seed)
         chosen.append([path.name for path in DataSet.open(tmp_path / name).episodes()])
     assert chosen[0] == chosen[1]
     assert len({tuple(names) for names in chosen}) > 1
-
-
-def test_a_split_by_task_takes_all_of_it(original: DataSet, tmp_path: Path) -> None:
-    assert split(original, tmp_path / "a", tmp_path / "b", tasks=[TASK]) == (EPISODES, 0)
+    assert split(original, tmp_path / "all", tmp_path / "none", tasks=[TASK]) == (EPISODES, 0)
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"fraction": 0.5, "tasks": [TASK]}, {"fraction": 0.0}, {"fraction": 1.5}]
+    ("options", "error", "word"),
+    [
+        ({}, DataError, "fraction"),
+        ({"fraction": 0.5, "tasks": [TASK]}, DataError, "fraction"),
+        ({"fraction": 0.0}, DataError, "fraction"),
+        ({"fraction": 1.5}, DataError, "fraction"),
+        ({"tasks": ["sort_bin"]}, UnknownNameError, TASK),
+    ],
 )
 def test_a_split_that_says_nothing_is_refused(
-    original: DataSet, tmp_path: Path, options: dict[str, Any]
+    original: DataSet, tmp_path: Path, options: dict[str, Any], error: type[Exception], word: str
 ) -> None:
-    with pytest.raises(DataError, match="fraction"):
+    with pytest.raises(error, match=word):
         split(original, tmp_path / "a", tmp_path / "b", **options)
     assert not (tmp_path / "a").exists()
-    with pytest.raises(UnknownNameError, match=TASK):
-        split(original, tmp_path / "a", tmp_path / "b", tasks=["sort_bin"])
 
 
 def test_names_that_clash_are_refused_or_renamed(
@@ -253,37 +252,22 @@ def test_commands_at_a_limit_are_counted(data: DataSet) -> None:
 def test_smoothness_of_labels_is_measured(
     data: DataSet, steps: list[float], reversals: int, jumps: int
 ) -> None:
-    def change(recording: Recording) -> Recording:
+    for path in data.episodes():
+        recording = Recording.read(path)
         action = np.zeros_like(recording.action)
         action[2 : 2 + len(steps), 3] = np.cumsum(steps)
         action[2 + len(steps) :, 3] = sum(steps)
-        return replace(recording, action=action)
-
-    for path in data.episodes():
-        change(Recording.read(path)).write(path)
+        replace(recording, action=action).write(path)
     (task,) = summarize(data).tasks
     assert task.smoothness.reversals == reversals
     assert task.smoothness.jumps == pytest.approx(jumps / HORIZON)
 
 
 def test_experts_are_named_once(data: DataSet) -> None:
+    named = with_info(actor=Actor(kind=ActorKind.EXPERT, name="expert:human"))
     for path in data.episodes():
-        actor = Actor(kind=ActorKind.EXPERT, name="expert:human")
-        with_info(actor=actor)(Recording.read(path)).write(path)
+        named(Recording.read(path)).write(path)
     assert summarize(data).tasks[0].actors == ("expert:human",)
-
-
-class Page(HTMLParser):
-    """Collects the addresses in a page."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.addresses: list[str] = []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:  # noqa: ARG002
-        self.addresses += [value for name, value in attrs if name in {"href", "src"} and value]
 
 
 def test_page_works_offline_and_shows_every_task(
@@ -293,7 +277,7 @@ def test_page_works_offline_and_shows_every_task(
     page = data.path / "index.html"
     assert f"Page: {page}" in capsys.readouterr().out
     text = page.read_text(encoding="utf-8")
-    addresses = Page(text).addresses
+    addresses = re.findall(r'\b(?:href|src)="([^"]+)"', text)
     assert f"#task-{TASK}" in addresses
     assert sum(address.startswith("data:image/jpeg;base64,") for address in addresses) == 1
     assert all(address.startswith(("#", "data:")) for address in addresses)
@@ -304,14 +288,13 @@ def test_page_works_offline_and_shows_every_task(
     assert find_problems(data) == []
 
 
-def test_an_empty_data_set_is_no_page(tmp_path: Path) -> None:
-    DataSet.open(tmp_path / "empty")
-    with pytest.raises(SystemExit, match="holds no episode"):
-        main(["data", "info", str(tmp_path / "empty")])
-
-
-def test_an_episode_without_actions_adds_up_to_nothing(tmp_path: Path) -> None:
+def test_an_episode_without_actions_adds_up_to_nothing_and_no_episode_is_no_page(
+    tmp_path: Path,
+) -> None:
     recorded(tmp_path / "zero", steps=0)
     summary = summarize(DataSet.open(tmp_path / "zero"))
     assert (summary.episodes, summary.frames, summary.joints) == (1, 0, ())
     write_page(DataSet.open(tmp_path / "zero"), summary, images=False)
+    DataSet.open(tmp_path / "empty")
+    with pytest.raises(SystemExit, match="holds no episode"):
+        main(["data", "info", str(tmp_path / "empty")])

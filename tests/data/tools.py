@@ -1,6 +1,9 @@
 """Small recordings for tests: a short episode of one task, in whatever way it is to end."""
 
+import os
 import resource
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,12 +17,34 @@ from tests.envs.tools import wave
 
 TASK = "bin_sort"
 HORIZON = 40
+ROOT = Path(__file__).parents[2]
+SOURCES = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
 
 
 def recorder(folder: Path, **options: Any) -> Recorder:
     """An environment of forty steps without images, which records."""
     options = {"cameras": False, "horizon": HORIZON} | options
     return Recorder(duobench.make(TASK, **options), folder, Actor(name="wave"))
+
+
+def data_of(folder: Path, episodes: int, **options: Any) -> DataSet:
+    """A data set of whole episodes, of the seeds from 0 on."""
+    env = recorder(folder, **options)
+    for seed in range(episodes):
+        play(env, seed=seed)
+    env.close()
+    return DataSet.open(folder)
+
+
+def child_of(*command: object) -> subprocess.Popen[str]:
+    """A module of these tests as a program of its own, which finds the package and the tests."""
+    return subprocess.Popen(
+        [sys.executable, "-m", *map(str, command)],
+        env={**os.environ, "PYTHONPATH": SOURCES},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def play(env: Recorder, steps: int = HORIZON, seed: int = 0) -> list[dict[str, Any]]:

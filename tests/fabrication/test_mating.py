@@ -28,6 +28,11 @@ BAR_Z = TOP - gate.RING_THICKNESS / 2
 KEY_Z = TOP - gate.RING_THICKNESS + gate.KEY[1] / 2
 STAY = (maze_board.BAR[1] + maze_board.STAY) / 2
 RIM = maze_board.EDGE / 2
+FLOOR, GRIP = "board_0-floor", "board_0-grip"
+OUTSIDE = (RIM - 1e-6, STAY, 0.0)
+DOVETAIL_END = (RIM - maze_board.DOVETAIL[0] + 1e-6, STAY, 0.0)
+SLOT_END = (DOVETAIL_END[0] - 0.0002, STAY, 0.0)
+MIDDLE = (0, 0, gate.RING_HEIGHT)
 HOLE = (hexagon_peg.HEXAGON.x, 0.0, 0.015)
 FLAT = (0.0, math.cos(math.pi / 6), math.sin(math.pi / 6))
 
@@ -40,21 +45,11 @@ PLACES = {
     ("hinge_chest/chest/lid", "hole in the barrel, diameter"): ("chest-lid", BARREL, Z),
     ("pour_marbles/left_cup", "inside, between flats"): ("left_cup", (0, 0, 0.04), X),
     ("pour_marbles/right_cup", "inside, between flats"): ("right_cup", (0, 0, 0.04), Y),
-    ("ball_maze/board/floor", "slot for a dovetail, at the rim's outside"): (
-        *("board_0-floor", (RIM - 1e-6, STAY, 0.0), Y),
-    ),
-    ("ball_maze/board/floor", "slot for a dovetail, at its end"): (
-        *("board_0-floor", (RIM - maze_board.DOVETAIL[0] - 0.0002 + 1e-6, STAY, 0.0), Y),
-    ),
-    ("ball_maze/board/grip", "dovetail where it leaves the stay"): (
-        *("board_0-grip", (RIM - 1e-6, STAY, 0.0), Y),
-    ),
-    ("ball_maze/board/grip", "dovetail at its end"): (
-        *("board_0-grip", (RIM - maze_board.DOVETAIL[0] + 1e-6, STAY, 0.0), Y),
-    ),
-    ("ball_maze/board/grip", "bar, thickness"): (
-        *("board_0-grip", (maze_board.GRIP_OFFSET, 0.0, 0.0), X),
-    ),
+    ("ball_maze/board/floor", "slot for a dovetail, at the rim's outside"): (FLOOR, OUTSIDE, Y),
+    ("ball_maze/board/floor", "slot for a dovetail, at its end"): (FLOOR, SLOT_END, Y),
+    ("ball_maze/board/grip", "dovetail where it leaves the stay"): (GRIP, OUTSIDE, Y),
+    ("ball_maze/board/grip", "dovetail at its end"): (GRIP, DOVETAIL_END, Y),
+    ("ball_maze/board/grip", "bar, thickness"): (GRIP, (maze_board.GRIP_OFFSET, 0.0, 0.0), X),
     ("join_blocks/light_block", "peg, either way across"): ("light_block", PEG_SIDE, Y),
     ("join_blocks/dark_block", "sockets, either way across"): ("dark_block", SOCKET, Y),
     ("join_blocks/wall", "peg, either way across"): ("wall", WALL_PEG, Y),
@@ -64,9 +59,7 @@ PLACES = {
     ("transfer_gate/gate/post", "key in the slot"): ("gate-post", (0, 0, KEY_Z), X),
     ("transfer_gate/gate/ring", "bar of the ring, across"): ("gate-ring", (0.02, 0, BAR_Z), Y),
     ("transfer_gate/gate/ring", "notch for the key"): ("gate-ring", (0, 0, KEY_Z), X),
-    ("transfer_gate/gate/ring", "opening, between flats"): (
-        *("gate-ring", (0, 0, gate.RING_HEIGHT), X),
-    ),
+    ("transfer_gate/gate/ring", "opening, between flats"): ("gate-ring", MIDDLE, X),
     ("transfer_reorient/peg", "between flats"): ("peg", (0, 0, 0), Z),
     ("transfer_reorient/board", "hexagonal hole, between flats"): ("board", HOLE, Y),
 }
@@ -152,15 +145,12 @@ def test_the_post_has_its_play_in_the_base(way: tuple[float, ...]) -> None:
 
 
 def test_the_ring_lies_on_the_floor_of_its_slot_over_the_key() -> None:
-    up = (0.0, 0.0, 1.0)
-    floor = reach("transfer_gate", "gate-post", (0.01, 0.0, 0.1), up)
-    bar = reach("transfer_gate", "gate-ring", (0.01, 0.0, 0.1), up)
+    both = ("gate-post", "gate-ring")
+    floor, bar = (reach("transfer_gate", of, (0.01, 0.0, 0.1), Z) for of in both)
     assert bar == pytest.approx(floor, abs=NEAR)
-    key = reach("transfer_gate", "gate-post", (0.0, 0.0, 0.1), up)
-    notch = reach("transfer_gate", "gate-ring", (0.0, 0.0, 0.1), up)
+    key, notch = (reach("transfer_gate", of, (0.0, 0.0, 0.1), Z) for of in both)
     assert notch - key == pytest.approx(0.2, abs=NEAR)
-    slot = width("transfer_gate", "gate-post", (0.01, 0, BAR_Z), Y)
-    across = width("transfer_gate", "gate-ring", (0.01, 0, BAR_Z), Y)
+    slot, across = (width("transfer_gate", of, (0.01, 0, BAR_Z), Y) for of in both)
     assert (slot - across) / 2 == pytest.approx(0.2, abs=NEAR)
 
 

@@ -50,23 +50,15 @@ def test_what_is_lifted_is_solid_and_has_a_target_mass(name: str) -> None:
 
 
 def test_what_stands_still_is_what_may_be_lighter() -> None:
-    light = {
-        f"{name}/{each.body}"
-        for name in TASKS
-        for each in recipe_of(job(name)).objects
-        if each.mass_g is None
-    }
-    still = {
-        f"{name}/{prop.name}"
-        for name in TASKS
-        for prop in catalog.get(name).props
-        if prop.fixed
-        and prop.name not in {bought for item in job(name).bought for bought in item.props}
-    }
-    assert light == still
-    assert light == {
-        f"{name}/{body}" for name, task in known.details().items() for body in task.fixing
-    }
+    objects = [(name, each) for name in TASKS for each in recipe_of(job(name)).objects]
+    light = {f"{name}/{each.body}" for name, each in objects if each.mass_g is None}
+    still = set()
+    for name in TASKS:
+        bought = {prop for item in job(name).bought for prop in item.props}
+        fixed = {prop.name for prop in catalog.get(name).props if prop.fixed}
+        still |= {f"{name}/{prop}" for prop in fixed - bought}
+    details = known.details().items()
+    assert light == still == {f"{name}/{body}" for name, task in details for body in task.fixing}
     assert "hinge_chest/chest/lid" not in light
 
 

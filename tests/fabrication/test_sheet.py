@@ -23,6 +23,7 @@ from duobench.types import Array
 from tests.pdfs import Read, read_pdf
 
 CONTACT_LINE, RULER_LINE = 0.4, 0.3
+BIN_SORT = catalog.get("bin_sort")
 
 
 def prop_of(task: str, name: str) -> Prop:
@@ -121,32 +122,24 @@ def test_all_tiles_together_show_every_outline_once(name: str, paper: Paper) -> 
 
 @pytest.mark.parametrize("paper", Paper)
 def test_an_outline_is_in_its_place_and_has_its_true_size(paper: Paper) -> None:
-    task = catalog.get("bin_sort")
-    layout = turned(task)
-    cube = layout.poses["white_cube"]
-    expected = {
-        tuple((1000 * cube.apply([x, y, 0.0])[:2]).round(1).tolist())
-        for x in (-0.016, 0.016)
-        for y in (-0.016, 0.016)
-    }
-    found = set()
-    for tile in sheets(task, layout, "a test", paper)[1:]:
+    layout = turned(BIN_SORT)
+    cube, half = layout.poses["white_cube"], 0.016
+    corners = [(x, y, 0.0) for x in (-half, half) for y in (-half, half)]
+    expected = [1000 * cube.apply(corner)[:2] for corner in corners]
+    width, height = tile_size(paper)
+    left, bottom = (paper.size[0] - width) / 2, paper.size[1] - 12 - height
+    found = []
+    for tile in sheets(BIN_SORT, layout, "a test", paper)[1:]:
         corner = re.search(r"lower left corner: x (-?\d+), y (-?\d+) mm", "\n".join(tile.texts))
         assert corner is not None
-        width, height = tile_size(paper)
-        left, bottom = (paper.size[0] - width) / 2, paper.size[1] - 12 - height
         for across, up in tile.lines(CONTACT_LINE).reshape(-1, 2):
-            x, y = int(corner[1]) + up - bottom, int(corner[2]) - (across - left)
-            found.add((round(float(x), 1), round(float(y), 1)))
-    assert all(min(math.dist(corner, other) for other in found) < 0.15 for corner in expected), (
-        expected,
-        found,
-    )
+            found.append((int(corner[1]) + up - bottom, int(corner[2]) - (across - left)))
+    for corner in expected:
+        assert min(math.dist(corner, other) for other in found) < 0.15, (expected, found)
 
 
 def test_rulers_are_a_hundred_millimetres_long() -> None:
-    task = catalog.get("bin_sort")
-    for tile in sheets(task, turned(task))[1:]:
+    for tile in sheets(BIN_SORT, turned(BIN_SORT))[1:]:
         ruled = tile.lines(RULER_LINE)
         lengths = np.linalg.norm(ruled[:, 0] - ruled[:, 1], axis=1)
         rulers = ruled[np.abs(lengths - 100) < 1e-3]
@@ -156,10 +149,9 @@ def test_rulers_are_a_hundred_millimetres_long() -> None:
 
 
 def test_places_are_written_in_millimetres_and_degrees() -> None:
-    task = catalog.get("bin_sort")
-    poses = {**neutral_layout(task).poses, "white_cube": SE3.at(0.5231, -0.2014, 0.016, yaw=0.5)}
-    first, *_ = sheets(task, Layout(poses=poses), "seed 4 (a test)")
-    text = "\n".join(first.texts)
+    here = SE3.at(0.5231, -0.2014, 0.016, yaw=0.5)
+    layout = Layout(poses={**neutral_layout(BIN_SORT).poses, "white_cube": here})
+    text = "\n".join(sheets(BIN_SORT, layout, "seed 4 (a test)")[0].texts)
     assert "white_cube: x 523.1, y -201.4 mm, yaw 28.6°" in text
     assert "seed 4 (a test)" in text
 
@@ -174,4 +166,4 @@ def test_a_maze_is_named_and_its_ball_is_placed() -> None:
 
 def test_an_incomplete_layout_is_refused() -> None:
     with pytest.raises(UnknownNameError, match="object of the layout 'white_cube'"):
-        layout_sheet(catalog.get("bin_sort"), Layout(poses={}))
+        layout_sheet(BIN_SORT, Layout(poses={}))

@@ -1,6 +1,7 @@
 """Episodes as vla-eval plays them are those of the evaluation, number by number; its parameters."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from duobench.envs.duo_env import ResetNeededError
-from duobench.errors import DuoBenchError, OptionError, PolicyError, UnknownNameError
+from duobench.errors import OptionError, PolicyError, UnknownNameError
 from duobench.interop.episodes import Episodes, format_for, tasks_by_id
 from duobench.policy import PolicyMetadata
 from duobench.policy.serving.message_format import MessageFormat, read_format
@@ -19,6 +20,7 @@ from duobench.runners.evaluate import evaluate
 from duobench.tasks import catalog
 from tests.evaluation import toy_tasks
 
+TWO_SIZES = {"head": [96, 96], "left_wrist": [1, 1], "right_wrist": [1, 1]}
 BLIND = MessageFormat(state={"state": ("left_arm", "left_gripper")})
 UP = {1: -1.7, 3: -0.2}
 """Targets of joints of the left arm that lift its tool, in radians."""
@@ -102,6 +104,8 @@ def test_images_are_rendered_for_whoever_sees_them_and_no_others() -> None:
 def test_broken_actions_end_the_episode_and_the_next_can_be_played(episodes: Episodes) -> None:
     with pytest.raises(ResetNeededError, match="begin one"):
         episodes.execute(np.zeros(16))
+    with pytest.raises(UnknownNameError, match="Unknown task"):
+        episodes.begin("bin_sotr", 0)
     turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
     for broken in (np.full(16, np.nan), np.zeros(14), np.zeros((0, 16)), None, "text"):
         with pytest.raises(PolicyError):
@@ -112,36 +116,29 @@ def test_broken_actions_end_the_episode_and_the_next_can_be_played(episodes: Epi
 
 @pytest.mark.parametrize("mode", ["joint", "joint_relative", "cartesian", "cartesian_relative"])
 def test_hold_action_keeps_the_arms_where_they_are(tmp_path: Path, mode: str) -> None:
-    order = '["left_arm", "right_arm", "left_gripper", "right_gripper"]'
-    text = f'[actions]\nmode = "{mode}"\norder = {order}'
     path = tmp_path / "mine.toml"
-    path.write_text(text)
-    episodes = Episodes(read_format(str(path)), horizon=20)
-    assert not episodes.hold_action(None).any()
-    turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
-    before = turn.observation["tcp_pose"]
-    for _ in range(5):
-        turn = episodes.execute(episodes.hold_action(None))
-    np.testing.assert_allclose(turn.observation["tcp_pose"], before, atol=2e-3)
-    last = np.arange(sum(episodes.message_format.action_sizes.values()), dtype=np.float32)
-    held = episodes.hold_action([last - 1, last])
-    assert held.shape == last.shape
-    np.testing.assert_array_equal(held[-2:], last[-2:])
-    np.testing.assert_array_equal(held[:-2], 0 if mode.endswith("relative") else last[:-2])
-    episodes.close()
+    order = '["left_arm", "right_arm", "left_gripper", "right_gripper"]'
+    path.write_text(f'[actions]\nmode = "{mode}"\norder = {order}')
+    with closing(Episodes(read_format(str(path)), horizon=20)) as episodes:
+        assert not episodes.hold_action(None).any()
+        turn = episodes.begin(toy_tasks.WAVE_NAME, 0)
+        before = turn.observation["tcp_pose"]
+        for _ in range(5):
+            turn = episodes.execute(episodes.hold_action(None))
+        np.testing.assert_allclose(turn.observation["tcp_pose"], before, atol=2e-3)
+        last = np.arange(sum(episodes.message_format.action_sizes.values()), dtype=np.float32)
+        held = episodes.hold_action([last - 1, last])
+        assert held.shape == last.shape
+        np.testing.assert_array_equal(held[-2:], last[-2:])
+        np.testing.assert_array_equal(held[:-2], 0 if mode.endswith("relative") else last[:-2])
 
 
-def test_environment_that_does_not_exist_is_refused_at_once(episodes: Episodes) -> None:
-    wrong: list[dict[str, Any]] = [
-        {"control_rate_hz": 10},
-        {"horizon": 0},
-        {"binary_gripper": "yes"},
-    ]
-    for options in wrong:
-        with pytest.raises(OptionError):
-            Episodes(BLIND, **options)
-    with pytest.raises(UnknownNameError, match="Unknown task"):
-        episodes.begin("bin_sotr", 0)
+@pytest.mark.parametrize(
+    "options", [{"control_rate_hz": 10}, {"horizon": 0}, {"binary_gripper": "yes"}]
+)
+def test_environment_that_does_not_exist_is_refused_at_once(options: dict[str, Any]) -> None:
+    with pytest.raises(OptionError):
+        Episodes(BLIND, **options)
 
 
 DEFAULTS: dict[str, Any] = {
@@ -156,10 +153,6 @@ DEFAULTS: dict[str, Any] = {
 
 def chosen(**options: Any) -> MessageFormat:
     return format_for(**DEFAULTS | options)
-
-
-def test_without_parameters_it_is_the_format() -> None:
-    assert chosen() == read_format("vla_eval")
 
 
 @pytest.mark.parametrize(
@@ -180,6 +173,7 @@ def test_control_mode_and_frame_are_an_action_mode(
 
 
 def test_what_is_shown_can_be_less() -> None:
+    assert chosen() == read_format("vla_eval")
     message_format = chosen(send_state=False, send_wrist_image=False, camera_resolution=[96, 128])
     assert dict(message_format.images) == {"images.head": "head"}
     assert not message_format.state
@@ -187,42 +181,37 @@ def test_what_is_shown_can_be_less() -> None:
 
 
 @pytest.mark.parametrize(
-    "resolution", [(48, 64), {name: [48, 64] for name in ("head", "left_wrist", "right_wrist")}]
+    ("resolution", "size"),
+    [
+        ((48, 64), (48, 64)),
+        ({name: [48, 64] for name in ("head", "left_wrist", "right_wrist")}, (48, 64)),
+        (96, (96, 96)),
+        ({"head": 224}, (224, 224)),
+        ({}, (224, 224)),
+    ],
 )
-def test_resolution_is_one_for_all_images(resolution: object) -> None:
-    assert chosen(camera_resolution=resolution).image_size == (48, 64)
-    assert chosen(camera_resolution=96).image_size == (96, 96)
-    assert chosen(camera_resolution={"head": 224}).image_size == (224, 224)
-    assert chosen(camera_resolution={}).image_size == (224, 224)
+def test_resolution_is_one_for_all_images(resolution: object, size: tuple[int, int]) -> None:
+    assert chosen(camera_resolution=resolution).image_size == size
 
 
 @pytest.mark.parametrize(
-    ("options", "error", "message"),
+    ("options", "message"),
     [
-        ({"control_mode": "cartesian_trpy"}, OptionError, "joints with none or"),
-        (
-            {"control_mode": "cartesian_tquat", "relative_to": "last_step"},
-            OptionError,
-            "rotation vector",
-        ),
-        ({"relative_to": "configured_origin"}, OptionError, "configured_origin"),
-        ({"camera_resolution": {"head": [96, 96]}}, OptionError, "one size"),
-        (
-            {"camera_resolution": {"head": [96, 96], "left_wrist": [1, 1], "right_wrist": [1, 1]}},
-            OptionError,
-            "one size",
-        ),
-        ({"camera_resolution": {"haed": [96, 96]}}, UnknownNameError, "Did you mean 'head'"),
-        ({"camera_resolution": [9000, 96]}, OptionError, "at most"),
-        ({"camera_resolution": [96]}, OptionError, "height, width"),
-        ({"camera_resolution": "96"}, OptionError, "height, width"),
-        ({"camera_resolution": {"head": None}}, OptionError, "height, width"),
-        ({"name": "vla_evl"}, UnknownNameError, "Did you mean 'vla_eval'"),
+        ({"control_mode": "cartesian_trpy"}, "joints with none or"),
+        ({"control_mode": "cartesian_tquat", "relative_to": "last_step"}, "rotation vector"),
+        ({"relative_to": "configured_origin"}, "configured_origin"),
+        ({"camera_resolution": {"head": [96, 96]}}, "one size"),
+        ({"camera_resolution": TWO_SIZES}, "one size"),
+        ({"camera_resolution": {"haed": [96, 96]}}, "Did you mean 'head'"),
+        ({"camera_resolution": [9000, 96]}, "at most"),
+        ({"camera_resolution": [96]}, "height, width"),
+        ({"camera_resolution": "96"}, "height, width"),
+        ({"camera_resolution": {"head": None}}, "height, width"),
+        ({"name": "vla_evl"}, "Did you mean 'vla_eval'"),
     ],
 )
-def test_what_there_is_not_is_refused_in_words(
-    options: dict[str, Any], error: type[DuoBenchError], message: str
-) -> None:
+def test_what_there_is_not_is_refused_in_words(options: dict[str, Any], message: str) -> None:
+    error = UnknownNameError if message.startswith("Did you mean") else OptionError
     with pytest.raises(error, match=message):
         chosen(**options)
 

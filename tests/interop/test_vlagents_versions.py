@@ -9,15 +9,6 @@ from duobench.interop import vlagents
 from duobench.policy import make
 
 
-def install(monkeypatch: pytest.MonkeyPatch, **versions: str) -> None:
-    def version(name: str) -> str:
-        if name not in versions:
-            raise PackageNotFoundError(name)
-        return versions[name]
-
-    monkeypatch.setattr(vlagents, "version", version)
-
-
 @pytest.mark.parametrize(
     ("versions", "told"),
     [
@@ -31,11 +22,15 @@ def install(monkeypatch: pytest.MonkeyPatch, **versions: str) -> None:
 def test_other_versions_are_refused_by_name(
     monkeypatch: pytest.MonkeyPatch, versions: dict[str, str], told: str
 ) -> None:
-    install(monkeypatch, **versions)
+    installed = {"vlagents": "0.3.1", "rpyc": "6.0.2"}
+
+    def version(name: str) -> str:
+        if name not in installed:
+            raise PackageNotFoundError(name)
+        return installed[name]
+
+    monkeypatch.setattr(vlagents, "version", version)
+    vlagents.check_versions()
+    installed = versions
     with pytest.raises(DuoBenchError, match=f"{told}.*pip install"):
         make("duobench.interop.vlagents:served_agent")
-
-
-def test_version_that_is_spoken_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
-    install(monkeypatch, vlagents="0.3.1", rpyc="6.0.2")
-    vlagents.check_versions()

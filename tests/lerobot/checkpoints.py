@@ -54,14 +54,8 @@ def statistics(config: Any, key: str) -> dict[str, torch.Tensor]:
     generator = torch.Generator().manual_seed(len(key))
     middle = 0.1 * torch.randn(size, generator=generator)
     spread = torch.full(size, 0.05)
-    return {
-        "mean": middle,
-        "std": spread,
-        "min": middle - spread,
-        "max": middle + spread,
-        "q01": middle - spread,
-        "q99": middle + spread,
-    }
+    low, high = middle - spread, middle + spread
+    return {"mean": middle, "std": spread, "min": low, "max": high, "q01": low, "q99": high}
 
 
 def act(folder: Path, **options: Any) -> Path:

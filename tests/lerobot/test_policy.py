@@ -5,7 +5,7 @@ Runs in an environment with LeRobot, which `make test-lerobot` makes.
 
 import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +49,7 @@ def test_weights_that_pi05_fails_to_load_without_a_word_are_noticed(
     tmp_path: Path, folders: dict[str, Path]
 ) -> None:
     folder = shutil.copytree(folders["pi05"], tmp_path / "pi05")
-    act = folders["act"] / "model.safetensors"
-    shutil.copy(act, folder / "model.safetensors")
+    shutil.copy(folders["act"] / "model.safetensors", folder)
     with pytest.raises(DuoBenchError, match="weights of the model are not those of"):
         load(folder)
 
@@ -71,14 +70,15 @@ def observation(number: int) -> dict[str, Any]:
     }
 
 
-def alone(made: LeRobotPolicy) -> SessionPolicy:
-    return SessionPolicy(made, Batching(size=1))
+def begun(made: LeRobotPolicy, seed: int = SEED) -> SessionPolicy:
+    """A policy alone, whose episode has begun."""
+    played = SessionPolicy(made, Batching(size=1))
+    played.reset(INSTRUCTION, seed)
+    return played
 
 
 def chunk_of(made: LeRobotPolicy, seed: int = SEED, number: int = 0) -> np.ndarray:
-    played = alone(made)
-    played.reset(INSTRUCTION, seed)
-    return np.asarray(played.act(observation(number)))
+    return np.asarray(begun(made, seed).act(observation(number)))
 
 
 class Loop:
@@ -104,18 +104,14 @@ def test_a_chunk_of_act_is_what_lerobots_loop_executes(folders: dict[str, Path])
     loop = Loop(folders["act"])
     expected = [loop.action(observation(0)) for _ in range(30)]
     np.testing.assert_array_equal(chunk_of(load(folders["act"])), expected)
+    np.testing.assert_array_equal(chunk_of(load(folders["act"], "&steps=10")), expected[:10])
 
 
 def test_diffusion_sees_consecutive_observations_as_in_lerobots_loop(
     folders: dict[str, Path],
 ) -> None:
-    steps = 8
-    loop, made = (
-        Loop(folders["diffusion"], n_action_steps=steps),
-        load(folders["diffusion"], f"&steps={steps}"),
-    )
-    played = alone(made)
-    played.reset(INSTRUCTION, SEED)
+    folder, steps = folders["diffusion"], 8
+    loop, played = Loop(folder, n_action_steps=steps), begun(load(folder, f"&steps={steps}"))
     executed: list[np.ndarray] = []
     while len(executed) < 3 * steps:
         executed.extend(np.asarray(played.act(observation(len(executed)))))
@@ -167,26 +163,19 @@ def test_a_batch_may_hold_episodes_that_need_the_model_and_some_that_do_not(
     assert (len(first), len(single), len(chunk)) == (14, 1, 14)
 
 
-def test_metadata_say_what_the_checkpoint_sees_and_what_it_is(folders: dict[str, Path]) -> None:
-    metadata = load(folders["act"]).metadata
-    assert metadata.cameras == CAMERAS
-    assert metadata.image_size == (SIZE, SIZE)
-    assert "float32 on cpu" in (metadata.version or "")
-
-
-def test_a_version_changes_with_what_decides_the_actions(tmp_path: Path) -> None:
+def test_metadata_say_what_the_checkpoint_sees_and_what_decides_the_actions(
+    tmp_path: Path,
+) -> None:
     folder = checkpoints.act(tmp_path / "act")
-    version = load(folder).metadata.version
+    metadata = load(folder).metadata
+    assert (metadata.cameras, metadata.image_size) == (CAMERAS, (SIZE, SIZE))
+    version = metadata.version
+    assert "float32 on cpu" in (version or "")
     (folder / "train_config.json").write_text("{}")
     assert load(folder).metadata.version == version
     assert load(folder, "&steps=10").metadata.version != version
     checkpoints.act(folder, latent_dim=8)
     assert load(folder).metadata.version != version
-
-
-def test_fewer_actions_are_the_first_ones(folders: dict[str, Path]) -> None:
-    whole = chunk_of(load(folders["act"]))
-    np.testing.assert_array_equal(chunk_of(load(folders["act"], "&steps=10")), whole[:10])
 
 
 def test_cameras_that_were_renamed_for_training_are_shown_under_their_names(
@@ -195,13 +184,10 @@ def test_cameras_that_were_renamed_for_training_are_shown_under_their_names(
     names = tuple(f"camera{number}" for number in range(len(CAMERAS)))
     folder = checkpoints.act(tmp_path / "act", **checkpoints.features(names))
     before = folder / "policy_preprocessor.json"
-    text = before.read_text()
-    images = "observation.images."
-    renames = ", ".join(
-        f'"{images}{old}": "{images}{new}"' for old, new in zip(CAMERAS, names, strict=True)
-    )
+    text, images = before.read_text(), "observation.images."
+    renames = {images + old: images + new for old, new in zip(CAMERAS, names, strict=True)}
     assert '"rename_map": {}' in text
-    before.write_text(text.replace('"rename_map": {}', f'"rename_map": {{{renames}}}'))
+    before.write_text(text.replace('"rename_map": {}', f'"rename_map": {json.dumps(renames)}'))
     made = load(folder)
     assert made.metadata.cameras == CAMERAS
     assert np.isfinite(chunk_of(made)).all()
@@ -220,8 +206,7 @@ def test_objects_are_seen_as_numbers_and_names_say_what_actions_are(tmp_path: Pa
     metadata = made.metadata
     assert (metadata.cameras, metadata.object_state) == ((), True)
     assert metadata.action_mode == "cartesian"
-    played = alone(made)
-    played.reset(INSTRUCTION, SEED)
+    played = begun(made)
     chunk = np.asarray(played.act({**observation(0), "environment_state": objects}))
     assert chunk.shape == (30, 16)
     lengths = np.linalg.norm(chunk.reshape(-1, 8)[:, 3:7], axis=1)
@@ -250,18 +235,11 @@ def _ensembling(folder: Path) -> Path:
     return folder
 
 
-def _other_sizes(folder: Path) -> Path:
+def _seeing(key: str, kind: FeatureType, shape: tuple[int, ...]) -> Callable[[Path], Path]:
+    """A checkpoint that sees one feature more, or one in another shape."""
     features = checkpoints.features()
-    shape = (3, SIZE, 2 * SIZE)
-    key = "observation.images.head"
-    features["input_features"][key] = PolicyFeature(FeatureType.VISUAL, shape)
-    return checkpoints.act(folder, **features)
-
-
-def _more_state(folder: Path) -> Path:
-    features = checkpoints.features()
-    features["input_features"]["observation.more"] = PolicyFeature(FeatureType.ENV, (3,))
-    return checkpoints.act(folder, **features)
+    features["input_features"][f"observation.{key}"] = PolicyFeature(kind, shape)
+    return lambda folder: checkpoints.act(folder, **features)
 
 
 def _training(folder: Path) -> Path:
@@ -294,8 +272,12 @@ def _missing_weights(folder: Path) -> Path:
         (_wide, "&action=cartesian", "14 numbers, those of mode 'cartesian' 20"),
         (_misspelt, "", "did you mean observation.images.left_wrist"),
         (_ensembling, "", "temporal_ensemble_coeff"),
-        (_other_sizes, "", "left_wrist 64x64"),
-        (_more_state, "", "also sees observation.more"),
+        (
+            _seeing("images.head", FeatureType.VISUAL, (3, SIZE, 2 * SIZE)),
+            "",
+            "left_wrist 64x64",
+        ),
+        (_seeing("more", FeatureType.ENV, (3,)), "", "also sees observation.more"),
         (_training, "", "Did you mean .*checkpoints/last/pretrained_model"),
         (_old, "", "migrate_policy_normalization"),
         (_missing_weights, "", "Missing key"),

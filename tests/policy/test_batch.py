@@ -138,10 +138,11 @@ def test_dynamic_batches_hold_what_waits_and_no_more_than_fits(
     assert [session.call for session in sessions] == [1, 0, 1, 1, 1]
 
 
+Pair = tuple[InferenceLoop, Network, list[Session]]
+
+
 @pytest.fixture
-def pair(
-    loops: list[InferenceLoop], monkeypatch: pytest.MonkeyPatch
-) -> tuple[InferenceLoop, Network, list[Session]]:
+def pair(loops: list[InferenceLoop], monkeypatch: pytest.MonkeyPatch) -> Pair:
     """A loop that waits as long as a test may take, and two sessions that it answered together."""
     monkeypatch.setattr(inference_module, "PATIENCE", float("inf"))
     monkeypatch.setattr(inference_module, "LONGEST_WAIT_S", 2.0 * TIMEOUT_S)
@@ -156,9 +157,7 @@ def pair(
     return loop, policy, sessions
 
 
-def test_batch_waits_for_the_episodes_of_the_last_one(
-    pair: tuple[InferenceLoop, Network, list[Session]],
-) -> None:
+def test_batch_waits_for_the_episodes_of_the_last_one(pair: Pair) -> None:
     loop, policy, (first, second) = pair
     early = loop.act(first, OBSERVATION)
     loop.begin("Begin meanwhile.", 2).result(TIMEOUT_S)
@@ -168,9 +167,7 @@ def test_batch_waits_for_the_episodes_of_the_last_one(
     assert policy.sizes == [2, 2]
 
 
-def test_nobody_waits_for_an_episode_that_is_over(
-    pair: tuple[InferenceLoop, Network, list[Session]],
-) -> None:
+def test_nobody_waits_for_an_episode_that_is_over(pair: Pair) -> None:
     loop, policy, (first, second) = pair
     early = loop.act(first, OBSERVATION)
     loop.end(second)
@@ -178,13 +175,10 @@ def test_nobody_waits_for_an_episode_that_is_over(
     assert policy.sizes == [2, 1]
 
 
-def test_wait_for_a_silent_episode_ends(
-    pair: tuple[InferenceLoop, Network, list[Session]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wait_for_a_silent_episode_ends(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
     loop, policy, (first, second) = pair
     monkeypatch.setattr(inference_module, "LONGEST_WAIT_S", 0.01)
-    both = [loop.act(session, OBSERVATION) for session in (first, second)]
-    for future in both:
+    for future in [loop.act(session, OBSERVATION) for session in (first, second)]:
         future.result(TIMEOUT_S)
     loop.act(first, OBSERVATION).result(TIMEOUT_S)
     assert policy.sizes == [2, 2, 1]

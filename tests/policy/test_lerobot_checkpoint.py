@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from duobench import policy
-from duobench.errors import DuoBenchError, PolicyError, UnknownNameError
+from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation import policies
 from duobench.policy import lerobot_checkpoint as checkpoint
 from duobench.policy.lerobot_checkpoint import Address, parse
@@ -26,10 +26,6 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_whole_checkpoint_is_found(folder: Path) -> None:
-    assert checkpoint.find(str(folder)) == folder
-
-
 @pytest.mark.parametrize("name", FILES)
 def test_the_hash_is_that_of_every_file_that_decides(folder: Path, name: str) -> None:
     before = checkpoint.content_hash(folder)
@@ -42,6 +38,7 @@ def test_the_hash_is_that_of_every_file_that_decides(folder: Path, name: str) ->
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_missing_file_is_named(folder: Path, name: str) -> None:
+    assert checkpoint.find(str(folder)) == folder
     (folder / name).unlink()
     with pytest.raises(PolicyError, match=name):
         checkpoint.find(str(folder))
@@ -75,21 +72,20 @@ def test_a_name_says_which_checkpoint_and_how_it_runs(text: str, expected: Addre
 
 
 @pytest.mark.parametrize(
-    ("text", "error", "message"),
+    ("text", "message"),
     [
-        ("", PolicyError, "lerobot:PATH_OR_ID"),
-        ("?steps=3", PolicyError, "lerobot:PATH_OR_ID"),
-        ("a?step=3", UnknownNameError, "Did you mean 'steps'"),
-        ("a?steps=0", PolicyError, "1 or more, got '0'"),
-        ("a?steps=ten", PolicyError, "1 or more, got 'ten'"),
-        ("a?steps=٣", PolicyError, "1 or more"),
-        ("a?device=", PolicyError, "needs one value"),
-        ("a?steps=3&steps=4", PolicyError, "needs one value"),
+        ("", "lerobot:PATH_OR_ID"),
+        ("?steps=3", "lerobot:PATH_OR_ID"),
+        ("a?step=3", "Did you mean 'steps'"),
+        ("a?steps=0", "1 or more, got '0'"),
+        ("a?steps=ten", "1 or more, got 'ten'"),
+        ("a?steps=٣", "1 or more"),
+        ("a?device=", "needs one value"),
+        ("a?steps=3&steps=4", "needs one value"),
     ],
 )
-def test_a_name_that_says_nothing_clear_is_rejected(
-    text: str, error: type[DuoBenchError], message: str
-) -> None:
+def test_a_name_that_says_nothing_clear_is_rejected(text: str, message: str) -> None:
+    error = UnknownNameError if "Did you mean" in message else PolicyError
     with pytest.raises(error, match=message):
         parse(text)
 

@@ -55,23 +55,17 @@ def test_unknown_name_lists_the_known_ones() -> None:
         ("Mein", "'Mein'. Did you mean 'Mine'.*Leaves, Mine, Needs, make_nothing, make_policy"),
         ("A_NUMBER", "Unknown class or function in module own_policies 'A_NUMBER'"),
         ("make_nothing", "gave a object, which is no policy"),
+        (
+            "Needs",
+            r"(?s)Needs' cannot be made\..*\n  File .*own_policies\.py.*\nOSError: no weights",
+        ),
+        ("Leaves", r"(?s)Leaves' cannot be made\..*SystemExit: 3"),
     ],
 )
-def test_attribute_that_makes_no_policy_is_refused(
+def test_attribute_that_makes_no_policy_is_refused_with_the_traceback_of_its_maker(
     own_module: str, attribute: str, message: str
 ) -> None:
-    with pytest.raises(PolicyError, match=message):
-        make(f"{own_module}:{attribute}")
-
-
-@pytest.mark.parametrize(
-    ("attribute", "message"),
-    [("Needs", r"\n  File .*own_policies\.py.*\nOSError: no weights"), ("Leaves", "SystemExit: 3")],
-)
-def test_what_its_maker_raises_is_told_with_the_traceback(
-    own_module: str, attribute: str, message: str
-) -> None:
-    with pytest.raises(PolicyError, match=rf"(?s){attribute}' cannot be made\..*{message}") as told:
+    with pytest.raises(PolicyError, match=message) as told:
         make(f"{own_module}:{attribute}")
     assert "registry.py" not in str(told.value)
 

@@ -23,6 +23,14 @@ def write(path: Path, content: object) -> None:
     path.write_text(json.dumps(content))
 
 
+def untouched(_data: Path) -> None:
+    pass
+
+
+def without_checkpoint(data: Path) -> None:
+    data.with_name("out").mkdir()
+
+
 def export(folder: Path, tasks: tuple[str, ...] = TASKS, domains: tuple[int, int] = (0, 0)) -> Path:
     """The JSON files of an export, which are all that is read here."""
     vectors = {key: {"shape": [16]} for key in ("observation.state", "action")}
@@ -42,16 +50,41 @@ Change = Callable[[Path], object]
 """Spoils an export."""
 
 
+def with_info(**values: object) -> Change:
+    def change(data: Path) -> None:
+        path = data / "meta/info.json"
+        write(path, json.loads(path.read_text()) | values)
+
+    return change
+
+
 def with_features(**features: object) -> Change:
     """Other features; two underscores stand for a dot."""
 
     def change(data: Path) -> None:
-        path = data / "meta/info.json"
-        info = json.loads(path.read_text())
+        before = json.loads((data / "meta/info.json").read_text())["features"]
         named = {name.replace("__", "."): feature for name, feature in features.items()}
-        write(path, info | {"features": info["features"] | named})
+        with_info(features=before | named)(data)
 
     return change
+
+
+def without(name: str) -> Change:
+    return lambda data: (data / "meta" / name).unlink()
+
+
+def with_content(name: str, content: object) -> Change:
+    return lambda data: write(data / "meta" / name, content)
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    return export(tmp_path / "data")
+
+
+@pytest.fixture
+def one_task(tmp_path: Path) -> Path:
+    return export(tmp_path / "data", TASKS[:1])
 
 
 def arguments(kind: str, data: Path, **options: object) -> list[str]:
@@ -60,12 +93,12 @@ def arguments(kind: str, data: Path, **options: object) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", RECIPES)
-def test_thirty_actions_are_executed(kind: str, tmp_path: Path) -> None:
-    command = arguments(kind, export(tmp_path / "data", TASKS[:1]))
+def test_thirty_actions_are_executed(kind: str, one_task: Path) -> None:
+    command = arguments(kind, one_task)
     assert command[0] == "lerobot-train"
-    assert "--policy.n_action_steps=30" in command
+    for argument in ("--policy.n_action_steps=30", "--policy.push_to_hub=false"):
+        assert argument in command
     assert RECIPES[kind].steps.argument in command
-    assert "--policy.push_to_hub=false" in command
 
 
 @pytest.mark.parametrize("recipe", [*RECIPES.values(), *SMALL.values(), *OBJECT_STATES.values()])
@@ -76,30 +109,28 @@ def test_no_option_is_given_twice_and_each_says_whose_it_is(recipe: object) -> N
 
 
 @pytest.mark.parametrize("kind", OBJECT_STATES)
-def test_object_states_without_images_have_recipes_of_their_own(kind: str, tmp_path: Path) -> None:
-    data = export(tmp_path / "data", TASKS[:1])
-    with_features(observation__environment_state={"shape": [36]})(data)
-    command = arguments(kind, data)
+def test_object_states_without_images_have_recipes_of_their_own(kind: str, one_task: Path) -> None:
+    with_features(observation__environment_state={"shape": [36]})(one_task)
+    command = arguments(kind, one_task)
     assert {setting.argument for setting in OBJECT_STATES[kind].settings} <= set(command)
     with pytest.raises(UnknownNameError, match="recipe for object states 'pi05'"):
-        arguments("pi05", data)
-    with_features(observation__images__head={"shape": [96, 96, 3]})(data)
+        arguments("pi05", one_task)
+    with_features(observation__images__head={"shape": [96, 96, 3]})(one_task)
     if kind in RECIPES:
-        assert RECIPES[kind].steps.argument in arguments(kind, data)
+        assert RECIPES[kind].steps.argument in arguments(kind, one_task)
     else:
         with pytest.raises(UnknownNameError, match="Unknown recipe"):
-            arguments(kind, data)
+            arguments(kind, one_task)
 
 
-def test_more_options_take_the_place_of_the_recipes(tmp_path: Path) -> None:
-    planned = training.plan("xvla", export(tmp_path / "data"), tmp_path / "out")
+def test_more_options_take_the_place_of_the_recipes(data: Path) -> None:
+    planned = training.plan("xvla", data, data.with_name("out"))
     command = planned.command(["--policy.path=mine", "--seed=3"])
     assert [word for word in command if "policy.path" in word] == ["--policy.path=mine"]
     assert command[-1] == "--seed=3"
 
 
-def test_tasks_choose_their_episodes(tmp_path: Path) -> None:
-    data = export(tmp_path / "data")
+def test_tasks_choose_their_episodes(data: Path) -> None:
     assert "--dataset.episodes=[0,2]" in arguments("act", data, tasks=["bin_sort"])
     assert not any("episodes" in word for word in arguments("pi05", data))
 
@@ -121,9 +152,8 @@ def test_simulated_and_real_episodes_are_told_apart_where_that_is_asked_for(
         arguments("xvla", data, domain_ids=True)
 
 
-def test_a_training_goes_on_in_its_folder(tmp_path: Path) -> None:
-    data = export(tmp_path / "data")
-    config = tmp_path / "out/checkpoints/last/pretrained_model/train_config.json"
+def test_a_training_goes_on_in_its_folder(data: Path) -> None:
+    config = data.with_name("out") / "checkpoints/last/pretrained_model/train_config.json"
     dataset = {"root": str(data), "episodes": [0, 2]}
     write(config, {"policy": {"type": "act"}, "dataset": dataset})
     command = arguments("act", data, tasks=["bin_sort"], steps=9)
@@ -134,11 +164,11 @@ def test_a_training_goes_on_in_its_folder(tmp_path: Path) -> None:
         arguments("act", data, tasks=["ball_maze"])
 
 
-def test_names_of_numbers_are_written_beside_every_checkpoint(tmp_path: Path) -> None:
-    data = export(tmp_path / "data", TASKS[:1])
-    with_features(action={"shape": [20], "names": list(POSE_LABELS)})(data)
-    planned = training.plan("act", data, tmp_path / "out")
-    folders = [tmp_path / f"out/checkpoints/{name}/pretrained_model" for name in ("000001", "last")]
+def test_names_of_numbers_are_written_beside_every_checkpoint(one_task: Path) -> None:
+    with_features(action={"shape": [20], "names": list(POSE_LABELS)})(one_task)
+    out = one_task.with_name("out")
+    planned = training.plan("act", one_task, out)
+    folders = [out / f"checkpoints/{name}/pretrained_model" for name in ("000001", "last")]
     for folder in folders:
         folder.mkdir(parents=True)
     planned.name_features()
@@ -166,10 +196,9 @@ config.write_text(json.dumps({{"policy": {{"type": "act"}}, "dataset": dataset}}
 
 
 def test_each_task_has_a_training_of_its_own_and_what_is_finished_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    data, out, log = export(tmp_path / "data"), tmp_path / "out", tmp_path / "log"
-    program = tmp_path / "lerobot-train"
+    out, log, program = (tmp_path / name for name in ("out", "log", "lerobot-train"))
     monkeypatch.setattr(training, "program", lambda: program)
 
     def train(*more: str, breaks: str = "") -> list[str]:
@@ -194,36 +223,29 @@ def test_each_task_has_a_training_of_its_own_and_what_is_finished_stays(
         assert f"--tasks {task} --episodes 100 --out {out}/{task}/evaluation" in shown
     assert train() == []
     planned = training.plan_all("act", data, out, tasks=["ball_maze", "bin_sort"], steps=10)
-    assert [(each.folder.name, each.is_finished()) for each in planned] == [
-        ("ball_maze", False),
-        ("bin_sort", False),
-    ]
+    assert [each.folder.name for each in planned] == ["ball_maze", "bin_sort"]
+    assert not any(each.is_finished() for each in planned)
     assert all(each.is_finished(["--steps=8"]) for each in planned)
 
 
 def test_an_export_of_a_data_set_for_each_task_is_trained_on_as_a_whole(tmp_path: Path) -> None:
-    data, out = tmp_path / "data", tmp_path / "out"
-    for task in ("bin_sort", "ball_maze"):
+    data, out, tasks = tmp_path / "data", tmp_path / "out", ["ball_maze", "bin_sort"]
+    for task in tasks:
         export(data / task, (task,))
-    for wanted, folders in (
-        (["all"], ["ball_maze", "bin_sort"]),
-        ([], ["ball_maze", "bin_sort"]),
-        (["bin_sort"], ["bin_sort"]),
-    ):
+    for wanted, expected in ((["all"], tasks), ([], tasks), (["bin_sort"], ["bin_sort"])):
         planned = training.plan_all("act", data, out, tasks=wanted)
-        assert [each.folder for each in planned] == [out / folder for folder in folders]
-        assert [each.tasks for each in planned] == [(folder,) for folder in folders]
+        assert [each.folder for each in planned] == [out / task for task in expected]
+        assert [each.tasks for each in planned] == [(task,) for task in expected]
     with pytest.raises(DataError, match="export all tasks into one"):
         training.plan_all("pi05", data, out)
     with pytest.raises(UnknownNameError, match="Did you mean 'bin_sort'"):
         training.plan_all("act", data, out, tasks=["bin_srot"])
 
 
-def test_all_tasks_are_one_training_for_a_policy_that_takes_an_instruction(tmp_path: Path) -> None:
-    (planned,) = training.plan_all(
-        "pi05", export(tmp_path / "data"), tmp_path / "out", tasks=["all"]
-    )
-    assert (planned.folder, planned.tasks) == (tmp_path / "out", ("bin_sort", "ball_maze"))
+def test_all_tasks_are_one_training_for_a_policy_that_takes_an_instruction(data: Path) -> None:
+    out = data.with_name("out")
+    (planned,) = training.plan_all("pi05", data, out, tasks=["all"])
+    assert (planned.folder, planned.tasks) == (out, ("bin_sort", "ball_maze"))
 
 
 def test_recordings_are_to_be_exported_first(tmp_path: Path) -> None:
@@ -233,89 +255,60 @@ def test_recordings_are_to_be_exported_first(tmp_path: Path) -> None:
         main(["train", "act", "--data", str(data), "--out", str(tmp_path / "out")])
 
 
-def _with_info(**values: object) -> Change:
-    def change(data: Path) -> None:
-        path = data / "meta/info.json"
-        write(path, json.loads(path.read_text()) | values)
-
-    return change
+POSES = {"shape": [16], "names": list(POSE_LABELS)}
+MOTORS = {"shape": [16], "names": {"motors": ["a", "b"]}}
 
 
 @pytest.mark.parametrize(
     ("change", "tasks", "message"),
     [
-        (lambda _data: None, [], "learns one task; name one of: bin_sort, ball_maze"),
-        (lambda _data: None, ["bin_sort", "ball_maze"], "learns one task"),
-        (lambda _data: None, ["bin_srot"], "Did you mean 'bin_sort'"),
-        (lambda data: (data / "meta/info.json").unlink(), [], "no meta/info.json"),
-        (
-            lambda data: (data / "meta/duobench.json").unlink(),
-            ["bin_sort"],
-            "does not say which episodes",
-        ),
-        (_with_info(codebase_version="v2.1"), [], "format v2.1; v3.0 is needed"),
-        (_with_info(fps=15), [], "has 15 rows a second; 30 are needed"),
-        (with_features(action={"shape": [14]}), [], r"action has shape \[14\]; \[16\] is needed"),
-        (
-            with_features(action={"shape": [16], "names": list(POSE_LABELS)}),
-            [],
-            r"action has shape \[16\]; \[20\] is needed",
-        ),
-        (with_features(action={"shape": [2], "names": ["x", "y"]}), [], "actions are x, y, which"),
-        (with_features(observation__state={"shape": [7]}), [], r"state has shape \[7\]"),
-        (
-            with_features(observation__state={"shape": [16], "names": {"motors": ["a", "b"]}}),
-            [],
-            "observation.state is a, b; left_joint_1",
-        ),
-        (with_features(observation__images__top={}), [], "no observation.images.top here"),
-        (lambda data: write(data / "meta/info.json", []), [], "it holds a list, no object"),
-        (_with_info(features=None), [], "shape None"),
-        (_with_info(features={"action": []}), [], "shape None"),
-        (
-            lambda data: write(data / "meta/duobench.json", {}),
-            ["bin_sort"],
-            "does not list episodes",
-        ),
-        (
-            lambda data: write(data / "meta/duobench.json", {"episodes": [3]}),
-            [],
-            "does not list episodes",
-        ),
-        (
-            lambda data: data.with_name("out").mkdir(),
-            ["bin_sort"],
-            "holds no checkpoint to go on from",
-        ),
+        (untouched, "", "learns one task; name one of: bin_sort, ball_maze"),
+        (untouched, "bin_sort ball_maze", "learns one task"),
+        (untouched, "bin_srot", "Did you mean 'bin_sort'"),
+        (without("info.json"), "", "no meta/info.json"),
+        (without("duobench.json"), "bin_sort", "does not say which episodes"),
+        (with_info(codebase_version="v2.1"), "", "format v2.1; v3.0 is needed"),
+        (with_info(fps=15), "", "has 15 rows a second; 30 are needed"),
+        (with_features(action={"shape": [14]}), "", r"action has shape \[14\]; \[16\] is needed"),
+        (with_features(action=POSES), "", r"action has shape \[16\]; \[20\] is needed"),
+        (with_features(action={"shape": [2], "names": ["x", "y"]}), "", "actions are x, y, which"),
+        (with_features(observation__state={"shape": [7]}), "", r"state has shape \[7\]"),
+        (with_features(observation__state=MOTORS), "", "observation.state is a, b; left_joint_1"),
+        (with_features(observation__images__top={}), "", "no observation.images.top here"),
+        (with_content("info.json", []), "", "it holds a list, no object"),
+        (with_info(features=None), "", "shape None"),
+        (with_info(features={"action": []}), "", "shape None"),
+        (with_content("duobench.json", {}), "bin_sort", "does not list episodes"),
+        (with_content("duobench.json", {"episodes": [3]}), "", "does not list episodes"),
+        (without_checkpoint, "bin_sort", "holds no checkpoint to go on from"),
     ],
 )
 def test_what_cannot_be_trained_on_is_rejected(
-    tmp_path: Path, change: Change, tasks: list[str], message: str
+    data: Path, change: Change, tasks: str, message: str
 ) -> None:
-    data = export(tmp_path / "data")
     change(data)
     with pytest.raises(DuoBenchError, match=message):
-        arguments("act", data, tasks=tasks)
+        arguments("act", data, tasks=tasks.split())
 
 
 def test_the_command_line_prints_the_command_and_the_reasons(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    one_task: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    data = export(tmp_path / "data", TASKS[:1])
-    options = f"--data {data} --out {tmp_path / 'out'} --small --print -- --batch_size=2"
+    out = one_task.with_name("out")
+    options = f"--data {one_task} --out {out} --small --print -- --batch_size=2"
     main(["train", "act", *options.split()])
     command, reasons = capsys.readouterr()
     assert command.startswith("lerobot-train \\\n")
     assert command.rstrip().endswith("--batch_size=2")
     assert "paper: one ACT for each task" in reasons
-    assert not (tmp_path / "out").exists()
+    assert not out.exists()
 
 
-def test_an_export_and_a_checkpoint_of_another_suite_are_refused(tmp_path: Path) -> None:
-    data = export(tmp_path / "data", TASKS[:1])
-    about = json.loads((data / "meta/duobench.json").read_text())
-    write(data / "meta/duobench.json", {**about, "suite_version": SUITE_VERSION})
-    planned = training.plan("act", data, tmp_path / "out")
+def test_an_export_and_a_checkpoint_of_another_suite_are_refused(one_task: Path) -> None:
+    path, out = one_task / "meta/duobench.json", one_task.with_name("out")
+    about = json.loads(path.read_text())
+    write(path, {**about, "suite_version": SUITE_VERSION})
+    planned = training.plan("act", one_task, out)
     planned.checkpoint.mkdir(parents=True)
     planned.name_features()
     for name in ("config.json", "model.safetensors", *checkpoint.PROCESSORS):
@@ -326,6 +319,6 @@ def test_an_export_and_a_checkpoint_of_another_suite_are_refused(tmp_path: Path)
     write(names, {"suite_version": "4"})
     with pytest.raises(PolicyError, match=f"trained on suite 4; .* plays suite {SUITE_VERSION}"):
         checkpoint.find(str(planned.checkpoint))
-    write(data / "meta/duobench.json", {**about, "suite_version": "4"})
+    write(path, {**about, "suite_version": "4"})
     with pytest.raises(DataError, match=f"is of suite 4; this version has suite {SUITE_VERSION}"):
-        training.plan("act", data, tmp_path / "out")
+        training.plan("act", one_task, out)

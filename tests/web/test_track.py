@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -27,29 +29,27 @@ def wander(rng: np.random.Generator, steps: int, bodies: int) -> NDArray[np.floa
     return poses.astype(np.float32)
 
 
+def check_errors(back: NDArray[np.float32], poses: NDArray[np.float32]) -> None:
+    assert (back.shape, back.dtype) == (poses.shape, np.float32)
+    assert np.linalg.norm(back[..., :3] - poses[..., :3], axis=-1).max() <= 1e-4
+    assert angles(back[..., 3:], poses[..., 3:]).max() <= 1e-4
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_errors_are_small(seed: int) -> None:
     rng = np.random.default_rng(seed)
     poses = wander(rng, int(rng.integers(1, 200)), int(rng.integers(1, 40)))
-    back = decode(encode(poses))
-    assert back.shape == poses.shape
-    assert back.dtype == np.float32
-    assert np.linalg.norm(back[..., :3] - poses[..., :3], axis=-1).max() <= 1e-4
-    assert angles(back[..., 3:], poses[..., 3:]).max() <= 1e-4
+    check_errors(decode(encode(poses)), poses)
 
 
 def test_signs_of_quaternions_cost_nothing() -> None:
     poses = wander(np.random.default_rng(0), 100, 5)
     steady = poses.copy()
-    steady[:, :, 3:] *= np.sign(np.einsum("tbi,bi->tb", steady[:, :, 3:], steady[0, :, 3:]))[
-        ..., None
-    ]
+    signs = np.sign(np.einsum("tbi,bi->tb", steady[:, :, 3:], steady[0, :, 3:]))
+    steady[:, :, 3:] *= signs[..., None]
     assert len(encode(poses)) == len(encode(steady))
-    flips = np.einsum("tbi,tbi->tb", *(decode(encode(poses))[i, :, 3:] for i in (_ALL, _NEXT)))
-    assert flips.min() > 0
-
-
-_ALL, _NEXT = slice(None, -1), slice(1, None)
+    turns = decode(encode(poses))[:, :, 3:]
+    assert np.einsum("tbi,tbi->tb", turns[:-1], turns[1:]).min() > 0
 
 
 def test_what_rests_costs_next_to_nothing() -> None:
@@ -59,24 +59,19 @@ def test_what_rests_costs_next_to_nothing() -> None:
 
 def test_arms_that_move_with_a_cup_of_marbles_fit() -> None:
     """The task with most bodies, with arms and marbles in motion."""
-    harness = TaskHarness(get("pour_marbles"))
-    simulation = harness.sim
+    simulation = TaskHarness(get("pour_marbles")).sim
     geometry = Geometry(simulation.model)
     command = simulation.duo.command()
+    phases = np.arange(command.joints.size).reshape(command.joints.shape)
     poses = []
     for step in range(60):
-        swing = 0.5 * np.sin(step / 10 + np.arange(command.joints.size)).reshape(
-            command.joints.shape
-        )
-        simulation.step(type(command)(joints=command.joints + swing, openings=command.openings))
+        swing = 0.5 * np.sin(step / 10 + phases)
+        simulation.step(replace(command, joints=command.joints + swing))
         poses.append(geometry.poses(simulation.data))
     track = encode(poses)
     assert length(track) == 60
     assert len(track) / 60 <= MOST_BYTES_A_STEP
-    back = decode(track)
-    true = np.array(poses)
-    assert np.linalg.norm(back[..., :3] - true[..., :3], axis=-1).max() <= 1e-4
-    assert angles(back[..., 3:], true[..., 3:]).max() <= 1e-4
+    check_errors(decode(track), np.array(poses))
 
 
 def test_what_left_the_room_stays_at_its_border() -> None:
@@ -106,7 +101,6 @@ def test_other_files_are_rejected(damage: bytes) -> None:
 
 def test_damage_is_found() -> None:
     track = encode(wander(np.random.default_rng(2), 20, 3))
-    with pytest.raises(DataError, match="damaged"):
-        decode(track[:-10])
-    with pytest.raises(DataError, match="damaged"):
-        decode(track[:4] + (19).to_bytes(4, "little") + track[8:])
+    for damaged in (track[:-10], track[:4] + (19).to_bytes(4, "little") + track[8:]):
+        with pytest.raises(DataError, match="damaged"):
+            decode(damaged)

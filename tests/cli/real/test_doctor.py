@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from duobench.cli import main
 from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
+from tests.cli.conftest import Told, refusal
 
 
 def lab(folder: Path, device: str) -> Path:
@@ -21,10 +21,9 @@ def lab(folder: Path, device: str) -> Path:
     return path
 
 
-def test_a_simulated_rig_is_examined(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["real", "doctor", "--rig", "simulated", "--out", str(tmp_path / "run"), "--seconds", "1"])
-    output = capsys.readouterr().out
-    assert "left gripper" in output
+def test_a_simulated_rig_is_examined(tmp_path: Path, told: Told) -> None:
+    words = ["--rig", "simulated", "--out", tmp_path / "run", "--seconds", "1"]
+    assert "left gripper" in told("real", "doctor", *words)
     document = json.loads((tmp_path / "run" / "doctor.json").read_text())
     assert document["is_well"] is True
     assert {check["name"] for check in document["checks"]} >= {"holding", "head camera"}
@@ -34,9 +33,7 @@ def test_a_check_that_fails_ends_with_1_and_leaves_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     rig = lab(tmp_path, str(tmp_path / "nothing.mkv"))
-    with pytest.raises(SystemExit) as ending:
-        main(["real", "doctor", "--rig", str(rig), "--out", str(tmp_path / "run")])
-    assert ending.value.code == 1
+    assert refusal("real", "doctor", "--rig", rig, "--out", tmp_path / "run") == "1"
     assert "1 check failed" in capsys.readouterr().out
     document = json.loads((tmp_path / "run" / "doctor.json").read_text())
     assert document["is_well"] is False
@@ -44,45 +41,34 @@ def test_a_check_that_fails_ends_with_1_and_leaves_the_file(
     assert document["rig_hash"] == Rig.read(rig).hash
 
 
+VIEWS = "--rig rig.json --views v"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["doctor", "--rig", "none.json", "--out", "x"], "There is no file none.json"),
-        (["doctor", "--rig", "simulated", "--out", "x", "--seconds", "0"], "more than 0"),
-        (
-            ["doctor", "--rig", "simulated", "--out", "x", "--store-reference"],
-            "no file beside which",
-        ),
-        (["calibrate", "gripper", "left", "--rig", "rig.json"], "has no positions to measure"),
-        (["doctr"], "Did you mean `duobench real doctor`"),
-        (["calibrate", "bord"], "Did you mean `duobench real calibrate board`"),
-        (["calibrate", "head", "--rig", "none.json", "--views", "v"], "There is no file none.json"),
-        (["calibrate", "head", "--rig", "rig.json", "--views", "v"], "say --ruler MM"),
-        (
-            ["calibrate", "wrist", "left", "--rig", "rig.json", "--views", "v", "--ruler", "20"],
-            "is 200 mm long if it was printed to scale",
-        ),
-        (
-            ["calibrate", "wrist", "left", "--rig", "rig.json", "--views", "v", "--ruler", "200"],
-            "OpenCV|The rig has no camera left_wrist",
-        ),
+        ("doctor --rig none.json --out x", "There is no file none.json"),
+        ("doctor --rig simulated --out x --seconds 0", "more than 0"),
+        ("doctor --rig simulated --out x --store-reference", "no file beside which"),
+        ("calibrate gripper left --rig rig.json", "has no positions to measure"),
+        ("doctr", "Did you mean `duobench real doctor`"),
+        ("calibrate bord", "Did you mean `duobench real calibrate board`"),
+        ("calibrate head --rig none.json --views v", "There is no file none.json"),
+        (f"calibrate head {VIEWS}", "say --ruler MM"),
+        (f"calibrate wrist left {VIEWS} --ruler 20", "is 200 mm long if it was printed to scale"),
+        (f"calibrate wrist left {VIEWS} --ruler 200", "OpenCV|The rig has no camera left_wrist"),
     ],
 )
 def test_mistakes_are_told_in_words(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    words: list[str],
-    message: str,
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     lab(tmp_path, "lavfi:testsrc2=size=1280x720")
-    with pytest.raises(SystemExit) as ending:
-        main(["real", *words])
-    errors = " ".join(str(ending.value.code).split())
+    errors = " ".join(refusal("real", *words.split()).split())
     assert any(part in errors for part in message.split("|")), errors
 
 
-def test_the_board_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    main(["real", "calibrate", "board", "--out", str(tmp_path / "board.pdf"), "--paper", "a3"])
+def test_the_board_is_written(tmp_path: Path, told: Told) -> None:
+    said = told("real", "calibrate", "board", "--out", tmp_path / "board.pdf", "--paper", "a3")
     assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")
-    assert "300 mm" in " ".join(capsys.readouterr().out.split())
+    assert "300 mm" in " ".join(said.split())

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
@@ -12,15 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from duobench.cli import main
-from duobench.data import DataSet, Recording
+from duobench.data import DataSet
 from duobench.data.schema import video_path
 from duobench.data.stream import BATCH_ROWS
 from duobench.data.views import VideoFrames
 from duobench.types import POLICY_CAMERAS
 from tests.data.real.number_duo import CountingCamera, NumberDuo, number_in, real_recorder
-from tests.data.tools import ended
+from tests.data.tools import child_of, ended, only
 
-ROOT = Path(__file__).parents[3]
 STEPS = 90
 
 
@@ -39,13 +36,7 @@ def record(folder: Path) -> None:
 
 
 def test_a_kill_costs_at_most_a_second(tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.data.real.test_kill", str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    with process as child:
+    with child_of(__name__, tmp_path) as child:
         assert child.stdout is not None
         lines = []
         for line in child.stdout:
@@ -55,12 +46,12 @@ def test_a_kill_costs_at_most_a_second(tmp_path: Path) -> None:
     steps = sum(line.endswith("\n") for line in lines)
     assert steps >= STEPS
     main(["data", "recover", str(tmp_path)])
-    (path,) = DataSet(tmp_path).episodes()
-    recording = Recording.read(path)
+    recording = only(tmp_path)
     assert 0 <= steps - len(recording) <= BATCH_ROWS + 1
     assert recording.frame_age[-1].max() <= 1.0
     assert np.diff(recording.time - recording.frame_age[:, 0]).min() >= -1e-9
     assert (ended(recording).cut, ended(recording).kept) == (True, False)
+    (path,) = DataSet(tmp_path).episodes()
     for place, camera in enumerate(POLICY_CAMERAS):
         with closing(VideoFrames(video_path(path, camera))) as frames:
             for row in (0, len(recording)):

@@ -29,7 +29,7 @@ from tests.data.real.number_duo import (
     play_real,
     real_recorder,
 )
-from tests.data.tools import play, recorder
+from tests.data.tools import recorded
 
 LENGTHS = (12, 9, 15)
 
@@ -51,8 +51,8 @@ def data(original: DataSet, tmp_path: Path) -> DataSet:
     return DataSet.open(tmp_path / "real")
 
 
-def contents(data: DataSet) -> list[bytes]:
-    return sorted(path.read_bytes() for path in (*data.episodes(), *data.videos()))
+def contents(*sets: DataSet) -> list[bytes]:
+    return sorted(path.read_bytes() for data in sets for path in (*data.episodes(), *data.videos()))
 
 
 def test_a_sound_data_set_has_no_problems(original: DataSet) -> None:
@@ -142,12 +142,9 @@ def test_equal_names_are_renamed_with_their_videos(
     for _ in range(2):
         assert merge([original, data], out.path, rename=True) == 2 * len(LENGTHS)
         assert [path.stem for path in out.episodes()] == [f"{n:05d}" for n in range(6)]
-        assert contents(out) == sorted(
-            [*contents(original), *(p.read_bytes() for p in [*data.episodes(), *data.videos()])]
-        )
+        assert contents(out) == contents(original, data)
     assert find_problems(DataSet.open(out.path)) == []
-    for number, length in enumerate(2 * LENGTHS):
-        path = out.episode(TASK, f"{number:05d}")
+    for path, length in zip(out.episodes(), 2 * LENGTHS, strict=True):
         assert len(Recording.read(path)) == length
         assert len(numbers_in(video_path(path, "head"))) == length + 1
 
@@ -165,10 +162,12 @@ def test_nothing_is_merged_over_a_recording_that_runs(original: DataSet, tmp_pat
 
 def test_an_episode_without_its_video_is_not_copied(data: DataSet, tmp_path: Path) -> None:
     video_path(data.episodes()[1], "head").unlink()
-    with pytest.raises(DataError, match=r"head\.mp4 is missing"):
-        merge([data], tmp_path / "out")
-    with pytest.raises(DataError, match=r"head\.mp4 is missing"):
-        split(data, tmp_path / "a", tmp_path / "b", fraction=0.5)
+    for copy in (
+        lambda: merge([data], tmp_path / "out"),
+        lambda: split(data, tmp_path / "a", tmp_path / "b", fraction=0.5),
+    ):
+        with pytest.raises(DataError, match=r"head\.mp4 is missing"):
+            copy()
 
 
 def test_info_and_page_say_where_episodes_are_from(
@@ -187,9 +186,7 @@ def test_info_and_page_say_where_episodes_are_from(
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
     folder = tmp_path_factory.mktemp("data") / "sim"
-    env = recorder(folder, split="train", horizon=10)
-    play(env, 10)
-    env.close()
+    recorded(folder, 10, split="train", horizon=10)
     return DataSet.open(folder)
 
 

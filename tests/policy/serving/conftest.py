@@ -1,8 +1,10 @@
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
-from tests.policy.serving.serving import Serve
+from duobench.policy.serving.address import RemoteServer
+from tests.policy.serving.serving import TIMEOUT_S, Serve
 
 
 @pytest.fixture
@@ -10,3 +12,18 @@ def serve() -> Iterator[Serve]:
     serving = Serve()
     yield serving
     serving.close()
+
+
+@pytest.fixture
+def connect() -> Iterator[Callable[..., Any]]:
+    """Makes clients of a kind, which ask a port of this machine without waiting for it."""
+    made = []
+
+    def make(kind: Callable[[RemoteServer], Any], port: int, path: str = "", **options: Any) -> Any:
+        options = {"wait_s": 0.0, "answer_s": TIMEOUT_S} | options
+        made.append(kind(RemoteServer(url=f"ws://127.0.0.1:{port}{path}", **options)))
+        return made[-1]
+
+    yield make
+    for policy in made:
+        policy.close()

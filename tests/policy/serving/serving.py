@@ -1,8 +1,9 @@
 """Servers in threads, ours and others, for tests with real sockets."""
 
+import socket
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from websockets.exceptions import ConnectionClosed
@@ -40,6 +41,11 @@ class Serve:
             assert not thread.is_alive()
 
 
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return listener.getsockname()[1]
+
+
 @contextmanager
 def foreign_server(
     handshake: dict[str, Any], answer: Callable[[bytes], bytes | str | None]
@@ -47,7 +53,7 @@ def foreign_server(
     """Serve as others do: one message at a time, answered by a function; None leaves."""
 
     def serve_client(connection: ServerConnection) -> None:
-        try:
+        with suppress(ConnectionClosed):
             connection.send(pack(handshake))
             for message in connection:
                 assert isinstance(message, bytes)
@@ -55,8 +61,6 @@ def foreign_server(
                 if reply is None:
                     return
                 connection.send(reply)
-        except ConnectionClosed:
-            pass
 
     with serve_websocket(serve_client, "127.0.0.1", 0, compression=None) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)

@@ -6,8 +6,8 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.host import ClientSession, PolicyHost
 from tests.evaluation.processes import wait_until
 from tests.policy.serving.hostile import messages
-from tests.policy.serving.serving import TIMEOUT_S, Serve
+from tests.policy.serving.serving import TIMEOUT_S, Serve, free_port
 from tests.policy.test_batch import OBSERVATION, Network, Refuses, observations
 
 
@@ -45,6 +45,16 @@ def dial(port: int, **options: Any) -> ClientConnection:
     return connect(f"ws://127.0.0.1:{port}", proxy=None, compression=None, **options)
 
 
+@contextmanager
+def joined(port: int, count: int = 1) -> Iterator[list[ClientConnection]]:
+    """Clients that have heard the handshake."""
+    with ExitStack() as leaving:
+        clients = [leaving.enter_context(dial(port)) for _ in range(count)]
+        for client in clients:
+            client.recv(TIMEOUT_S)
+        yield clients
+
+
 def ask(client: ClientConnection, message: dict[str, Any]) -> dict[str, Any]:
     client.send(pack(message))
     reply = client.recv(TIMEOUT_S)
@@ -52,13 +62,11 @@ def ask(client: ClientConnection, message: dict[str, Any]) -> dict[str, Any]:
     return unpack(reply)
 
 
-def health(port: int) -> tuple[int, bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=TIMEOUT_S)
-    connection.request("GET", "/healthz")
-    response = connection.getresponse()
-    answer = response.status, response.read()
-    connection.close()
-    return answer
+def health(port: int, timeout: float = TIMEOUT_S) -> tuple[int, bytes]:
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=timeout)) as connection:
+        connection.request("GET", "/healthz")
+        response = connection.getresponse()
+        return response.status, response.read()
 
 
 def expected(seed: int, observation: dict[str, Any]) -> np.ndarray:
@@ -82,8 +90,7 @@ def test_session_is_that_of_the_protocol(serve: Serve) -> None:
 
 def test_reset_seed_session_and_prompt_begin_episodes(serve: Serve) -> None:
     (observation,) = observations(seed=0, count=1)
-    with dial(serve(Network())) as client:
-        client.recv(TIMEOUT_S)
+    with joined(serve(Network())) as (client,):
         reset = {"endpoint": "reset", "prompt": "Do it.", "seed": 7}
         assert ask(client, reset) == {"status": "reset successful"}
         begun = expected(7, observation)
@@ -97,28 +104,25 @@ def test_reset_seed_session_and_prompt_begin_episodes(serve: Serve) -> None:
 
 
 def test_error_is_told_in_text_and_ends_one_connection_only(serve: Serve) -> None:
-    port = serve(Refuses())
     (good,) = observations(seed=0, count=1)
-    with dial(port) as client, dial(port) as other:
-        for each in (client, other):
-            each.recv(TIMEOUT_S)
+    with joined(serve(Refuses()), 2) as (client, other):
         client.send(pack({"agent_pos": np.ones(16, np.float32)}))
-        told = client.recv(TIMEOUT_S)
-        assert isinstance(told, str)
-        assert "ZeroDivisionError: ones" in told
-        with pytest.raises(ConnectionClosed) as closed:
-            client.recv(TIMEOUT_S)
-        assert closed.value.rcvd
-        assert closed.value.rcvd.code == 1011
-        assert closed.value.rcvd.reason == (
-            "Internal server error. Traceback included in previous frame."
-        )
+        assert "ZeroDivisionError: ones" in str(client.recv(TIMEOUT_S))
+        words = "Internal server error. Traceback included in previous frame."
+        assert close_of(client) == (1011, words)
         np.testing.assert_array_equal(ask(other, good)["actions"], expected(0, good))
 
 
-def test_endpoint_that_is_no_text_is_told_in_words(serve: Serve) -> None:
-    with dial(serve(Network())) as client:
+def close_of(client: ClientConnection) -> tuple[int, str]:
+    """Code and reason with which the server leaves."""
+    with pytest.raises(ConnectionClosed) as closed:
         client.recv(TIMEOUT_S)
+    assert closed.value.rcvd
+    return closed.value.rcvd.code, closed.value.rcvd.reason
+
+
+def test_endpoint_that_is_no_text_is_told_in_words(serve: Serve) -> None:
+    with joined(serve(Network())) as (client,):
         client.send(pack({"endpoint": np.zeros(2)}))
         assert "is infer or reset" in str(client.recv(TIMEOUT_S))
 
@@ -126,10 +130,8 @@ def test_endpoint_that_is_no_text_is_told_in_words(serve: Serve) -> None:
 def test_health_and_pings_are_answered_during_inference(serve: Serve) -> None:
     policy = Gated()
     port = serve(policy)
-    (observation,) = observations(seed=0, count=1)
-    with dial(port) as client:
-        client.recv(TIMEOUT_S)
-        client.send(pack(observation))
+    with joined(port) as (client,):
+        client.send(pack(observations(seed=0, count=1)[0]))
         assert policy.asked.wait(TIMEOUT_S)
         assert health(port) == (200, b"OK\n")
         assert client.ping().wait(TIMEOUT_S)
@@ -139,11 +141,9 @@ def test_health_and_pings_are_answered_during_inference(serve: Serve) -> None:
 
 def test_who_leaves_gives_the_place_back(serve: Serve) -> None:
     policy = Gated()
-    port = serve(policy)
     first, second = observations(seed=0, count=2)
-    with dial(port) as stays, dial(port) as leaves, dial(port) as also:
+    with joined(serve(policy), 3) as (stays, leaves, also):
         for client in (stays, leaves, also):
-            client.recv(TIMEOUT_S)
             ask(client, {"endpoint": "reset", "prompt": "", "seed": 1})
         stays.send(pack(first))
         assert policy.asked.wait(TIMEOUT_S)
@@ -155,8 +155,8 @@ def test_who_leaves_gives_the_place_back(serve: Serve) -> None:
         also.send(pack(second))
         wait_until(lambda: len(waiting) == 2, "another one waits")
         policy.may.set()
-        assert "actions" in unpack(stays.recv(TIMEOUT_S))
-        assert "actions" in unpack(also.recv(TIMEOUT_S))
+        for client in (stays, also):
+            assert "actions" in unpack(client.recv(TIMEOUT_S))
     assert len(policy.sizes) == 2
 
 
@@ -175,8 +175,7 @@ def test_silent_slow_and_deaf_peers_hold_nobody_up(serve: Serve) -> None:
         half = peers.enter_context(dial(port, close_timeout=0.1))
         half.socket.sendall(b"\x82\xff" + (1 << 20).to_bytes(8, "big") + bytes(1000))
         (good,) = observations(seed=0, count=1)
-        with dial(port) as client:
-            client.recv(TIMEOUT_S)
+        with joined(port) as (client,):
             for number in range(20):
                 reply = ask(client, good | {"seed": number})
                 np.testing.assert_array_equal(reply["actions"], expected(number, good))
@@ -185,14 +184,10 @@ def test_silent_slow_and_deaf_peers_hold_nobody_up(serve: Serve) -> None:
 
 
 def test_too_large_a_message_is_refused_unread(serve: Serve) -> None:
-    with dial(serve(Network())) as client:
-        client.recv(TIMEOUT_S)
+    with joined(serve(Network())) as (client,):
         with suppress(ConnectionClosed):
             client.send(bytes(limits.MAX_REQUEST + 1))
-        with pytest.raises(ConnectionClosed) as closed:
-            client.recv(TIMEOUT_S)
-        assert closed.value.rcvd
-        assert closed.value.rcvd.code == 1009
+        assert close_of(client)[0] == 1009
 
 
 @pytest.mark.parametrize(
@@ -213,34 +208,45 @@ def test_key_opens_and_nothing_else(serve: Serve, header: str | None, *, is_let_
         with dial(port, additional_headers=headers) as client:
             assert "duobench" in unpack(client.recv(TIMEOUT_S))
     else:
-        with pytest.raises(InvalidStatus) as refused:
-            dial(port, additional_headers=headers)
-        assert refused.value.response.status_code == 401
+        assert refused(port, additional_headers=headers) == 401
     assert health(port) == (200, b"OK\n")
 
 
+def refused(port: int, **options: Any) -> int:
+    """The status with which a server turns a client away."""
+    with pytest.raises(InvalidStatus) as told:
+        dial(port, **options)
+    return told.value.response.status_code
+
+
 def test_page_in_a_browser_is_kept_out(serve: Serve) -> None:
-    with pytest.raises(InvalidStatus) as refused:
-        dial(serve(Network()), origin="https://page.example")
-    assert refused.value.response.status_code == 403
+    assert refused(serve(Network()), origin="https://page.example") == 403
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.1", "somewhere.example"])
-def test_host_that_others_reach_needs_a_key(host: str) -> None:
-    with pytest.raises(ServingError, match="DUOBENCH_API_KEY"):
-        PolicyHost(Network(), Network.metadata, Batching(), host=host)
-
-
-def test_port_that_is_taken_is_told(serve: Serve) -> None:
-    port = serve(Network())
-    with pytest.raises(ServingError, match=rf"Cannot listen at 127\.0\.0\.1:{port}"):
-        PolicyHost(Network(), Network.metadata, Batching(), port=port)
-
-
-@pytest.mark.parametrize("address", [{"port": 70_000}, {"port": -1}, {"host": "x" * 64}], ids=str)
-def test_address_that_none_can_be_is_told(address: dict[str, Any]) -> None:
-    with pytest.raises(ServingError, match="Cannot listen at"):
-        PolicyHost(Network(), Network.metadata, Batching(), key="key", **address)
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ({"host": "0.0.0.0"}, "DUOBENCH_API_KEY"),
+        ({"host": "::"}, "DUOBENCH_API_KEY"),
+        ({"host": ""}, "DUOBENCH_API_KEY"),
+        ({"host": "192.0.2.1"}, "DUOBENCH_API_KEY"),
+        ({"host": "somewhere.example"}, "DUOBENCH_API_KEY"),
+        ({"port": 70_000, "key": "key"}, "Cannot listen at"),
+        ({"port": -1, "key": "key"}, "Cannot listen at"),
+        ({"host": "x" * 64, "key": "key"}, "Cannot listen at"),
+        ({"port": None}, r"Cannot listen at 127\.0\.0\.1:{port}"),
+    ],
+    ids=str,
+)
+def test_address_that_none_can_be_is_told(
+    serve: Serve, address: dict[str, Any], message: str
+) -> None:
+    """Hosts that others reach need a key; None stands for a port that is taken."""
+    taken = serve(Network())
+    if "port" in address:
+        address = address | {"port": taken if address["port"] is None else address["port"]}
+    with pytest.raises(ServingError, match=message.format(port=taken)):
+        PolicyHost(Network(), Network.metadata, Batching(), **address)
 
 
 def test_clients_beyond_the_limit_take_the_place_of_a_silent_one_or_are_turned_away(
@@ -249,18 +255,12 @@ def test_clients_beyond_the_limit_take_the_place_of_a_silent_one_or_are_turned_a
     monkeypatch.setattr(limits, "MAX_CONNECTIONS", 2)
     port = serve(Network())
     reset = {"endpoint": "reset", "prompt": "", "seed": 1}
-    with dial(port) as playing, dial(port) as silent, ExitStack() as others:
-        for client in (playing, silent):
-            client.recv(TIMEOUT_S)
+    with joined(port, 2) as (playing, silent):
         ask(playing, reset)
-        other = others.enter_context(dial(port))
-        other.recv(TIMEOUT_S)
-        with pytest.raises(ConnectionClosed, match="Others need the place"):
-            silent.recv(TIMEOUT_S)
-        ask(other, reset)
-        with pytest.raises(InvalidStatus) as refused:
-            dial(port)
-        assert refused.value.response.status_code == 503
+        with joined(port) as (other,):
+            assert "Others need the place" in close_of(silent)[1]
+            ask(other, reset)
+            assert refused(port) == 503
 
 
 FLOODED = """
@@ -272,9 +272,7 @@ main(["serve", "--policy", "hold", "--port", sys.argv[1]])
 
 
 def test_flood_of_connections_is_told_in_a_few_lines_and_survived(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
-    said = tmp_path / "said.txt"
+    port, said = free_port(), tmp_path / "said.txt"
     with said.open("w") as errors:
         command = [sys.executable, "-c", FLOODED, str(port)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=errors)
@@ -291,10 +289,8 @@ def test_flood_of_connections_is_told_in_a_few_lines_and_survived(tmp_path: Path
 
 
 def healthy(port: int) -> bool:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=1.0)
-    with closing(connection), suppress(OSError, http.client.HTTPException):
-        connection.request("GET", "/healthz")
-        return connection.getresponse().status == http.HTTPStatus.OK
+    with suppress(OSError, http.client.HTTPException):
+        return health(port, timeout=1.0)[0] == http.HTTPStatus.OK
     return False
 
 
@@ -327,11 +323,9 @@ def test_hostile_clients_leave_a_server_that_answers_as_before(serve: Serve) -> 
     port = serve(Network())
     (good,) = observations(seed=0, count=1)
     for data in messages(130):
-        with dial(port) as client:
-            client.recv(TIMEOUT_S)
+        with joined(port) as (client,):
             client.send(data)
             reply = client.recv(TIMEOUT_S)
             assert isinstance(reply, str) or "actions" in unpack(reply)
-    with dial(port) as client:
-        client.recv(TIMEOUT_S)
+    with joined(port) as (client,):
         np.testing.assert_array_equal(ask(client, good)["actions"], expected(0, good))

@@ -2,6 +2,8 @@
 
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import msgpack
@@ -11,7 +13,6 @@ import pytest
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
 from duobench.policy import Policy
 from duobench.policy.serving import limits
-from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.policy.serving.vla_eval import VlaEvalPolicy, action_spec, observation_spec
 from tests.policy.serving.model_server import Message, ModelServer, acting, frame
@@ -26,18 +27,17 @@ CHUNK = np.stack([THEIRS, THEIRS + 100, THEIRS + 200])
 
 
 @pytest.fixture
-def remote() -> Iterator[Connect]:
-    made = []
+def remote(connect: Callable[..., Any]) -> Connect:
+    return partial(connect, VlaEvalPolicy)
 
-    def make(port: int, **options: Any) -> VlaEvalPolicy:
-        options = {"wait_s": 0.0, "answer_s": TIMEOUT_S} | options
-        policy = VlaEvalPolicy(RemoteServer(url=f"ws://127.0.0.1:{port}", **options))
-        made.append(policy)
-        return policy
 
-    yield make
-    for policy in made:
-        policy.close()
+@contextmanager
+def playing(remote: Connect, server: ModelServer, **options: Any) -> Iterator[VlaEvalPolicy]:
+    """A client of a server whose episode has begun."""
+    with server.running() as port:
+        policy = remote(port, **options)
+        policy.reset("Do it.", 0)
+        yield policy
 
 
 def test_conversation_is_that_of_the_protocol(remote: Connect) -> None:
@@ -66,9 +66,7 @@ def test_conversation_is_that_of_the_protocol(remote: Connect) -> None:
 
 
 def test_single_action_is_a_chunk_of_one(remote: Connect) -> None:
-    with ModelServer(acting(THEIRS)).running() as port:
-        policy = remote(port)
-        policy.reset("Do it.", 0)
+    with playing(remote, ModelServer(acting(THEIRS))) as policy:
         np.testing.assert_array_equal(policy.act(observation()), [OURS])
 
 
@@ -147,47 +145,32 @@ def test_server_that_agrees_or_says_little_is_taken(remote: Connect, hello: Mess
 
 
 @pytest.mark.parametrize(
-    ("actions", "message"),
+    ("payload", "message"),
     [
-        (np.zeros((3, 14), np.float32), r"\(H, 16\)"),
-        (np.full(16, np.nan, np.float32), "returned nan"),
-        (np.zeros((0, 16), np.float32), "H at least 1"),
-        (np.zeros((2, 3, 16), np.float32), r"\(H, 16\)"),
-        ("text", "array of numbers"),
-        (None, "chunk of actions"),
-        (3, "chunk of actions"),
+        ({"actions": np.zeros((3, 14), np.float32)}, r"\(H, 16\)"),
+        ({"actions": np.full(16, np.nan, np.float32)}, "returned nan"),
+        ({"actions": np.zeros((0, 16), np.float32)}, "H at least 1"),
+        ({"actions": np.zeros((2, 3, 16), np.float32)}, r"\(H, 16\)"),
+        ({"actions": "text"}, "array of numbers"),
+        ({"actions": None}, "chunk of actions"),
+        ({"actions": 3}, "chunk of actions"),
+        ({"action": THEIRS}, "answers without 'actions'; it gives action"),
     ],
 )
 def test_answer_that_is_no_chunk_is_the_policys_fault(
-    remote: Connect, actions: object, message: str
+    remote: Connect, payload: Message, message: str
 ) -> None:
-    with ModelServer(acting(actions)).running() as port:
-        policy = remote(port)
-        policy.reset("Do it.", 0)
-        with pytest.raises(PolicyError, match=message):
-            policy.act(observation())
-
-
-def test_answer_without_actions_is_the_policys_fault(remote: Connect) -> None:
-    server = ModelServer(lambda message: frame("action", {"action": THEIRS}, message["seq"]))
-    with server.running() as port:
-        policy = remote(port)
-        policy.reset("Do it.", 0)
-        with pytest.raises(PolicyError, match="answers without 'actions'; it gives action"):
-            policy.act(observation())
+    server = ModelServer(lambda asked: frame("action", payload, asked["seq"]))
+    with playing(remote, server) as policy, pytest.raises(PolicyError, match=message):
+        policy.act(observation())
 
 
 @pytest.mark.parametrize("late_by", [0, 1])
 def test_error_of_the_server_fails_its_episode_only(remote: Connect, late_by: int) -> None:
     """The error may be about the observation or about the start of the episode before it."""
-    server = ModelServer(
-        lambda message: frame(
-            "error", {"error": "observation_failed: KeyError: 'x'"}, message["seq"] - late_by
-        )
-    )
-    with server.running() as port:
-        policy = remote(port)
-        policy.reset("Do it.", 0)
+    told = {"error": "observation_failed: KeyError: 'x'"}
+    server = ModelServer(lambda message: frame("error", told, message["seq"] - late_by))
+    with playing(remote, server) as policy:
         with pytest.raises(PolicyError, match=r"(?s)reports:.*KeyError"):
             policy.act(observation())
         server.answer = acting(CHUNK)
@@ -201,13 +184,10 @@ def test_answer_to_another_question_throws_the_connection_away(remote: Connect, 
     server = ModelServer(
         lambda message: frame("action", {"actions": CHUNK}, message["seq"] + next(answers))
     )
-    with server.running() as port:
-        policy = remote(port)
-        policy.reset("Do it.", 0)
-        with pytest.raises(MachineryError, match="the answer is to"):
-            policy.act(observation())
-        with pytest.raises(MachineryError, match="is lost"):
-            policy.act(observation())
+    with playing(remote, server) as policy:
+        for reason in ("the answer is to", "is lost"):
+            with pytest.raises(MachineryError, match=reason):
+                policy.act(observation())
         policy.reset("Do it.", 0)
         np.testing.assert_array_equal(policy.act(observation())[0], OURS)
         assert server.connections == 2
@@ -230,11 +210,10 @@ def test_answer_to_another_question_throws_the_connection_away(remote: Connect, 
 def test_reply_that_is_no_message_is_the_machinerys_fault(
     remote: Connect, reply: bytes | str
 ) -> None:
-    with ModelServer(lambda _message: reply).running() as port:
-        policy = remote(port)
-        policy.reset("Do it.", 0)
-        with pytest.raises(MachineryError, match="cannot be understood"):
-            policy.act(observation())
+    server = ModelServer(lambda _message: reply)
+    told = pytest.raises(MachineryError, match="cannot be understood")
+    with playing(remote, server) as policy, told:
+        policy.act(observation())
 
 
 @pytest.mark.parametrize("lives", [True, False])
@@ -246,9 +225,7 @@ def test_late_answer_is_never_taken_for_the_next_one(remote: Connect, *, lives: 
         return frame("action", {"actions": CHUNK + len(server.received)}, message["seq"])
 
     server = ModelServer(answer, lives=lives)
-    with server.running() as port:
-        policy = remote(port, answer_s=0.5)
-        policy.reset("Do it.", 0)
+    with playing(remote, server, answer_s=0.5) as policy:
         with pytest.raises(PolicyTimeoutError if lives else MachineryError, match=r"0\.5 s"):
             policy.act(observation())
         may.set()
@@ -266,8 +243,7 @@ def test_too_large_a_reply_is_refused_unread(
     remote: Connect, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(limits, "MAX_REPLY", 10_000)
-    with ModelServer(acting(np.zeros((1000, 16)))).running() as port:
-        policy = remote(port)
-        policy.reset("Do it.", 0)
-        with pytest.raises(MachineryError, match=r"is lost: .*1009"):
-            policy.act(observation())
+    server = ModelServer(acting(np.zeros((1000, 16))))
+    told = pytest.raises(MachineryError, match=r"is lost: .*1009")
+    with playing(remote, server) as policy, told:
+        policy.act(observation())
