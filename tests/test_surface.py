@@ -134,10 +134,10 @@ OFFERED = """
     duobench.hardware.rig duobench.kinematics.inverse duobench.lerobot_keys
     duobench.looks.look duobench.randomness duobench.results.bundle duobench.results.folder
     duobench.results.scores duobench.results.suite duobench.rig_sessions.teleop_page
-    duobench.rig_sessions.teleop_recorder duobench.rig_sessions.teleoperation
+    duobench.rig_sessions.teleoperation
     duobench.robot.frames duobench.robot.joints duobench.sim.simulation duobench.spatial
     duobench.teleop.hands duobench.teleop.leaders.device
-    duobench.teleop.leaders.lerobot_source duobench.teleop.messages duobench.teleop.presses
+    duobench.teleop.leaders.lerobot_source duobench.teleop.messages
     duobench.types duobench.web.geometry duobench.web.messages
 """
 """Modules beside those packages that docs, examples and plugins may import from; every other one is
