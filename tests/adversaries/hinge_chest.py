@@ -9,13 +9,7 @@ import mujoco
 import numpy as np
 
 from duobench.experts.handling import pick_cube
-from duobench.experts.motion import (
-    Arms,
-    Script,
-    down,
-    follow,
-    wait,
-)
+from duobench.experts.motion import Arms, Script, down, follow, wait
 from duobench.experts.scripts.hinge_chest import (
     HOLDER,
     INSERTER,

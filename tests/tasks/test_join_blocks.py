@@ -8,9 +8,7 @@ import pytest
 
 from duobench.experts.scripts.join_blocks import script
 from duobench.objects import joint_blocks as bars
-from duobench.objects.solid import (
-    manifold_of,
-)
+from duobench.objects.solid import manifold_of
 from duobench.spatial import SE3
 from duobench.stages.joining import LOST_SECONDS
 from duobench.stages.placing import REST_SECONDS

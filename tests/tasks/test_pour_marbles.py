@@ -6,14 +6,7 @@ import pytest
 
 from duobench.experts.motion import Arms, Script, move, release, together
 from duobench.experts.scripts.pour_marbles import script, take
-from duobench.objects.cup import (
-    HEAP,
-    HEIGHT,
-    INNER_RADIUS,
-    MARBLE_RADIUS,
-    OUTER_RADIUS,
-    WALL,
-)
+from duobench.objects.cup import HEAP, HEIGHT, INNER_RADIUS, MARBLE_RADIUS, OUTER_RADIUS, WALL
 from duobench.sim.contacts import Limb, limb_owner
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS

@@ -6,12 +6,7 @@ import pytest
 
 from duobench.experts.handling import LET_GO
 from duobench.experts.motion import Arms, Script, move, release, together, wait
-from duobench.experts.scripts.spring_door import (
-    INSERTER,
-    fetch,
-    open_door,
-    reach_in,
-)
+from duobench.experts.scripts.spring_door import INSERTER, fetch, open_door, reach_in
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.microwave import (
     CAVITY,

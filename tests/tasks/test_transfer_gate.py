@@ -4,10 +4,7 @@ import pytest
 
 from duobench.experts.handover import pick_bar
 from duobench.experts.motion import Arms, Script, down, grip, move, wait
-from duobench.experts.scripts.transfer_gate import (
-    BAR,
-    lower_onto_mat,
-)
+from duobench.experts.scripts.transfer_gate import BAR, lower_onto_mat
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.gate import (
     BASE,
