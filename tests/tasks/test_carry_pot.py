@@ -4,7 +4,6 @@ import manifold3d
 import numpy as np
 import pytest
 
-from duobench.experts.handling import carry
 from duobench.experts.motion import Arms, Script, wait
 from duobench.experts.scripts.carry_pot import carry_over, land, let_go, lift, script
 from duobench.objects.pot import (
@@ -96,25 +95,6 @@ def test_a_pot_that_is_still_in_hand_does_not_count(bench: TaskHarness) -> None:
     assert bench.act(lambda arms: let_go(arms, Side.LEFT)) == 3
 
 
-@pytest.mark.parametrize(("height", "stage"), [(0.007, 3), (0.017, 2)])
-def test_a_pot_let_go_high_above_the_plate_does_not_count(
-    bench: TaskHarness, height: float, stage: int
-) -> None:
-    def drop(arms: Arms) -> Script:
-        yield from bring(arms, height=max(height, 0.04))
-        for _ in range(2):
-            yield from wait(10)
-            short = height + PLATE[2] - arms.sim.min_height("pot")
-            yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=short), speed=0.1)
-        yield from wait(10)
-        yield from let_go(arms)
-        yield from wait(30)
-
-    bench.start(0)
-    assert bench.act(drop) == stage
-    assert bench.sim.contacts.partners("pot") == {"stove"}
-
-
 def test_a_pot_half_on_the_plate_and_half_on_the_table_does_not_count(bench: TaskHarness) -> None:
     put_aside(bench)
     beside = SE3.at(y=-PLATE[1] / 2 - 0.02, z=PLATE[2] + HEIGHT / 2 + 0.001)
@@ -183,11 +163,6 @@ def carried_but_not_judged(bench: TaskHarness) -> None:
     bench.sim.set_state(now)
 
 
-def test_carrying_is_judged_from_one_state(bench: TaskHarness) -> None:
-    carried_but_not_judged(bench)
-    assert bench.judge() == 2
-
-
 def grasped_by_both(bench: TaskHarness) -> bool:
     return all(bench.sim.contacts.grasped(side, f"pot/{side}_handle") for side in SIDES)
 
@@ -213,7 +188,7 @@ def test_a_pot_that_both_hold_on_the_plate_is_not_carried(bench: TaskHarness) ->
 
 def test_either_arm_may_hold_either_handle(bench: TaskHarness) -> None:
     carried_but_not_judged(bench)
-    # Half a turn of the pot changes the hands at its handles, and is as good.
+    # Half a turn of the pot changes the hands at its handles, and is as good: one state shows it.
     bench.put(pot=bench.sim.pose("pot") @ SE3.at(yaw=math.pi))
     assert bench.stage == 2
 
