@@ -1,10 +1,12 @@
-"""Imports point down: every room of the package may use the rooms below it and none above.
+"""Imports point down: every room of the package may use the rooms below it and none above, and
+folders never import each other in a circle.
 
 The rules are data (`FLOORS`, `FORBIDDEN`); `violations` reads the source of a package, never runs
 it, and so sees imports inside functions and under `TYPE_CHECKING` as well.
 """
 
 import ast
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -157,6 +159,46 @@ def violations(package: Path) -> set[str]:
     return found
 
 
+def folder_of(module: str, modules: set[str]) -> str:
+    """The folder that a module lies in; a module beside the package's own face is its own."""
+    is_folder = any(other.startswith(module + ".") for other in modules)
+    return module if is_folder or module.count(".") == 1 else module.rpartition(".")[0]
+
+
+def circles(package: Path) -> set[str]:
+    """Return the folders under a package that import each other, straight or through others.
+
+    A package's face, its `__init__`, belongs to its folder; it may offer what lies in its own
+    sub-folders, which is loaded when it is asked for.
+    """
+    trees = {}
+    for path in sorted(package.rglob("*.py")):
+        parts = [package.name, *path.relative_to(package).with_suffix("").parts]
+        is_package = parts[-1] == "__init__"
+        module = ".".join(parts[:-1] if is_package else parts)
+        trees[module] = ast.parse(path.read_text(encoding="utf-8")), is_package
+    trees.pop(package.name, None)
+    graph: dict[str, set[str]] = {}
+    for module, (tree, is_package) in trees.items():
+        here = folder_of(module, set(trees))
+        for name in named(tree, module, is_package=is_package):
+            target = next((name for name in (name, name.rpartition(".")[0]) if name in trees), None)
+            is_offered = is_package and name.startswith(module + ".")
+            if target and not is_offered and (there := folder_of(target, set(trees))) != here:
+                graph.setdefault(here, set()).add(there)
+
+    def reached(start: str) -> set[str]:
+        found: set[str] = set()
+        left = list(graph.get(start, ()))
+        while left:
+            if (folder := left.pop()) not in found:
+                found.add(folder)
+                left += graph.get(folder, ())
+        return found
+
+    return {folder for folder in graph if folder in reached(folder)}
+
+
 def test_imports_of_the_package_point_down() -> None:
     package = Path(duobench.__file__).parent
     assert len(list(package.rglob("*.py"))) > len(RANK) / 2, "the package was not found"
@@ -226,3 +268,21 @@ def test_what_is_allowed_is_not_reported(tmp_path: Path, path: str, source: str)
     module.parent.mkdir(parents=True, exist_ok=True)
     module.write_text(source)
     assert violations(tmp_path / "duobench") == set()
+
+
+def test_folders_are_walls() -> None:
+    """Every folder can be imported one way; a sub-folder is a room as well."""
+    assert circles(Path(duobench.__file__).parent) == set()
+
+
+def test_a_circle_of_folders_is_found(tmp_path: Path) -> None:
+    copy = tmp_path / "duobench"
+    shutil.copytree(
+        Path(duobench.__file__).parent, copy, ignore=shutil.ignore_patterns("*.pyc", "assets")
+    )
+    (copy / "sim" / "lower").mkdir()
+    (copy / "sim" / "lower" / "__init__.py").write_text("")
+    (copy / "sim" / "lower" / "a.py").write_text("import duobench.sim.simulation\n")
+    with (copy / "sim" / "simulation.py").open("a") as file:
+        file.write("\n\ndef late():\n    from duobench.sim.lower import a\n")
+    assert {"duobench.sim", "duobench.sim.lower"} <= circles(copy)

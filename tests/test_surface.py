@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parents[1]
 SURFACE = {
     "duobench": "DuoBenchError __version__ make register",
     "duobench.data": """
@@ -59,6 +62,7 @@ SURFACE = {
 
 SERVER = """
 import sys
+from pathlib import Path
 for name in ("gymnasium", "mujoco", "msgspec", "trimesh", "manifold3d", "mink"):
     sys.modules[name] = None  # as where it is not installed
 import numpy as np
@@ -119,3 +123,33 @@ def _output(code: str) -> str:
     return subprocess.run(
         [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=True
     ).stdout
+
+
+OFFERED = """
+    duobench.cli.shared.page duobench.envs.action_labels duobench.envs.duo_env
+    duobench.envs.observation_wrappers duobench.envs.protocol duobench.envs.sim_env
+    duobench.envs.spaces duobench.errors duobench.experts.expert duobench.experts.handling
+    duobench.experts.motion duobench.hardware.calibration.views duobench.hardware.clock
+    duobench.hardware.duo duobench.hardware.env duobench.hardware.opening
+    duobench.hardware.rig duobench.kinematics.inverse duobench.lerobot_keys
+    duobench.looks.look duobench.randomness duobench.results.bundle duobench.results.folder
+    duobench.results.scores duobench.results.suite duobench.rig_sessions.teleop_page
+    duobench.rig_sessions.teleoperation
+    duobench.robot.frames duobench.robot.joints duobench.sim.simulation duobench.spatial
+    duobench.teleop.hands duobench.teleop.leaders.device
+    duobench.teleop.leaders.lerobot_source duobench.teleop.messages
+    duobench.types duobench.web.geometry duobench.web.messages
+"""
+"""Modules beside those packages that docs, examples and plugins may import from; every other one is
+private, whatever its name."""
+
+
+def test_docs_examples_and_plugins_import_what_is_public() -> None:
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    code = [*(ROOT / "examples").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")]
+    used = {
+        found[1]
+        for path in [*pages, *code]
+        for found in re.finditer(r"^\s*from (duobench[\w.]*) import", path.read_text(), re.M)
+    }
+    assert used - SURFACE.keys() == set(OFFERED.split())

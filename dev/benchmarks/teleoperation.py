@@ -26,10 +26,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from dev.benchmarks.measure import Measurement
 from duobench.data import Actor, ActorKind
-from duobench.rig_sessions.pacing import Timings
-from duobench.rig_sessions.teleop_page import LiveSession
-from duobench.rig_sessions.teleop_recorder import make_recorder
-from duobench.rig_sessions.teleoperation import Session
+from duobench.rig_sessions.teleop_page import TeleopPage, Timings
+from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
 from duobench.teleop.hands import HandDevice
 from duobench.web.page import assets
 from duobench.web.server import PageServer
@@ -87,8 +85,8 @@ def _timings(task: str, watching: Callable[[str], AbstractContextManager[None]])
     actor = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="benchmark", device="hands")
     with TemporaryDirectory() as folder, closing(PageServer(assets())) as server:
         recorder = make_recorder(task, folder, actor, time_limit_s=10 * SECONDS)
-        with closing(Session(recorder, HandDevice(), episodes=1)) as session:
-            live = LiveSession(session, server)
+        with closing(Teleoperation(recorder, HandDevice(), episodes=1)) as session:
+            live = TeleopPage(session, server)
             with watching(server.url):
                 _wait_for_viewers(server)
                 with _process(_lead, server.url):

@@ -1,13 +1,14 @@
 """The page on evaluating on real arms: its commands run, with a scripted operator."""
 
 import threading
+from inspect import signature
 from pathlib import Path
 
 import pytest
 
-from duobench.rig_sessions.film import FILM_RATE
-from duobench.rig_sessions.trial_plan import Plan
-from duobench.rig_sessions.trial_session import SILENCE_S
+from duobench.rig_sessions.cameras import FILM_RATE
+from duobench.rig_sessions.status_page import SILENCE_S
+from duobench.rig_sessions.trials import open_session
 from tests.docs.markdown import DOCS, attend, blocks, run, text_of
 from tests.rig_sessions.operator import Operator
 from tests.web.pages import Page
@@ -62,7 +63,7 @@ def test_commands_run(tmp_path: Path) -> None:
         said[name] = attend(line, tmp_path, operate) if at_page else run(line, tmp_path)
     assert "0 of 1" in said["real eval"]
     assert "n = 1" in said["compare --mixed"]
-    assert (tmp_path / "trials" / "comparison" / "index.html").exists()
+    assert (tmp_path / "trials" / "run" / "index.html").exists()
     assert (tmp_path / "mixed" / "mixed.tex").exists()
 
 
@@ -70,4 +71,4 @@ def test_numbers_are_those_of_the_code() -> None:
     text = text_of(PAGE)
     assert f"no sign for {SILENCE_S:g} s" in text
     assert f"{FILM_RATE} frames a second" in text
-    assert f"{Plan.__dataclass_fields__['episodes'].default} episodes a policy" in text
+    assert f"{signature(open_session).parameters['episodes'].default} episodes a policy" in text

@@ -11,7 +11,7 @@ import pytest
 from duobench.replay.verify import Verdict
 from duobench.results.folder import RunFolder
 from duobench.results.leaderboard import EPISODES
-from duobench.teleop.leaders.gello_config import GelloConfig
+from duobench.teleop.leaders.gello import GelloConfig
 from tests.docs.markdown import DOCS, blocks, modules, run, run_python, table, text_of
 
 

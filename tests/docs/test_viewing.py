@@ -16,15 +16,19 @@ PAGE = DOCS / "viewing.md"
 
 
 def look(line: str, folder: Path) -> dict[str, Any]:
-    """Run a command, and look at its page until an episode is shown; its last status."""
+    """Run a command, and look at its page until an episode is shown, or the report of a run; the
+    last status.
+    """
     seen: list[dict[str, Any]] = []
+    watched = "--watch" in line
 
     def until_shown(page: Page) -> None:
-        while not (seen and seen[-1].get("instruction")):
+        while not (seen and seen[-1].get("report" if watched else "instruction")):
             seen.append(page.hear_of("status"))
-        page.frame()
+        if not watched:
+            page.frame()
 
-    attend(line, folder, until_shown, end=True)
+    attend(line, folder, until_shown, end=not watched)
     return seen[-1]
 
 
@@ -33,13 +37,14 @@ def test_commands_run(tmp_path: Path) -> None:
     (commands,) = blocks(PAGE, "sh")
     shown = {}
     for line in commands.splitlines():
-        if " view " in line:
+        if " view " in line or "--watch" in line:
             shown[line.split()[-1]] = look(line, tmp_path)
         else:
             run(line, tmp_path)
     assert len(shown["carry_pot"]["items"]) == LAYOUTS
     assert len(shown["data/expert"]["items"]) == 2
     assert shown["data/expert"]["steps"] > 0
+    assert shown["--watch"]["run"]["finished"] == 2
     assert [item["state"] for item in shown["runs/expert"]["items"]] == ["success"] * 2
 
 

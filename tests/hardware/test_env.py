@@ -19,8 +19,7 @@ from duobench.hardware.judge import HumanJudge
 from duobench.hardware.opening import open_rig
 from duobench.hardware.supervisor import State
 from duobench.policy import PolicyMetadata
-from duobench.rig_sessions.teleoperation import Session
-from duobench.rig_sessions.teleoperation import State as SessionState
+from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
 from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
 from duobench.teleop.hands import HandDevice
@@ -151,36 +150,38 @@ def test_a_declared_stage_counts_from_the_next_step_on() -> None:
     judge.declare(2)
     assert env.step(action)[-1]["stage"] == 2
     judge.declare(5)
-    judge.undo()
+    judge.declare(None)
     assert env.step(action)[-1]["stage"] == 2
     judge.declare(5)
     _, reward, terminated, _, info = env.step(action)
     assert (reward, terminated, info["success"], info["success_at_end"]) == (1.0, True, True, True)
-    assert [(said.stage, said.step, said.is_undo) for said in judge.log] == [
-        (2, 0, False),
-        (5, 1, False),
-        (2, 1, True),
-        (5, 2, False),
-    ]
+    labels = [(label.stage, label.step) for label in judge.labels.all]
+    assert labels == [(2, 0), (5, 1), (None, 1), (5, 2)]
+    assert judge.labels.changes() == ((0, 2), (2, 5))
     env.reset(seed=1)
-    assert (judge.stage, judge.log) == (0, ())
+    assert (judge.stage, judge.labels.all) == (0, ())
     env.close()
 
 
 def test_a_judge_keeps_the_highest_stage_and_refuses_what_is_none() -> None:
     judge = HumanJudge(3)
-    assert judge.declare(2)
-    assert not judge.declare(1)
-    assert not judge.declare(2)
+    judge.declare(2)
+    judge.declare(1)
+    assert judge.labels.stage == 2
+    noted = []
     for wrong in (0, 4):
         with pytest.raises(OptionError, match="1 to 3"):
-            judge.declare(wrong)
-    assert judge.undo()
-    assert not judge.undo()
-    judge.declare(3)
+            judge.declare(wrong, note=noted.append)
+    judge.declare(None)
+    assert judge.labels.stage == 2
+    judge.declare(None)
+    with pytest.raises(OptionError, match="no press"):
+        judge.declare(None, note=noted.append)
+    assert noted == []
+    assert judge.declare(3, note=noted.append) in noted
+    assert judge.stage == 0
     judge.judge()
-    judge.declare_end(False)
-    assert (judge.stage, judge.final_holds) == (3, False)
+    assert (judge.stage, judge.final_holds) == (3, True)
     state = judge.get_state()
     other = HumanJudge(3)
     other.set_state(state)
@@ -256,7 +257,7 @@ def test_relative_actions_start_from_what_was_really_sent() -> None:
 def test_a_session_leads_records_and_keeps_an_episode(tmp_path: Path) -> None:
     duo, env = confirmed(cameras=False, action_mode="cartesian", horizon=300)
     device = HandDevice()
-    session = Session(
+    session = Teleoperation(
         Recorder(env, tmp_path, is_reviewed=True, has_clutch=True), device, episodes=1
     )
     homes = {side: env.get_wrapper_attr("kinematics").forward(HOME_JOINTS)[side] for side in SIDES}
@@ -271,14 +272,14 @@ def test_a_session_leads_records_and_keeps_an_episode(tmp_path: Path) -> None:
 
     send(0.0, 0.0)
     send(1.0, 0.0)
-    assert session.state is SessionState.RECORDING
+    assert session.state is TeleopState.RECORDING
     for number in range(60):
         send(1.0, min(0.05, 0.001 * number))
     heights = duo.read().tcp_poses[:, 2] - tcp_poses(HOME_JOINTS)[:, 2]
     assert heights == pytest.approx([0.05, 0.05], abs=2e-3)
     env.get_wrapper_attr("judge").declare(5)
     send(1.0, 0.05)
-    assert session.state is SessionState.DECIDE
+    assert session.state is TeleopState.DECIDE
     session._keep()
     session.close()
     (recording,) = DataSet.open(tmp_path).recordings()

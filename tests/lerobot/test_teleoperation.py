@@ -41,7 +41,7 @@ import duobench
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError, UnknownNameError
 from duobench.randomness import TRAIN, episode_seed
-from duobench.rig_sessions.teleoperation import State
+from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.spatial import SE3
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.types import ARM_JOINTS, DuoCommand
@@ -97,8 +97,8 @@ class Place:
     env: Any
 
     @property
-    def state(self) -> State:
-        return State.RECORDING if self.teleoperator.is_led else State.WAITING
+    def state(self) -> TeleopState:
+        return TeleopState.RECORDING if self.teleoperator.is_led else TeleopState.WAITING
 
 
 def lead(page: Page, teleoperator: Any, number: int, pose: SE3, **more: Any) -> np.ndarray:

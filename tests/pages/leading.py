@@ -12,9 +12,8 @@ from typing import Any
 from playwright.sync_api import Page
 
 from duobench.data import Actor, ActorKind, DataSet
-from duobench.rig_sessions.teleop_page import LiveSession
-from duobench.rig_sessions.teleop_recorder import make_recorder
-from duobench.rig_sessions.teleoperation import Session
+from duobench.rig_sessions.teleop_page import TeleopPage
+from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
 from duobench.teleop.hands import HandDevice
 from duobench.web.page import assets
 from duobench.web.server import PageServer
@@ -33,12 +32,12 @@ waits for it, the page goes on to send sixty messages a second, each of which is
 class Led:
     """A session, its page, and what the page has sent."""
 
-    def __init__(self, session: Session, server: PageServer, page: Page) -> None:
+    def __init__(self, session: Teleoperation, server: PageServer, page: Page) -> None:
         self.session, self.page = session, page
         self.samples: list[dict[str, Any]] = []
         """Every message of hands, in order."""
         self._arrivals: list[float] = []
-        self._live, self._turns = LiveSession(session, server), 0
+        self._live, self._turns = TeleopPage(session, server), 0
         self._give = server.on_message
         self._end = time.monotonic() + LONGEST_S
         server.on_message = self._take
@@ -84,7 +83,7 @@ def led(
     recorder = make_recorder(task, data, actor, time_limit_s=TIME_LIMIT_S)
     device = HandDevice(lockstep=True)
     with (
-        closing(Session(recorder, device, episodes=1, lockstep=True)) as session,
+        closing(Teleoperation(recorder, device, episodes=1, lockstep=True)) as session,
         closing(PageServer(assets())) as server,
         opened(*scripts) as page,
     ):

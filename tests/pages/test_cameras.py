@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.rig_sessions.page_cameras import CameraFeed
-from duobench.rig_sessions.rig_teleoperation import RealLiveSession
+from duobench.rig_sessions.cameras import CameraFeed
+from duobench.rig_sessions.rig_teleoperation import RigTeleopPage
 from duobench.types import POLICY_CAMERAS
 from duobench.web.page import assets
 from duobench.web.server import PageServer
@@ -36,7 +36,7 @@ class Led:
         ending.callback(self.server.close)
         self.feed = CameraFeed(self.bench.duo, self.server)
         ending.callback(self.feed.close)
-        self.live = RealLiveSession(self.bench.session, self.server)
+        self.live = RigTeleopPage(self.bench.session, self.server)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from playwright.sync_api import Page
 from scipy.spatial.transform import Rotation
 
 from duobench.data import DataSet, find_problems
-from duobench.rig_sessions.teleoperation import State
+from duobench.rig_sessions.teleoperation import TeleopState
 from tests.pages.leading import follower, led
 from tests.pages.test_headset import IWER, LOOK, ROOM_FROM_WORLD, ROOM_HEAD, WEAR, in_room
 from tests.teleop.operator import Operator
@@ -73,16 +73,16 @@ def test_a_task_is_solved_in_a_headset(tmp_path: Path, task: str) -> None:
         wanted = json.loads(operator.next_message())  # open hands, which have to be seen first
         hold(page, wanted)
         page.get_by_role("button", name="Enter VR").click()
-        while session.state is not State.OVER:
+        while session.state is not TeleopState.OVER:
             if wanted["kind"] == "keep":
                 page.evaluate('worn.controllers.right.updateButtonValue("a-button", 1)')
             else:
                 hold(page, wanted)
-            while session.state is not State.OVER:
+            while session.state is not TeleopState.OVER:
                 one.turn()
                 if wanted["kind"] == "keep" or (samples and is_held(samples[-1], wanted)):
                     break
-            if session.state is not State.OVER:
+            if session.state is not TeleopState.OVER:
                 wanted = json.loads(operator.next_message())
     data = DataSet.open(tmp_path)
     (recording,) = data.recordings()

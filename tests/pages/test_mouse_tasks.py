@@ -15,7 +15,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.experts.handover import present, receive_pose, tool
 from duobench.experts.motion import Arms, down, nearest_turn
 from duobench.experts.scripts.transfer_cube import BAR, MEETING_POINT, RECEIVER_GRIP, RISE, SLANT
-from duobench.rig_sessions.teleoperation import State
+from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.robot.frames import SHOULDERS
 from duobench.spatial import SE3
 from tests.pages.leading import follower, led
@@ -62,10 +62,10 @@ def test_a_task_is_solved_by_mouse_and_keys(tmp_path: Path) -> None:
     actor = follower("mouse")
     with led(tmp_path, "transfer_cube", actor, WINDOW) as one:
         hand_over(MouseOperator(one), Arms(sim_of(one.session.env).simulation))
-        while one.session.state is not State.DECIDE:
+        while one.session.state is not TeleopState.DECIDE:
             one.turn()
         one.page.keyboard.press("k")
-        while one.session.state is not State.OVER:
+        while one.session.state is not TeleopState.OVER:
             one.turn()
     data = DataSet.open(tmp_path)
     (recording,) = data.recordings()

@@ -9,12 +9,11 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.results.bundle import read_source
-from duobench.rig_sessions.trial_log import Kind
-from duobench.rig_sessions.trial_session import HELD_BY_OPERATOR
+from duobench.rig_sessions.session import HELD_BY_OPERATOR
+from duobench.rig_sessions.trials_log import LogKind
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import STEPS, Stand, contenders
+from tests.rig_sessions.operator import POLICIES, STEPS, Stand, records
 
 LAST = 5
 
@@ -30,7 +29,7 @@ class Led:
 
     def __init__(self, path: Path) -> None:
         # A browser on a busy machine may be busy for long.
-        self.stand = Stand(path, contenders()[:1], episodes=1, blind=True, silence_s=600.0)
+        self.stand = Stand(path, POLICIES[:1], episodes=1, blind=True, silence_s=600.0)
         self.results: list[bool] = []
         self.thread = threading.Thread(target=self.run)
         self.thread.start()
@@ -39,7 +38,7 @@ class Led:
         self.results.append(self.stand.session.run())
         row = {"letter": "A", "policy": "mine", "trained_on": "sim", "episodes": 1}
         row |= {"successes": 1, "rate": 1.0, "low": 0.2065, "high": 1.0, "progress": 1.0}
-        self.stand.session.tell(results=[row], files="Report: index.html")
+        self.stand.session.publish(results=[row], files="Report: index.html")
 
     def close(self) -> None:
         self.stand.session.stop()
@@ -135,7 +134,7 @@ def test_keys_judge_and_undo(window: Browser, led: Led) -> None:
         page.keyboard.press("Tab")
         page.click("#finish")
         shown(page, "#over")
-    (record,) = read_source(led.stand.folder.run("A").path)[1]
+    (record,) = records(led.stand.folder)["A"]
     assert record.final_stage == 1
     assert record.judged is not None
     assert record.judged.note == "2 was close"
@@ -161,7 +160,7 @@ def test_space_bar_holds_whatever_has_the_focus(window: Browser, led: Led) -> No
         page.click("#invalid")
         until(page, "document.querySelector('.where').textContent.includes('attempt 2')")
     kinds = [entry.kind for entry in led.stand.folder.read_log()]
-    assert kinds[:5] == [Kind.BEGIN, Kind.PLACED, Kind.START, Kind.HOLD, Kind.END]
+    assert kinds[:5] == [LogKind.BEGIN, LogKind.PLACED, LogKind.START, LogKind.HOLD, LogKind.END]
 
 
 def test_second_browser_watches(window: Browser, led: Led) -> None:
@@ -193,7 +192,7 @@ def test_stages_are_corrected_from_the_film(window: Browser, led: Led) -> None:
         until(page, "document.querySelectorAll('.presses li').length == 3")
         page.click("#finish")
         shown(page, "#over")
-    (record,) = read_source(led.stand.folder.run("A").path)[1]
+    (record,) = records(led.stand.folder)["A"]
     assert record.stage_changes == ((12, 3),)
     assert record.judged is not None
     assert [(press.stage, press.step) for press in record.judged.presses] == [

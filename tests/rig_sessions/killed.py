@@ -5,7 +5,7 @@ import threading
 from pathlib import Path
 
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import Stand, contenders
+from tests.rig_sessions.operator import POLICIES, Stand
 
 
 def lead() -> None:
@@ -14,7 +14,7 @@ def lead() -> None:
 
 
 if __name__ == "__main__":
-    stand = Stand(Path(sys.argv[1]), contenders(), episodes=1)
+    stand = Stand(Path(sys.argv[1]), POLICIES, episodes=1)
     threading.Thread(target=lead, daemon=True).start()
     sys.stdout.write(f"{stand.server.url}\n")
     sys.stdout.flush()

@@ -13,10 +13,10 @@ from duobench.errors import DuoBenchError
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
+from duobench.results.records import EpisodeRecord
 from duobench.results.suite import TaskInfo, find_tasks
-from duobench.rig_sessions.trial_folder import TrialsFolder
-from duobench.rig_sessions.trial_opening import Contender, open_session
-from duobench.rig_sessions.trial_session import TrialsSession
+from duobench.rig_sessions.trials import TrialsSession, open_session
+from duobench.rig_sessions.trials_folder import TrialsFolder
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.rig_sessions import toys
@@ -24,6 +24,8 @@ from tests.web.pages import Page, open_page
 
 STEPS = 20
 """Horizon of the episodes."""
+POLICIES = ((f"{toys.MODULE}:Patient", "sim"), (f"{toys.MODULE}:Keen", "mixed"))
+"""Names of the policies, and what they were trained on."""
 
 
 def short_task(name: str = "bin_sort") -> TaskInfo:
@@ -100,7 +102,7 @@ class Operator:
 class Stand:
     """Simulated arms, a page and a folder, put together as `duobench real eval` does."""
 
-    def __init__(self, path: Path, contenders: Sequence[Contender], **options: Any) -> None:
+    def __init__(self, path: Path, policies: Sequence[tuple[str, str]], **options: Any) -> None:
         self.folder = TrialsFolder(path)
         self.ending = ExitStack()
         self.duo: FrankaDuo = open_rig("simulated", VirtualClock(), guard=False)
@@ -113,7 +115,7 @@ class Stand:
                 self.folder,
                 self.duo,
                 short_task(),
-                contenders,
+                policies,
                 self.server,
                 self.ending,
                 **chosen,
@@ -123,11 +125,13 @@ class Stand:
             raise
 
 
-def contenders() -> list[Contender]:
-    return [
-        Contender(spec=f"{toys.MODULE}:Patient", trained_on="sim"),
-        Contender(spec=f"{toys.MODULE}:Keen", trained_on="mixed"),
-    ]
+def records(folder: TrialsFolder) -> dict[str, list[EpisodeRecord]]:
+    """The records of each policy, by its letter."""
+    plan, found = folder.read_plan(), folder.run.read_records(folder.run.read_run())
+    return {
+        plan.letter(number): [each for each in found if each.policy == candidate.policy]
+        for number, candidate in enumerate(plan.policies)
+    }
 
 
 @contextmanager
@@ -160,7 +164,7 @@ def run(
     """Run a session that a script operates; whether nothing is missing at the end."""
     with operated(stand, script) as failures:
         is_complete = stand.session.run()
-        stand.session.tell(**report())
+        stand.session.publish(**report())
     if failures:
         raise failures[0]
     return is_complete

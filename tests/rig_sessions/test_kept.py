@@ -7,12 +7,9 @@ import pytest
 from duobench.data import DataSet, find_problems
 from duobench.hardware.doctor import Check, Outcome, write_checks
 from duobench.hardware.rig import Rig
-from duobench.results.bundle import read_source
-from duobench.results.records import EpisodeRecord
-from duobench.rig_sessions.trial_folder import TrialsFolder
-from duobench.rig_sessions.trial_report import write_trials_report
+from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import POLICY_CAMERAS
-from tests.rig_sessions.operator import STEPS, Operator, Stand, contenders, run
+from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, records, run
 
 EPISODES = 2
 JUDGED = [2, 0, 3, 1]
@@ -29,20 +26,16 @@ def script(operator: Operator) -> None:
         operator.finish()
 
 
-def records(folder: TrialsFolder) -> list[EpisodeRecord]:
-    found = [record for letter in "AB" for record in read_source(folder.run(letter).path)[1]]
-    return sorted(found, key=lambda record: (record.episode, record.policy))
-
-
 def test_trials_that_count_are_recorded_as_they_were_judged(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path / "data")
-    stand = Stand(tmp_path / "trials", contenders(), episodes=EPISODES, data=data)
+    stand = Stand(tmp_path / "trials", POLICIES, episodes=EPISODES, data=data)
     with stand.ending:
         assert run(stand, script)
     assert find_problems(data) == []
     recordings = list(data.recordings())
     kept = [each for each in recordings if each.info.outcome and each.info.outcome.kept]
-    played = {(record.policy, record.seed): record for record in records(stand.folder)}
+    judged = [record for found in records(stand.folder).values() for record in found]
+    played = {(record.policy, record.seed): record for record in judged}
     assert len(kept) == len(played) == len(JUDGED)
     for recording in kept:
         actor = recording.info.actor
@@ -78,7 +71,7 @@ def test_page_says_what_the_doctor_found(
         check = Check(name="holding", outcome=outcome, value="both arms")
         rig_hash = known.hash if rig == "same" else "0" * 64
         write_checks(tmp_path / "trials", known.name, rig_hash, [check])
-    stand = Stand(tmp_path / "trials", contenders(), episodes=1)
+    stand = Stand(tmp_path / "trials", POLICIES, episodes=1)
     stand.ending.close()
     write_trials_report(stand.folder)
     page = stand.folder.page.read_text()

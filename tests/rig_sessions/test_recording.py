@@ -18,8 +18,7 @@ from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.policy import PolicyMetadata
-from duobench.rig_sessions.playback import Playback, slowed
-from duobench.rig_sessions.recording import OVER, RealRecording, find_policy
+from duobench.rig_sessions.recording import Playback, RigRecording, find_policy, slowed
 from duobench.types import POLICY_CAMERAS, Side
 
 TASK = "carry_pot"
@@ -79,7 +78,7 @@ def session(
     source: PolicySource | None = None,
     on_step: Callable[[FrankaDuo, int], None] = lambda _duo, _step: None,
     **options: Any,
-) -> Iterator[RealRecording]:
+) -> Iterator[RigRecording]:
     duo = open_rig("simulated", VirtualClock(), guard=False)
     if source is None:
         policy = Sways(script, lambda step: on_step(duo, step))
@@ -87,7 +86,7 @@ def session(
     options = {"horizon": HORIZON, "episodes": 1, "after_success": 0.2} | options
     data = DataSet.open(folder)
     with ExitStack() as ending:
-        made = RealRecording(duo, TASK, data, source, script, **options)
+        made = RigRecording(duo, TASK, data, source, script, **options)
         ending.callback(made.close)
         yield made
 
@@ -195,14 +194,13 @@ def test_nothing_moves_without_a_key(tmp_path: Path) -> None:
     for answers in ("q", "hq"):
         script = Script(answers)
         with session(tmp_path, script) as recording:
-            duo = recording._duo
+            duo = recording.duo
             commands = duo.arms[Side.LEFT].commands  # type: ignore[attr-defined]
             recording.run()
             assert not duo.supervisor.is_confirmed
             if answers == "q":
                 assert duo.arms[Side.LEFT].commands == commands  # type: ignore[attr-defined]
     assert DataSet(tmp_path).episodes() == []
-    assert OVER
 
 
 def test_a_recorded_episode_is_played_at_half_of_its_speed(tmp_path: Path) -> None:

@@ -6,33 +6,30 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import EvaluationError, LockedError, OtherRunError
+from duobench.errors import EvaluationError, LockedError, OtherRunError, PolicyError
 from duobench.files import locked
 from duobench.hardware.devices import FaultKind
-from duobench.results.bundle import read_source
 from duobench.results.records import EpisodeRecord
-from duobench.rig_sessions.trial_folder import CUT, Standing, TrialsFolder
-from duobench.rig_sessions.trial_log import Entry, Kind
-from duobench.rig_sessions.trial_opening import Contender
-from duobench.rig_sessions.trial_report import write_trials_report
-from duobench.rig_sessions.trial_session import HELD_BY_OPERATOR
+from duobench.rig_sessions.session import HELD_BY_OPERATOR
+from duobench.rig_sessions.trials_folder import CUT, TrialsFolder, TrialsProgress
+from duobench.rig_sessions.trials_log import LogEntry, LogKind
+from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import Side
-from tests.results.samples import key
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import STEPS, Operator, Stand, contenders, run
+from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, records, run
 from tests.web.pages import open_page
 
 LAST = 5
-ONE = [Contender(spec=f"{toys.MODULE}:Patient")]
+ONE = [(f"{toys.MODULE}:Patient", "")]
 
 
 def only_record(stand: Stand) -> EpisodeRecord:
-    (record,) = read_source(stand.folder.run("A").path)[1]
+    (record,) = records(stand.folder)["A"]
     return record
 
 
 def reasons(folder: TrialsFolder) -> list[str]:
-    invalid = Standing.of(folder.read_log()).invalid
+    invalid = TrialsProgress.of(folder.read_log()).invalid
     return [reason for each in invalid.values() for reason in each]
 
 
@@ -65,7 +62,7 @@ def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path:
     assert record.judged is not None
     (reason,) = record.judged.repeated
     assert "no answer" in reason
-    (entry,) = [each for each in stand.folder.read_log() if each.kind is Kind.INVALID]
+    (entry,) = [each for each in stand.folder.read_log() if each.kind is LogKind.INVALID]
     assert entry.yes is True
     assert write_trials_report(stand.folder).invalid == ((reason, 1),)
 
@@ -92,7 +89,7 @@ def test_reflex_counts_against_the_policy(tmp_path: Path) -> None:
     assert "cartesian_reflex" in record.judged.stopped
     report = write_trials_report(stand.folder)
     assert report.policies[0].reflexes == 1
-    assert "cartesian_reflex" in stand.folder.run("A").page.read_text()
+    assert "cartesian_reflex" in stand.folder.run.page.read_text()
 
 
 def test_operator_holds_the_arms_at_once(tmp_path: Path) -> None:
@@ -181,7 +178,7 @@ def test_success_that_was_taken_back_does_not_count(tmp_path: Path) -> None:
 
 
 def test_late_press_counts_and_policy_that_raises_has_failed(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", [*ONE, Contender(spec=f"{toys.MODULE}:Broken")], episodes=1)
+    stand = Stand(tmp_path / "t", [*ONE, (f"{toys.MODULE}:Broken", "")], episodes=1)
 
     def script(operator: Operator) -> None:
         for _ in range(2):
@@ -197,7 +194,7 @@ def test_late_press_counts_and_policy_that_raises_has_failed(tmp_path: Path) -> 
 
     with stand.ending:
         assert run(stand, script)
-    (good,), (broken,) = (read_source(stand.folder.run(letter).path)[1] for letter in "AB")
+    (good,), (broken,) = records(stand.folder).values()
     assert good.stage_changes == ((STEPS, 1),)
     assert (broken.steps, broken.final_stage) == (toys.CHUNK, 1)
     assert "out of ideas" in (broken.error or "")
@@ -262,7 +259,7 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
     with (path / "log.jsonl").open("ab") as log:
         log.write(b'{"kind":"press","tri')  # as a machine leaves it whose power fails
     entries = TrialsFolder(path).read_log()
-    assert [entry.stage for entry in entries if entry.kind is Kind.PRESS] == [1, 3]
+    assert [entry.stage for entry in entries if entry.kind is LogKind.PRESS] == [1, 3]
 
     def script(again: Operator) -> None:
         assert again.phase("placing")["trial"]["attempt"] == 2
@@ -270,24 +267,26 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
         again.play([[2]])
         again.finish()
 
-    stand = Stand(path, contenders(), episodes=1)
+    stand = Stand(path, POLICIES, episodes=1)
     with stand.ending:
         assert run(stand, script)
     assert reasons(stand.folder) == [CUT]
-    stages = {read_source(stand.folder.run(letter).path)[1][0].final_stage for letter in "AB"}
+    stages = {record.final_stage for (record,) in records(stand.folder).values()}
     assert stages == {1, 2}
 
 
 def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
     stand = Stand(tmp_path / "t", ONE, episodes=1)
     stand.ending.close()
-    with pytest.raises(OtherRunError, match="policies"):
-        Stand(tmp_path / "t", contenders(), episodes=1)
+    with pytest.raises(OtherRunError, match="this one has policy"):
+        Stand(tmp_path / "t", POLICIES, episodes=1)
     Stand(tmp_path / "t", ONE, episodes=2).ending.close()
     with pytest.raises(OtherRunError, match="episodes 1 instead of 2"):
         Stand(tmp_path / "t", ONE, episodes=1)
-    with pytest.raises(EvaluationError, match="reads the simulation"):
-        Stand(tmp_path / "u", [Contender(spec="expert")])
+    with pytest.raises(PolicyError, match="reads the simulation"):
+        Stand(tmp_path / "u", [("expert", "")])
+    with pytest.raises(EvaluationError, match="same name"):
+        Stand(tmp_path / "u", [*ONE, *ONE])
     (tmp_path / "v").mkdir()
     (tmp_path / "v" / "thesis.txt").write_text("mine")
     with pytest.raises(OtherRunError, match="not empty"):
@@ -306,16 +305,16 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
         stand = Stand(tmp_path / "t", ONE, episodes=1)
         with stand.ending:
             assert run(stand, script)
-        run_folder = stand.folder.run("A")
-        run_folder.record(key(run_folder, "bin_sort", 0)).unlink()
-    assert Standing.of(stand.folder.read_log()).attempts == {0: 2}
+        (record,) = records(stand.folder)["A"]
+        stand.folder.run.record(record.key).unlink()
+    assert TrialsProgress.of(stand.folder.read_log()).attempts == {0: 2}
 
 
 def test_entry_says_only_what_there_is_to_say(tmp_path: Path) -> None:
     stand = Stand(tmp_path / "t", ONE, episodes=1)
     stand.ending.close()
     log = stand.folder.open_log("now")
-    log.add(Entry(kind=Kind.PRESS, trial=0, attempt=1, stage=None, step=3, time_s=0.1))
+    log.add(LogEntry(kind=LogKind.PRESS, trial=0, attempt=1, stage=None, step=3, time_s=0.1))
     log.close()
     line = stand.folder.log_file.read_text()
     assert line == '{"kind":"press","trial":0,"attempt":1,"step":3,"time_s":0.1,"stage":null}\n'

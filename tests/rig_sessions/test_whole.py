@@ -10,14 +10,13 @@ from duobench.errors import EvaluationError
 from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.mixed import read_mixed, write_mixed
-from duobench.results.records import EpisodeRecord
 from duobench.results.scores import wilson_interval
-from duobench.rig_sessions.trial_folder import TrialsFolder
-from duobench.rig_sessions.trial_log import Kind
-from duobench.rig_sessions.trial_report import TrialsReport, write_trials_report
+from duobench.rig_sessions.trials_folder import TrialsFolder
+from duobench.rig_sessions.trials_log import LogKind
+from duobench.rig_sessions.trials_report import TrialsReport, write_trials_report
 from tests.results.samples import LIFT, sample_folder, sample_record, sample_run
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import Operator, Stand, contenders, run
+from tests.rig_sessions.operator import POLICIES, Operator, Stand, records, run
 
 EPISODES = 15
 LAST = 5
@@ -68,7 +67,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrialsFolder, Trial
     """All trials played and reported."""
     script = Scripted()
     stand = Stand(
-        tmp_path_factory.mktemp("whole") / "trials", contenders(), episodes=EPISODES, blind=True
+        tmp_path_factory.mktemp("whole") / "trials", POLICIES, episodes=EPISODES, blind=True
     )
 
     def report() -> dict[str, object]:
@@ -78,10 +77,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrialsFolder, Trial
     with stand.ending:
         assert run(stand, script, report)
     return stand.folder, write_trials_report(stand.folder), script
-
-
-def records(folder: TrialsFolder) -> dict[str, list[EpisodeRecord]]:
-    return {letter: read_source(folder.run(letter).path)[1] for letter in "AB"}
 
 
 def test_every_trial_is_recorded_as_it_was_judged(
@@ -118,7 +113,7 @@ def test_undone_presses_stay(whole: tuple[TrialsFolder, TrialsReport, Scripted])
     logged = [
         (entry.stage, entry.step)
         for entry in folder.read_log()
-        if entry.kind is Kind.PRESS and entry.trial == UNDO
+        if entry.kind is LogKind.PRESS and entry.trial == UNDO
     ]
     assert logged == [(press.stage, press.step) for press in presses]
 
@@ -155,13 +150,15 @@ def test_report_has_intervals_and_invalid_trials(
     assert report.invalid == ((REASON, 1),)
     page = folder.page.read_text()
     assert REASON in page
-    assert "real arms" in folder.run("A").page.read_text()
-    assert (folder.comparison / "index.html").exists()
+    assert "compar" in folder.run.page.read_text().lower()
+    for one in report.policies:
+        assert f"run/{one.page}index.html" in page
+        assert "real arms" in (folder.run.path / one.page / "index.html").read_text()
 
 
 def test_nothing_can_be_played_again(whole: tuple[TrialsFolder, TrialsReport, Scripted]) -> None:
     folder, _, _ = whole
-    found = verify(open_source(folder.run("A").path))
+    found = verify(open_source(folder.run.path))
     assert not found.is_verified
     assert {each.verdict for each in found.findings} == {Verdict.UNVERIFIABLE}
     assert "real arms" in found.findings[0].reason
@@ -171,8 +168,8 @@ def test_bundle_is_read_as_the_folder(
     whole: tuple[TrialsFolder, TrialsReport, Scripted], tmp_path: Path
 ) -> None:
     folder, _, _ = whole
-    write_bundle(folder.run("B"), tmp_path / "b.duobench.zip")
-    assert read_source(tmp_path / "b.duobench.zip") == read_source(folder.run("B").path)
+    write_bundle(folder.run, tmp_path / "b.duobench.zip")
+    assert read_source(tmp_path / "b.duobench.zip") == read_source(folder.run.path)
 
 
 def test_mixed_table(whole: tuple[TrialsFolder, TrialsReport, Scripted], tmp_path: Path) -> None:
@@ -181,7 +178,7 @@ def test_mixed_table(whole: tuple[TrialsFolder, TrialsReport, Scripted], tmp_pat
     run_ = sample_run(tasks=(task,), episodes=2)
     simulated = [sample_record(task, 0, (1, 2, 3, 4, 5)), sample_record(task, 1, (9,))]
     sim = sample_folder(tmp_path / "sim", run_, simulated)
-    sources = [f"sim={sim.path}", *(str(folder.run(letter).path) for letter in "AB")]
+    sources = [f"sim={sim.path}", str(folder.run.path)]
     rows = read_mixed(sources)
     assert [row.trained_on for row in rows] == ["sim", "mixed"]
     assert rows[0].scores["sim"].successes == 1

@@ -14,7 +14,7 @@ import numpy as np
 from duobench.envs.sim_env import sim_of
 from duobench.experts.expert import find_script
 from duobench.experts.motion import Arms
-from duobench.rig_sessions.teleoperation import Session, State
+from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, SIDES
 
@@ -40,7 +40,7 @@ def message(number: int, left: Any, right: Any, sent: float | None = None) -> by
 class Operator:
     """Leads one episode of a session after the other."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Teleoperation) -> None:
         """Take a place in front of a session."""
         self._session = session
         self._number = 0
@@ -49,11 +49,11 @@ class Operator:
     def next_message(self) -> bytes:
         """What the page would send now."""
         state = self._session.state
-        if state is State.DECIDE:
+        if state is TeleopState.DECIDE:
             self._arms = None
             return b'{"kind": "keep"}'
         squeeze = 1.0 if self._arms is not None else 0.0
-        if self._arms is None and state is State.WAITING:
+        if self._arms is None and state is TeleopState.WAITING:
             self._begin()
         elif self._arms is not None:
             next(self._script, None)

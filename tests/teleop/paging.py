@@ -7,10 +7,8 @@ import time
 from contextlib import closing
 
 from duobench.data import Actor, ActorKind, DataSet
-from duobench.rig_sessions.pacing import run
-from duobench.rig_sessions.teleop_page import LiveSession
-from duobench.rig_sessions.teleop_recorder import make_recorder
-from duobench.rig_sessions.teleoperation import Session, State
+from duobench.rig_sessions.teleop_page import TeleopPage, run
+from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
 from duobench.teleop.hands import HandDevice
 from duobench.web.page import assets
 from duobench.web.server import PageServer
@@ -24,7 +22,7 @@ def record(task: str, data: DataSet, episodes: int) -> None:
     """Record episodes in lockstep: each control step waits for hands that came over the socket."""
     device = HandDevice(lockstep=True)
     recorder = make_recorder(task, data, OPERATOR)
-    session = Session(recorder, device, episodes=episodes, lockstep=True)
+    session = Teleoperation(recorder, device, episodes=episodes, lockstep=True)
     arrived = threading.Event()
 
     def take(is_driver: bool, message: bytes) -> str | None:
@@ -34,7 +32,7 @@ def record(task: str, data: DataSet, episodes: int) -> None:
         return None
 
     with closing(session), closing(PageServer(assets())) as server:
-        LiveSession(session, server)
+        TeleopPage(session, server)
         server.on_message = take  # as it does, and notes that a message has arrived
         operator = Operator(session)
         with open_page(server.url) as page:
@@ -42,7 +40,7 @@ def record(task: str, data: DataSet, episodes: int) -> None:
             page.hear_of("role", role="driver")
 
             def send() -> None:
-                if session.state is not State.OVER:
+                if session.state is not TeleopState.OVER:
                     page.connection.send(operator.next_message().decode())
                     assert arrived.wait(TIMEOUT_S)
                     arrived.clear()

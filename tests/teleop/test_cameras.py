@@ -14,7 +14,7 @@ from PIL import Image
 
 from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
-from duobench.rig_sessions.page_cameras import PERIOD_S, SHOWN_WIDTH, CameraFeed, jpeg
+from duobench.rig_sessions.cameras import PERIOD_S, SHOWN_WIDTH, CameraFeed, jpeg
 from duobench.types import POLICY_CAMERAS
 from duobench.web.page import assets
 from duobench.web.server import PageServer
@@ -122,7 +122,7 @@ def test_nothing_is_encoded_where_nobody_looks() -> None:
 
 
 def test_small_images_stay_as_they_are() -> None:
-    with Image.open(io.BytesIO(jpeg(np.zeros((48, 64, 3), np.uint8)))) as picture:
+    with Image.open(io.BytesIO(jpeg(np.zeros((48, 64, 3), np.uint8), SHOWN_WIDTH))) as picture:
         assert picture.size == (64, 48)
-    with Image.open(io.BytesIO(jpeg(np.zeros((1080, 1920, 3), np.uint8)))) as picture:
+    with Image.open(io.BytesIO(jpeg(np.zeros((1080, 1920, 3), np.uint8), SHOWN_WIDTH))) as picture:
         assert picture.size == (SHOWN_WIDTH, 360)

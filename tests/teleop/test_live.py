@@ -14,9 +14,8 @@ import pytest
 
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.envs.sim_env import sim_of
-from duobench.rig_sessions.teleop_page import WATCHING, LiveSession
-from duobench.rig_sessions.teleop_recorder import make_recorder
-from duobench.rig_sessions.teleoperation import AWAY, Session
+from duobench.rig_sessions.teleop_page import WATCHING, TeleopPage
+from duobench.rig_sessions.teleoperation import AWAY, Teleoperation, make_recorder
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
 from duobench.web.geometry import Geometry
@@ -30,18 +29,20 @@ ACTOR = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
 
 
 @pytest.fixture
-def session(tmp_path: Path) -> Iterator[Session]:
+def session(tmp_path: Path) -> Iterator[Teleoperation]:
     device = HandDevice(lockstep=True)
-    session = Session(make_recorder(TASK, DataSet.open(tmp_path), ACTOR), device, lockstep=True)
+    session = Teleoperation(
+        make_recorder(TASK, DataSet.open(tmp_path), ACTOR), device, lockstep=True
+    )
     yield session
     session.close()
 
 
 @contextmanager
-def running(session: Session) -> Iterator[PageServer]:
+def running(session: Teleoperation) -> Iterator[PageServer]:
     """The session, running in a thread of its own as `duobench teleop` has it."""
     server = PageServer({})
-    live = LiveSession(session, server)
+    live = TeleopPage(session, server)
     thread = threading.Thread(target=live.run)
     thread.start()
     yield server
@@ -62,11 +63,11 @@ class Driver:
         self._page.say(**json.loads(message(self._number, *both)))
 
 
-def tool_heights(session: Session) -> np.ndarray:
+def tool_heights(session: Teleoperation) -> np.ndarray:
     return session.env.base.backend.read().tcp_poses[:, 2]
 
 
-def test_whoever_drives_leads_and_the_others_watch(session: Session) -> None:
+def test_whoever_drives_leads_and_the_others_watch(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page, open_page(server.url) as other:
         other.say(kind="hands")
         assert other.hear_of("refused")["reason"] == WATCHING
@@ -85,7 +86,7 @@ def test_whoever_drives_leads_and_the_others_watch(session: Session) -> None:
         assert set(shown["tools"]) == {"left", "right"}
 
 
-def test_frames_show_where_the_bodies_are(session: Session) -> None:
+def test_frames_show_where_the_bodies_are(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page:
         simulation = sim_of(session.env).simulation
         geometry = Geometry(simulation.model)
@@ -95,7 +96,7 @@ def test_frames_show_where_the_bodies_are(session: Session) -> None:
         assert step == 0
 
 
-def test_a_driver_who_leaves_lets_go_and_frees_the_place(session: Session) -> None:
+def test_a_driver_who_leaves_lets_go_and_frees_the_place(session: Teleoperation) -> None:
     with running(session) as server:
         with open_page(server.url) as page:
             page.say(kind="drive")
@@ -113,7 +114,7 @@ def test_a_driver_who_leaves_lets_go_and_frees_the_place(session: Session) -> No
             assert session.device.clutch == (False, False)
 
 
-def test_a_recording_waits_while_the_driver_is_away(session: Session) -> None:
+def test_a_recording_waits_while_the_driver_is_away(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as watcher:
         with open_page(server.url) as page:
             page.say(kind="drive")
@@ -142,7 +143,7 @@ def test_a_recording_waits_while_the_driver_is_away(session: Session) -> None:
     assert recording.clutch.tolist() == [[True, True]] * 10 + [[False, False], [True, True]]
 
 
-def test_what_is_no_message_is_refused_and_the_session_lives(session: Session) -> None:
+def test_what_is_no_message_is_refused_and_the_session_lives(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page:
         page.say(kind="drive")
         for bad in (
@@ -157,7 +158,7 @@ def test_what_is_no_message_is_refused_and_the_session_lives(session: Session) -
 
 
 def test_nothing_is_computed_while_nobody_looks(
-    session: Session, monkeypatch: pytest.MonkeyPatch
+    session: Teleoperation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[float] = []
     monkeypatch.setattr(Geometry, "poses", lambda _self, _data: asked.append(time.monotonic()))

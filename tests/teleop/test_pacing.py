@@ -7,9 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from duobench.data import Actor
-from duobench.rig_sessions.pacing import PERIOD_S, Timings, run
-from duobench.rig_sessions.teleop_recorder import make_recorder
-from duobench.rig_sessions.teleoperation import Session, State
+from duobench.rig_sessions.teleop_page import PERIOD_S, Timings, run
+from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
 from tests.teleop.operator import hand, message
@@ -18,14 +17,14 @@ STEPS = 15
 
 
 @pytest.fixture
-def session() -> Iterator[Session]:
+def session() -> Iterator[Teleoperation]:
     env = make_recorder("bin_sort", None, Actor(), time_limit_s=STEPS * PERIOD_S)
-    made = Session(env, HandDevice(), episodes=1)
+    made = Teleoperation(env, HandDevice(), episodes=1)
     yield made
     made.close()
 
 
-def squeeze(session: Session, stop: threading.Event) -> None:
+def squeeze(session: Teleoperation, stop: threading.Event) -> None:
     """Send hands sixty times a second, as a page does: open first, then squeezed."""
     number = 0
     while not stop.is_set():
@@ -38,7 +37,7 @@ def squeeze(session: Session, stop: threading.Event) -> None:
 
 @pytest.mark.parametrize("work_s", [0.0, 2 * PERIOD_S])
 def test_a_late_loop_slows_simulated_time_and_leaves_no_step_out(
-    session: Session, work_s: float
+    session: Teleoperation, work_s: float
 ) -> None:
     stop, steps = threading.Event(), []
     sender = threading.Thread(target=squeeze, args=(session, stop))
@@ -49,7 +48,7 @@ def test_a_late_loop_slows_simulated_time_and_leaves_no_step_out(
         time.sleep(work_s)
 
     def is_stopped() -> bool:
-        return session.state is State.DECIDE
+        return session.state is TeleopState.DECIDE
 
     start = time.monotonic()
     timings = run(session, look, is_stopped=is_stopped)
@@ -70,7 +69,7 @@ def test_a_late_loop_slows_simulated_time_and_leaves_no_step_out(
 
 def test_in_lockstep_a_session_waits_for_its_messages() -> None:
     env = make_recorder("bin_sort", None, Actor(), time_limit_s=STEPS * PERIOD_S)
-    session = Session(env, HandDevice(lockstep=True), episodes=1, lockstep=True)
+    session = Teleoperation(env, HandDevice(lockstep=True), episodes=1, lockstep=True)
     steps = []
 
     def send() -> None:
@@ -80,7 +79,7 @@ def test_in_lockstep_a_session_waits_for_its_messages() -> None:
         session.receive(message(len(steps), one, one), time.monotonic())
 
     send()
-    run(session, send, is_stopped=lambda: session.state is State.DECIDE)
+    run(session, send, is_stopped=lambda: session.state is TeleopState.DECIDE)
     assert steps[-1] == STEPS
     assert sorted(set(steps)) == list(range(STEPS + 1))
     session.close()

@@ -15,11 +15,11 @@ from duobench.hardware.opening import open_rig
 from duobench.kinematics.inverse import Kinematics
 from duobench.rig_sessions.rig_teleoperation import (
     EndedError,
-    RealLiveSession,
-    RealSession,
+    RigTeleoperation,
+    RigTeleopPage,
     make_real_recorder,
 )
-from duobench.rig_sessions.teleoperation import State
+from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
@@ -53,7 +53,7 @@ class Bench:
         recorder = make_real_recorder(
             self.duo, TASK, folder, PERSON, self.terminal, after_success=0.2
         )
-        self.session = RealSession(recorder, HandDevice(), **options)
+        self.session = RigTeleoperation(recorder, HandDevice(), **options)
         self.turn = 0
 
     def send(self, squeeze: float = 0.0, height: float = 0.0) -> None:
@@ -81,7 +81,7 @@ def test_hands_lead_real_arms_and_who_leads_says_that_it_is_solved(tmp_path: Pat
     bench.say("keep")  # while it runs: it is solved
     for _ in range(10):
         bench.send(1.0, 0.03)
-    assert bench.session.state is State.OVER
+    assert bench.session.state is TeleopState.OVER
     after = Kinematics().forward(bench.duo.last_command.joints)
     for side in SIDES:
         moved = after[side].translation - before[side].translation
@@ -123,10 +123,10 @@ def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
     bench.lead(10)
     bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.REFLEX)  # type: ignore[attr-defined]
     bench.send(1.0)
-    assert bench.session.state is State.DECIDE
+    assert bench.session.state is TeleopState.DECIDE
     assert "joint_reflex" in bench.session.note
     bench.say("keep")
-    assert bench.session.state is State.WAITING
+    assert bench.session.state is TeleopState.WAITING
     assert bench.terminal.answers == []
     bench.lead(5)
     bench.say("discard")
@@ -164,7 +164,7 @@ class Page:
 
 def test_the_page_shows_the_arms_and_holds_them_when_it_is_lost(tmp_path: Path) -> None:
     bench, page = Bench(tmp_path), Page()
-    live = RealLiveSession(bench.session, page)  # type: ignore[arg-type]
+    live = RigTeleopPage(bench.session, page)  # type: ignore[arg-type]
     first = page.frames[-1]
     for _ in range(3):
         bench.lead(10)
@@ -173,6 +173,6 @@ def test_the_page_shows_the_arms_and_holds_them_when_it_is_lost(tmp_path: Path) 
     assert page.statuses[-1]["state"] == "recording"
     page.on_driver_lost()
     bench.send(1.0)
-    assert bench.session.state is State.DECIDE
+    assert bench.session.state is TeleopState.DECIDE
     assert "connection" in bench.session.note
     bench.session.close()

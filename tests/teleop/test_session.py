@@ -11,8 +11,7 @@ from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.errors import MessageError, OptionError
 from duobench.kinematics.inverse import Kinematics
 from duobench.randomness import TRAIN, episode_seed
-from duobench.rig_sessions.teleop_recorder import make_recorder
-from duobench.rig_sessions.teleoperation import Session, State
+from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, SIDES, Side
@@ -30,7 +29,9 @@ class Desk:
     def __init__(self, folder: Path | None, *, lockstep: bool = False, **options: Any) -> None:
         recorder = {name: options.pop(name) for name in ("time_limit_s",) if name in options}
         env = make_recorder(TASK, folder, PERSON, **recorder)
-        self.session = Session(env, HandDevice(lockstep=lockstep), lockstep=lockstep, **options)
+        self.session = Teleoperation(
+            env, HandDevice(lockstep=lockstep), lockstep=lockstep, **options
+        )
         self.turn = 0
 
     @property
@@ -61,7 +62,7 @@ class Desk:
         """Open both hands and squeeze them."""
         self.send()
         self.send(left=1, right=1)
-        assert self.session.state is State.RECORDING
+        assert self.session.state is TeleopState.RECORDING
 
     def tools(self) -> dict[Side, SE3]:
         """Where the tools are commanded to be."""
@@ -84,7 +85,7 @@ def solve(desk: Desk) -> None:
     """Lead the episode that waits to its end, which is a decision to take."""
     operator = Operator(desk.session)
     operator._number = 10_000 + desk.turn  # its clock goes on from ours
-    while desk.session.state is not State.DECIDE:
+    while desk.session.state is not TeleopState.DECIDE:
         desk.session.receive(operator.next_message(), desk.now)
         desk.wait()
 
@@ -104,7 +105,7 @@ def test_nothing_moves_before_both_hands_were_open_and_one_is_squeezed(desk: Des
     assert session.env.state_hash() == start
     assert session.status()["clutch"] == {"left": False, "right": False}
     desk.send(right=1)
-    assert (session.state, session.status()["step"]) == (State.RECORDING, 1)
+    assert (session.state, session.status()["step"]) == (TeleopState.RECORDING, 1)
     assert session.status()["clutch"] == {"left": False, "right": True}
 
 
@@ -189,31 +190,31 @@ def test_a_recording_waits_for_a_driver_who_has_gone(desk: Desk) -> None:
     before = session.env.state_hash()
     session.leave(desk.now)
     desk.wait(100)
-    assert session.state is State.PAUSED
+    assert session.state is TeleopState.PAUSED
     assert "Nobody drives" in session.status()["note"]
     assert session.status()["step"] == step
     assert session.env.state_hash() == before
     desk.send(left=1, right=1, shift=UP)
-    assert session.state is State.RECORDING
+    assert session.state is TeleopState.RECORDING
     assert session.status()["note"] == ""
     assert session.status()["step"] == step + 1
     assert session.status()["clutch"] == {"left": False, "right": False}
     session.leave(desk.now)
     desk.say("discard")
-    assert session.state is State.WAITING
+    assert session.state is TeleopState.WAITING
     assert desk.recordings() == []
 
 
 def test_a_recording_waits_for_a_driver_who_is_not_heard_of(desk: Desk) -> None:
     desk.begin()
     desk.wait(round(0.9 * CONTROL_HZ))
-    assert desk.session.state is State.RECORDING
+    assert desk.session.state is TeleopState.RECORDING
     desk.wait(round(0.2 * CONTROL_HZ))
     step = desk.session.status()["step"]
     desk.wait(100)
-    assert (desk.session.state, desk.session.status()["step"]) == (State.PAUSED, step)
+    assert (desk.session.state, desk.session.status()["step"]) == (TeleopState.PAUSED, step)
     desk.send()
-    assert desk.session.state is State.RECORDING
+    assert desk.session.state is TeleopState.RECORDING
 
 
 def test_a_pause_leaves_no_gap(desk: Desk) -> None:
@@ -257,13 +258,13 @@ def test_an_episode_is_solved_kept_and_followed_by_the_next(tmp_path: Path) -> N
     assert session.status()["success"]
     assert not session.env.data.episodes()  # type: ignore[union-attr]
     desk.say("keep")
-    assert (session.state, session.kept, session.status()["count"]) == (State.WAITING, 1, 1)
+    assert (session.state, session.kept, session.status()["count"]) == (TeleopState.WAITING, 1, 1)
     session.close()
     again = Desk(tmp_path, episodes=2, instruction="Carry it!")
     assert again.session.kept == 1
     solve(again)
     again.say("keep")
-    assert again.session.state is State.OVER
+    assert again.session.state is TeleopState.OVER
     for number, recording in enumerate(again.recordings()):
         info = recording.info
         assert (info.seed, info.split) == (episode_seed(TASK, number, TRAIN), TRAIN)
@@ -279,7 +280,7 @@ def test_a_discarded_episode_leaves_nothing_and_the_next_begins(desk: Desk) -> N
     desk.say("keep")
     assert "not solved" in desk.session.note
     desk.say("discard")
-    assert (desk.session.state, desk.session.status()["count"]) == (State.WAITING, 1)
+    assert (desk.session.state, desk.session.status()["count"]) == (TeleopState.WAITING, 1)
     assert not desk.recordings()
     desk.say("discard")
     assert (desk.session.status()["count"], desk.session.kept) == (2, 0)
@@ -288,10 +289,10 @@ def test_a_discarded_episode_leaves_nothing_and_the_next_begins(desk: Desk) -> N
 def test_what_is_kept_at_success_is_kept_at_the_end(tmp_path: Path) -> None:
     desk = Desk(tmp_path, episodes=1)
     operator = Operator(desk.session)
-    while desk.session.state is not State.OVER:
-        assert desk.session.state is not State.DECIDE
+    while desk.session.state is not TeleopState.OVER:
+        assert desk.session.state is not TeleopState.DECIDE
         data = operator.next_message()
-        if desk.session.state is State.SUCCESS:
+        if desk.session.state is TeleopState.SUCCESS:
             desk.session.receive(b'{"kind": "keep"}', desk.now)
         desk.session.receive(data, desk.now)
         desk.wait()
@@ -316,7 +317,7 @@ def test_an_episode_that_takes_too_long_is_no_success_but_may_be_kept(tmp_path: 
     desk.begin()
     for _ in range(6):
         desk.send()
-    assert (desk.session.state, desk.session.status()["success"]) == (State.DECIDE, False)
+    assert (desk.session.state, desk.session.status()["success"]) == (TeleopState.DECIDE, False)
     assert "Time is up" in desk.session.note
     desk.say("keep")
     (recording,) = desk.recordings()
@@ -330,7 +331,7 @@ def test_an_episode_that_nobody_decided_about_says_so(tmp_path: Path) -> None:
     desk.begin()
     for _ in range(3):
         desk.send()
-    assert desk.session.state is State.DECIDE
+    assert desk.session.state is TeleopState.DECIDE
     desk.session.close()
     (recording,) = desk.recordings()
     assert recording.info.outcome is not None
@@ -372,13 +373,13 @@ def test_hands_are_told_what_they_cannot_see(desk: Desk) -> None:
     desk.begin()
     for number in range(40):
         desk.send(left=1, right=1, shift=UP * number)
-    pulses = desk.session.feeling.take()
+    pulses = desk.session.haptics.take()
     assert {(pulse["side"], pulse["strength"]) for pulse in pulses} == {
         ("left", 0.8),
         ("right", 0.8),
     }
     desk.wait(10)
-    assert [pulse["strength"] for pulse in desk.session.feeling.take()] == [1.0, 1.0]
+    assert [pulse["strength"] for pulse in desk.session.haptics.take()] == [1.0, 1.0]
 
 
 def test_what_is_refused_changes_nothing(desk: Desk) -> None:
@@ -386,15 +387,15 @@ def test_what_is_refused_changes_nothing(desk: Desk) -> None:
     with pytest.raises(MessageError):
         desk.session.receive(b'{"kind": "fly"}', desk.now)
     desk.send(left=1, right=1)
-    assert desk.session.state is State.RECORDING
+    assert desk.session.state is TeleopState.RECORDING
 
 
 def test_a_session_says_what_it_needs() -> None:
     env = make_recorder(TASK, None, PERSON, action_mode="joint")
     with pytest.raises(OptionError, match="'cartesian'"):
-        Session(env, HandDevice())
+        Teleoperation(env, HandDevice())
     with pytest.raises(OptionError, match="at least one episode"):
-        Session(env, HandDevice(), episodes=0)
+        Teleoperation(env, HandDevice(), episodes=0)
     env.close()
     with pytest.raises(OptionError, match="at least one control step"):
         make_recorder(TASK, None, PERSON, time_limit_s=0.0)

@@ -12,9 +12,8 @@ import pytest
 
 from duobench.data import Actor, ActorKind, DataSet, find_problems
 from duobench.randomness import TRAIN
-from duobench.rig_sessions.teleop_page import LiveSession
-from duobench.rig_sessions.teleop_recorder import make_recorder
-from duobench.rig_sessions.teleoperation import Session, State
+from duobench.rig_sessions.teleop_page import TeleopPage
+from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
 from duobench.tasks import catalog
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ
@@ -35,17 +34,17 @@ def test_hands_that_follow_an_experts_tools_solve_the_task(
     data = DataSet.open(tmp_path)
     actor = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
     device = HandDevice(lockstep=True)
-    session = Session(make_recorder(task, data, actor), device, episodes=1, lockstep=True)
+    session = Teleoperation(make_recorder(task, data, actor), device, episodes=1, lockstep=True)
     operator = Operator(session)
     most = plain.success_step + MORE_STEPS
     with closing(PageServer({})) as server, open_page(server.url) as page:
-        LiveSession(session, server)
+        TeleopPage(session, server)
         page.say(kind="drive")
-        while session.state is not State.OVER:
+        while session.state is not TeleopState.OVER:
             page.say(**json.loads(operator.next_message()))
             session.wait(TIMEOUT_S)
             session.advance(time.monotonic())
-            if session.state is State.RECORDING:
+            if session.state is TeleopState.RECORDING:
                 assert session.status()["step"] <= most, session.status()
     session.close()
     assert session.device.dropped == 0

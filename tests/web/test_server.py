@@ -6,6 +6,7 @@ import random
 import socket
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -61,6 +62,24 @@ def test_without_the_token_there_is_neither_page_nor_scene_nor_socket(
     with pytest.raises(InvalidStatus, match="403"), open_page(server.url, query=query):
         pass
     assert not server.has_viewers
+
+
+def test_files_of_a_folder_are_given_out_to_those_with_the_token(
+    server: PageServer, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    (folder / "figures").mkdir(parents=True)
+    (folder / "figures" / "a.svg").write_text("<svg/>")
+    (tmp_path / "secret.txt").write_text("secret")
+    (folder / "link.txt").symlink_to(tmp_path / "secret.txt")
+    base = f"/folder/{token_of(server).removeprefix('token=')}/"
+    assert get(server.url, f"{base}figures/a.svg")[0] == 404  # nothing is published yet
+    assert server.publish_folder(folder) == base
+    status, headers, content = get(server.url, f"{base}figures/a.svg")
+    assert (status, headers["Content-Type"], content) == (200, "image/svg+xml", b"<svg/>")
+    for path in ("../secret.txt", "%2e%2e/secret.txt", "link.txt", "figures", "absent.txt"):
+        assert get(server.url, base + path)[0] == 404
+    assert get(server.url, "/folder/wrong/figures/a.svg")[0] == 403
 
 
 def test_a_scene_is_where_its_message_says(server: PageServer) -> None:

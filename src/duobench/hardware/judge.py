@@ -1,7 +1,7 @@
 """A judge whose stages a person declares, from any thread.
 
-The rule is that of the paper: a stage never falls. A person may take back what was declared by
-mistake; both stay in the log.
+The rule is that of the paper: the highest stage that was declared counts, and no other word makes
+it fall. What was declared by mistake is taken back; both stay in the log.
 """
 
 from __future__ import annotations
@@ -12,119 +12,145 @@ from dataclasses import dataclass
 
 from duobench.errors import OptionError
 from duobench.stages.progress import ProgressState
+from duobench.types import CONTROL_HZ
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StageLabel:
-    """One thing that a person said."""
+    """What a person who judges an episode has said at one moment."""
 
-    time_s: float
-    """When, on the judge's clock."""
+    stage: int | None
+    """The stage that is reached, as the person sees it; None takes back the latest label that
+    stands."""
     step: int
-    """Control steps of the episode so far."""
-    stage: int
-    """The stage that was declared, or that holds again after an undo."""
-    is_undo: bool = False
-    """Whether the latest declaration was taken back."""
+    """Control steps that were executed by then."""
+    time_s: float
+    """Seconds since the episode began, on the rig's clock; those of its film, if it is corrected
+    from that."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageLabels:
+    """The labels of one person about one episode."""
+
+    all: tuple[StageLabel, ...] = ()
+    """Every label in the order of time, those that were taken back included."""
+
+    @property
+    def standing(self) -> list[StageLabel]:
+        """Those that were not taken back."""
+        found: list[StageLabel] = []
+        for label in self.all:
+            if label.stage is None:
+                found.pop()
+            else:
+                found.append(label)
+        return found
+
+    @property
+    def stage(self) -> int:
+        """The highest stage that stands."""
+        return max((label.stage or 0 for label in self.standing), default=0)
+
+    def changes(self) -> tuple[tuple[int, int], ...]:
+        """Pairs (control step, stage): when each newly reached stage was reached."""
+        found: dict[int, int] = {}
+        highest = 0
+        for label in sorted(self.standing, key=lambda label: label.step):
+            if (stage := label.stage or 0) > highest:
+                found[label.step] = highest = stage  # of two at one step the higher one counts
+        return tuple(found.items())
 
 
 class HumanJudge:
     """The judge of `TaskStages` on real arms: the highest stage that a person declared.
 
     What is declared counts from the next control step on, so that every step has one stage.
+
+    Args:
+        max_stage: The last stage of the task.
+        now: A clock in seconds, for the labels.
     """
 
     def __init__(self, max_stage: int, now: Callable[[], float] = lambda: 0.0) -> None:
-        """Begin at stage 0.
-
-        Args:
-            max_stage: The last stage of the task.
-            now: A clock in seconds, for the log.
-        """
-        self._max, self._now = max_stage, now
-        self._lock = threading.Lock()
+        self.max_stage = max_stage
+        """The last stage of the task."""
+        self._now = now
+        self._lock = threading.Lock()  # one word after the other; no control step waits for it
         self.begin()
 
     def begin(self) -> None:
-        """Begin an episode at stage 0, with an empty log."""
+        """Begin an episode at stage 0, without labels."""
         with self._lock:
-            self._stages = [0]
-            self._log: list[StageLabel] = []
-            self._steps = 0
-            self._at_end: bool | None = None
-            self._judged = 0
+            self._labels, self._steps, self._stage = StageLabels(), 0, 0
+            self._start = self._now()
 
     def judge(self) -> None:
         """Count a control step, and take over what was declared until now."""
-        with self._lock:
-            self._steps += 1
-            self._judged = self._stages[-1]
+        self._steps += 1
+        self._stage = self._labels.stage
 
     @property
     def stage(self) -> int:
         """The stage as of the last control step."""
-        return self._judged
+        return self._stage
 
     @property
     def final_holds(self) -> bool:
-        """Whether the task is solved right now: as declared, or where the last stage is reached."""
-        at_end = self._at_end
-        return self._judged == self._max if at_end is None else at_end
+        """Whether the last stage is reached; whether it still holds is asked after the end."""
+        return self._stage == self.max_stage
 
     @property
-    def declared(self) -> int:
-        """The stage that was declared, which counts from the next control step on."""
-        return self._stages[-1]
+    def labels(self) -> StageLabels:
+        """Everything that was declared in this episode, also since the last control step."""
+        return self._labels
 
     @property
-    def log(self) -> tuple[StageLabel, ...]:
-        """Everything that was said in this episode."""
-        with self._lock:
-            return tuple(self._log)
+    def steps(self) -> int:
+        """Control steps of this episode so far."""
+        return self._steps
 
-    def declare(self, stage: int) -> bool:
-        """Say that a stage is reached; earlier ones may be skipped.
+    @property
+    def time_s(self) -> float:
+        """Seconds since the episode began."""
+        return max(0.0, self._now() - self._start)
 
-        Returns:
-            Whether it is higher than what was declared before; otherwise nothing changes.
+    def declare(
+        self,
+        stage: int | None,
+        film_s: float | None = None,
+        note: Callable[[StageLabel], None] = lambda _label: None,
+    ) -> StageLabel:
+        """Say that a stage is reached, or take the latest label back; earlier ones may be skipped.
+
+        Args:
+            stage: The stage; None takes back.
+            film_s: When it was reached, in seconds of the episode's film; None for now.
+            note: Writes the label down before anybody sees its effect.
 
         Raises:
-            OptionError: The task has no such stage.
+            OptionError: There is no such stage, or nothing to take back; nothing is noted.
         """
-        if not 0 < stage <= self._max:
-            raise OptionError(f"The stages are 1 to {self._max}, got {stage}.")
         with self._lock:
-            if stage <= self._stages[-1]:
-                return False
-            self._stages.append(stage)
-            self._write(stage)
-            return True
-
-    def undo(self) -> bool:
-        """Take back the latest declaration; returns whether there was one."""
-        with self._lock:
-            if len(self._stages) == 1:
-                return False
-            self._stages.pop()
-            self._write(self._stages[-1], is_undo=True)
-            return True
-
-    def declare_end(self, is_solved: bool | None) -> None:
-        """Say whether the task is solved at the end; None leaves it to the stage."""
-        self._at_end = is_solved
+            if stage is None and not self._labels.standing:
+                raise OptionError("There is no press to take back.")
+            if stage is not None and not 0 < stage <= self.max_stage:
+                raise OptionError(f"The stages are 1 to {self.max_stage}, got {stage}.")
+            time_s, step = self.time_s, self._steps
+            if film_s is not None:
+                time_s, step = film_s, min(round(film_s * CONTROL_HZ), step)
+            label = StageLabel(stage=stage, step=step, time_s=round(time_s, 3))
+            note(label)
+            self._labels = StageLabels((*self._labels.all, label))
+        return label
 
     def get_state(self) -> ProgressState:
-        """The stage and whether the task is solved."""
+        """The stage and whether it is the last one."""
         return ProgressState(stage=self.stage, final_holds=self.final_holds)
 
     def set_state(self, state: ProgressState) -> None:
-        """Continue from a stage, with an empty log."""
+        """Continue from a stage, as if it had just been declared."""
         self.begin()
-        with self._lock:
-            if state.stage:
-                self._stages.append(state.stage)
-            self._judged = state.stage
-
-    def _write(self, stage: int, *, is_undo: bool = False) -> None:
-        said = StageLabel(time_s=self._now(), step=self._steps, stage=stage, is_undo=is_undo)
-        self._log.append(said)
+        if state.stage:
+            self.declare(state.stage)
+        self._stage = state.stage

@@ -119,12 +119,7 @@ def make_leaderboard(
 
 
 def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -> BoardEntry:
-    """The entry of a bundle.
-
-    Raises:
-        _RefusedError: It counts for nothing.
-        DuoBenchError: It cannot be read.
-    """
+    """The entry of a bundle, or a `_RefusedError` if it counts for nothing."""
     bundle = Bundle(path)
     if _digest(path) != digest:
         raise _RefusedError("It was changed while it was read.")
@@ -179,11 +174,7 @@ def _here() -> dict[str, str]:
 
 
 def _judge(bundle: Bundle, workers: int, progress: Progress) -> Judgement:
-    """Verify a bundle.
-
-    Raises:
-        _RefusedError: It ended the process that verified it, so that nothing is known about it.
-    """
+    """Verify a bundle, or raise a `_RefusedError` if it ended the process that verified it."""
     reason, found = "", None
     try:
         found = verify(bundle, workers=workers, progress=progress)
@@ -226,11 +217,7 @@ def _line(reason: str, path: Path) -> str:
 
 
 def _digest(path: Path) -> str:
-    """The SHA-256 of a file.
-
-    Raises:
-        FileError: It is too large for a bundle.
-    """
+    """The SHA-256 of a file that is not too large for a bundle."""
     if path.stat().st_size > MAX_BYTES:
         raise FileError(f"It is larger than {MAX_BYTES} bytes.")
     with path.open("rb") as file:

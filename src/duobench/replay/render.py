@@ -20,9 +20,9 @@ from duobench.evaluation.video import FRAME_EVERY, Overview, Picture, VideoRecor
 from duobench.files import write
 from duobench.looks.catalog import as_look
 from duobench.randomness import SUITE_VERSION
-from duobench.replay.claims import disagreements
 from duobench.replay.player import Latest, RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, TrajectoryRecorder
+from duobench.replay.verify import disagreements
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run

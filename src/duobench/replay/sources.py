@@ -16,9 +16,9 @@ from duobench.envs.sim_env import SimEnv
 from duobench.errors import EvaluationError, check_known
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
-from duobench.replay.claims import disagreements
 from duobench.replay.player import Latest, RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
+from duobench.replay.verify import disagreements
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN
 from duobench.results.folder import RunReader
@@ -162,28 +162,36 @@ class RunSource:
         *,
         import_tasks: bool = False,
     ) -> None:
-        self._look = as_look(look)
-        played = run.read_run()
-        titles = ", ".join(candidate.title for candidate in played.candidates)
+        self._look, self._reader = as_look(look), run
+        self.run = run.read_run()
+        titles = ", ".join(candidate.title for candidate in self.run.candidates)
         self.title = f"{run.path.name}: {titles}"
         """Name of the folder, and the policy."""
-        known = {task.id for task in played.suite.tasks}
-        wanted = {catalog.plain(task) for task in tasks} or known
-        for task in wanted:
+        known = {task.id for task in self.run.suite.tasks}
+        self._wanted = {catalog.plain(task) for task in tasks} or known
+        for task in self._wanted:
             check_known("task in the run", task, known)
-        self._records = {
-            _item_name(record, with_condition=len(played.conditions) > 1): record
-            for record in run.read_records(played)
-            if record.task in wanted
-        }
-        self.items = [_finished(name, record) for name, record in self._records.items()]
-        """All finished episodes."""
-        self._player = RecordPlayer(played, import_tasks=import_tasks)
+        self.records: dict[str, EpisodeRecord] = {}
+        """Of all finished episodes, by the ids of their items."""
+        self.items: list[Item] = []
+        self._player = RecordPlayer(self.run, import_tasks=import_tasks)
         self._scenes = SceneCache()
+        self.refresh()
+
+    def refresh(self) -> None:
+        """List what is finished now; only records that were not there before are read."""
+        before, several = self.records, len(self.run.conditions) > 1
+        self.records = {}
+        for key in self._reader.finished(self.run):
+            if key.task in self._wanted:
+                name = f"{key.task}/{f'{key.condition}/' if several else ''}{key.episode}"
+                record = before.get(name) or self._reader.read_record(self.run, key)
+                self.records[name] = record
+        self.items = [_finished(name, record) for name, record in self.records.items()]
 
     def load(self, item: str) -> Trajectory:
         """Play the targets of a record, and collect the poses."""
-        record = self._records[item]
+        record = self.records[item]
         if reason := why_not(record):
             raise EvaluationError(f"{reason} {record.reason}".rstrip())
         recorder = TrajectoryRecorder(self._scenes, self._look)
@@ -241,11 +249,6 @@ def _recorded(name: str, path: Path) -> Item:
     state = SUCCESS if succeeded else FAILURE
     detail = f"{actor}: {state}{stage}"
     return Item(id=name, title=name.replace("/", " "), detail=detail, state=state)
-
-
-def _item_name(record: EpisodeRecord, *, with_condition: bool) -> str:
-    condition = f"{record.condition.name}/" if with_condition else ""
-    return f"{record.task}/{condition}{record.episode}"
 
 
 def _finished(name: str, record: EpisodeRecord) -> Item:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from functools import lru_cache
@@ -30,6 +31,8 @@ MAX_ITEMS = 500
 """Most episodes that can be chosen on a page."""
 _MAX_LATE_S = 1.0
 """After a longer pause, such as while nobody looked, it goes on where it was, in seconds."""
+_REFRESH_S = 1.0
+"""How often is looked what has come, in seconds."""
 _IDLE_S = 0.1
 """How often is looked whether an episode is ready, or somebody came, in seconds."""
 
@@ -74,15 +77,20 @@ class Viewer:
     Args:
         source: What can be viewed; closed at the end of `run`.
         server: The page, which takes its messages here from now on.
+        refresh: Called every second; gives what else is shown, and items may have come. At the end
+            it is told that it is the last time.
     """
 
-    def __init__(self, source: ViewSource, server: PageServer) -> None:
-        self._source, self._server = source, server
-        self._items = [asdict(item) for item in source.items[:MAX_ITEMS]]
-        self._title = source.title
-        if len(source.items) > MAX_ITEMS:
-            self._title += f", the first {MAX_ITEMS} of {len(source.items)} episodes"
-        self._known = {item["id"] for item in self._items}
+    def __init__(
+        self,
+        source: ViewSource,
+        server: PageServer,
+        refresh: Callable[[bool], dict[str, Any]] | None = None,
+    ) -> None:
+        self._source, self._server, self._refresh_source = source, server, refresh
+        self._more: dict[str, Any] = {}
+        self._next_refresh = 0.0
+        self._list_items()
         self._commands: queue.Queue[Command] = queue.Queue(_MAX_COMMANDS)
         self._loader = ThreadPoolExecutor(1, "viewer")
         self._loading: Future[Trajectory] | None = None
@@ -93,15 +101,18 @@ class Viewer:
         self._step, self._plays, self._note, self._due = 0, False, "", 0.0
         self._over = threading.Event()
         server.on_message = self._on_message
-        self._select(self._items[0]["id"])
+        self._refresh()
 
     def run(self) -> None:
         """Show until `stop` is called."""
         try:
             while not self._over.is_set():
                 self._act()
+                if self._refresh_source and time.monotonic() > self._next_refresh:
+                    self._refresh()
                 self._begin_loaded()
                 self._advance()
+            self._refresh(is_last=True)
         finally:
             self._loader.submit(self._source.close)
             self._loader.shutdown()
@@ -109,6 +120,24 @@ class Viewer:
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
         self._over.set()
+
+    def _list_items(self) -> None:
+        items = self._source.items
+        self._items = [asdict(item) for item in items[:MAX_ITEMS]]
+        self._title = self._source.title
+        if len(items) > MAX_ITEMS:
+            self._title += f", the first {MAX_ITEMS} of {len(items)} episodes"
+        self._known = {item["id"] for item in self._items}
+
+    def _refresh(self, *, is_last: bool = False) -> None:
+        """Show what has come meanwhile."""
+        if self._refresh_source is not None:
+            self._more = self._refresh_source(is_last)
+            self._list_items()
+        self._next_refresh = time.monotonic() + _REFRESH_S
+        if not self._selected and self._items:
+            self._select(self._items[0]["id"])
+        self._publish()
 
     # --- what visitors ask for -------------------------------------------------------------------
 
@@ -212,6 +241,7 @@ class Viewer:
                 "selected": self._selected,
                 "note": self._note,
                 **self._of_trajectory(),
+                **self._more,
             }
         )
 

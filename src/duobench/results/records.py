@@ -24,6 +24,7 @@ from duobench.errors import (
     PolicyTimeoutError,
     traceback_text,
 )
+from duobench.hardware.judge import StageLabel
 from duobench.shifts.shift import Shift
 from duobench.types import FLAT_SIZE, Array
 
@@ -111,25 +112,12 @@ class StateHashes:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Press:
-    """What a person who judges an episode has said at one moment."""
-
-    stage: int | None
-    """The stage that is reached, as the person sees it; None takes back the latest press that
-    stands."""
-    step: int
-    """Control steps that were executed by then."""
-    time_s: float
-    """Seconds since the episode began, on the rig's clock."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class Judged:
     """How a person judged an episode on real arms."""
 
     rater: str
     """Who, by a pseudonym."""
-    presses: tuple[Press, ...]
+    presses: tuple[StageLabel, ...]
     """Every press in the order of time, those that were taken back included."""
     note: str = ""
     """What the person wrote."""

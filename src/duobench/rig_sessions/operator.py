@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Protocol
+
+from duobench.errors import DuoBenchError
+from duobench.hardware.duo import FrankaDuo
+from duobench.rig_sessions import messages
+from duobench.rig_sessions.session import HELD_BY_OPERATOR, Phase, RigSession, Stopped
 
 QUIT = "q"
 """Key that ends a session."""
+OPERATOR_LOST = "The operator's terminal is gone."
+FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
+HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
+PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
+PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
+DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
 
 
 class Operator(Protocol):
@@ -34,3 +46,81 @@ class Operator(Protocol):
         One who has gone gives an empty text.
         """
         ...
+
+
+def ask_to_recover(duo: FrankaDuo, operator: Operator) -> bool:
+    """Have what is wrong with the arms set right; False if the operator ends it instead."""
+    while duo.supervisor.fault is not None:
+        if operator.ask(FAULT.format(duo.supervisor.reason), f"r{QUIT}") == QUIT:
+            return False
+        with suppress(DuoBenchError):  # then it is said again, with what is still wrong
+            duo.supervisor.recover()
+    return True
+
+
+class TerminalView:
+    """The view of a session at a terminal: it asks for one key after the other.
+
+    Args:
+        session: The session.
+        operator: Who answers.
+    """
+
+    def __init__(self, session: RigSession, operator: Operator) -> None:
+        self._session, self._operator = session, operator
+        self.placing = ""
+        """Where the objects shall lie, in words."""
+
+    def publish(self) -> None:
+        """Say what the operator has to know while the arms move."""
+        if self._session.phase is Phase.PLAYING:
+            self._operator.say(PLAYING.format(last=self._session.judge.max_stage))
+
+    def next(self) -> messages.Message:
+        """What the operator answers to what is to be done next."""
+        session = self._session
+        if session.is_stopped:
+            raise Stopped
+        said, session.message = session.message, ""
+        if session.phase is Phase.JUDGING:
+            is_kept = self._ask(DECIDE.format(said), "kd") == "k"
+            return messages.Finish() if is_kept else messages.Invalid("Discarded.")
+        if said:
+            self._operator.say(said)
+        if session.duo.supervisor.fault is not None:
+            if not ask_to_recover(session.duo, self._operator):
+                raise Stopped
+            session.is_home = False
+        if not session.is_home:
+            if session.phase is Phase.READY:
+                return messages.PlaceAgain()
+            self._ask(HOME, "h")
+            return messages.Home()
+        if session.phase is Phase.PLACING:
+            self._ask(PLACE.format(self.placing), "p")
+            return messages.Placed()
+        return messages.Start()
+
+    @contextmanager
+    def moving(self) -> Iterator[None]:
+        """Keys count at once."""
+        self._operator.listen(self._take)
+        try:
+            yield
+        finally:
+            self._operator.listen(None)
+
+    def _ask(self, text: str, keys: str) -> str:
+        key = self._operator.ask(text, f"{keys}{QUIT}")
+        if key == QUIT:
+            raise Stopped
+        return key
+
+    def _take(self, key: str) -> None:
+        session = self._session
+        if key in {"", " "}:
+            session.duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)
+        elif session.phase is Phase.PLAYING:
+            stage = {"u": None, "s": session.judge.max_stage}.get(key, key)
+            with suppress(DuoBenchError, ValueError):  # other keys say nothing
+                session.judge.declare(None if stage is None else int(stage))

@@ -1,85 +1,135 @@
-"""Recording what a policy does on a rig, episode by episode, with an operator at a terminal.
+"""Recording what a policy does on a rig, with an operator at a terminal: episodes nobody judges.
 
 The operator sends the arms home, places the objects, has the policy play, says how far it came, and
-keeps or discards the episode. Nothing moves without a key.
+keeps or discards the episode. Nothing moves without a key. A recorded episode is a policy too: what
+was sent to the arms then is sent again, more slowly.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from duobench.data import Actor, ActorKind, DataSet, Recorder
-from duobench.data.rig import RigRecorder, placement
+import numpy as np
+
+from duobench.data import Actor, ActorKind, DataSet, Recording
+from duobench.data.rig import placement
 from duobench.data.schema import AFTER_SUCCESS_S
+from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE, INSTRUCTION, LAYOUT, SPLIT
-from duobench.envs.duo_env import ResetOptions, Start
-from duobench.envs.wrapper import DuoWrapper
-from duobench.errors import BackendError, OptionError, PolicyError
-from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
-from duobench.evaluation.rollout import rollout
-from duobench.hardware.clock import VirtualClock
+from duobench.errors import OptionError, OutputError, PolicyError
+from duobench.evaluation.policies import PolicySource
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
-from duobench.hardware.judge import HumanJudge
+from duobench.policy import PolicyMetadata
 from duobench.randomness import TRAIN, episode_seed
-from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
-from duobench.rig_sessions.operator import QUIT, Operator
-from duobench.rig_sessions.playback import TEMPO, Playback
+from duobench.rig_sessions.operator import Operator, TerminalView
+from duobench.rig_sessions.policy_runner import PolicyRunner, find_rig_policy, make_rig_recorder
+from duobench.rig_sessions.session import RigSession, Stopped
+from duobench.types import Array
 
 EPISODE_SUFFIX = ".parquet"
 """What ends the name of a policy that is a recorded episode."""
-PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
-HELD_BY_OPERATOR = "The operator held the arms."
-OPERATOR_LOST = "The operator's terminal is gone."
-OVER = "The episode is over."
-FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
-HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
-PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
-DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
+TEMPO = 0.5
+"""Part of the recorded speed with which it is played."""
+CHUNK = 30
+"""Actions of a chunk."""
 
 
-class Placed(DuoWrapper):
-    """Begins every episode with the layout that a person has placed."""
+class Playback:
+    """Sends the commands of a recorded episode, joint targets and openings, in a slower tempo.
 
-    def __init__(self, env: DuoWrapper) -> None:
-        """Wrap an environment of real arms."""
-        super().__init__(env)
-        self.options: dict[str, object] = {}
-        """Options of the next reset."""
+    Args:
+        recording: The episode, simulated or real.
+        name: What to call it.
+        tempo: Part of its speed, at most 1; commands in between are interpolated.
 
-    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
-        """Begin an episode."""
-        return self.env.reset(seed=seed, options={**(options or {}), **self.options})
+    Raises:
+        PolicyError: It has no commands.
+        OptionError: The tempo is out of range.
+    """
+
+    def __init__(self, recording: Recording, name: str = "playback", tempo: float = TEMPO) -> None:
+        if not len(recording):
+            raise PolicyError("The episode has no commands that could be played.")
+        if not 0.0 < tempo <= 1.0:
+            raise OptionError(f"The tempo is over 0 and at most 1, got {tempo}.")
+        self.commands = slowed(recording.sent, tempo)
+        """The commands (n, 16) that are played."""
+        self.metadata = PolicyMetadata(
+            name=f"{name} at {tempo:g} of its speed", cameras=(), action_mode=JOINT.name
+        )
+        self._next = 0
+
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - as policies have it
+        """Begin at the first command."""
+        self._next = 0
+
+    def act(self, observation: Mapping[str, Any]) -> Array:  # noqa: ARG002 - it looks at nothing
+        """The next commands (30, 16); after the last one, that one."""
+        places = np.minimum(self._next + np.arange(CHUNK), len(self.commands) - 1)
+        self._next += CHUNK
+        return self.commands[places]
+
+
+def slowed(commands: Array, tempo: float) -> Array:
+    """Commands in a slower tempo, interpolated.
+
+    Args:
+        commands: Commands (n, 16), one a control step.
+        tempo: Part of their speed.
+
+    Returns:
+        Commands (m, 16) that begin and end with the same ones, one a control step.
+    """
+    last = len(commands) - 1
+    times = np.minimum(np.arange(int(np.ceil(last / tempo)) + 1) * tempo, last)
+    steps = np.arange(len(commands))
+    return np.stack([np.interp(times, steps, column) for column in commands.T], axis=1)
 
 
 def find_policy(name: str, tempo: float = TEMPO) -> PolicySource:
     """A policy by its name, or a recorded episode as one.
 
     Args:
-        name: A name that `PolicyChoice.parse` takes, or a file of a recorded episode.
+        name: A name that `find_rig_policy` takes, or a file of a recorded episode.
         tempo: Part of its speed with which a recorded episode is played.
 
     Raises:
         UnknownNameError: There is none of that name.
-        PolicyError: It reads the simulation, or cannot be made.
+        PolicyError: It reads the simulation, cannot be made, or the episode has no commands.
         DataError: The episode cannot be read.
     """
-    if name.endswith(EPISODE_SUFFIX):
-        playback = Playback.read(Path(name), tempo)
-        return PolicySource(metadata=playback.metadata, bind=lambda _env: playback)
-    choice = PolicyChoice.parse(name)
-    if choice.is_scripted:
-        raise PolicyError(
-            f"{name} reads the simulation, which real arms do not have; name a policy that sees "
-            "images, or the file of a recorded episode."
-        )
-    return find_source(choice, (), TimeLimits())
+    if not name.endswith(EPISODE_SUFFIX):
+        return find_rig_policy(name)
+    path = Path(name)
+    recording = Recording.read(path)
+    playback = Playback(recording, f"playback of {recording.info.task}/{path.stem}", tempo)
+    return PolicySource(metadata=playback.metadata, bind=lambda _env: playback)
 
 
-class RealRecording:
-    """A session at a rig: one episode of a policy after the other."""
+class RigRecording(RigSession):
+    """A session at a rig that records one episode of a policy after the other; nothing moves yet.
+
+    Args:
+        duo: The rig, which belongs to the session from now on.
+        task: The task, its id, or its import path.
+        data: Where episodes are added.
+        source: The policy.
+        operator: Who places, watches and decides.
+        actor: What the policy is called in recordings; by default as its metadata says.
+        episodes: How many are to be kept, those of earlier sessions in the data set counted.
+        instruction: What the policy is told; empty for the task's own words.
+        horizon: Control steps of an episode at most; the task's own where none is given.
+        after_success: Seconds that an episode goes on after success.
+
+    Raises:
+        UnknownNameError: There is no such task, or the rig lacks a camera of the policy.
+        OptionError: A number is out of range.
+        BackendError: A device cannot be reached.
+    """
 
     def __init__(  # noqa: PLR0913 - what can be chosen about it
         self,
@@ -95,29 +145,9 @@ class RealRecording:
         horizon: int | None = None,
         after_success: float = AFTER_SUCCESS_S,
     ) -> None:
-        """Connect to the rig; nothing moves.
-
-        Args:
-            duo: The rig, which belongs to the session from now on.
-            task: The task, its id, or its import path.
-            data: Where episodes are added.
-            source: The policy.
-            operator: Who places, watches and decides.
-            actor: What the policy is called in recordings; by default as its metadata says.
-            episodes: How many are to be kept, those of earlier sessions in the data set counted.
-            instruction: What the policy is told; empty for the task's own words.
-            horizon: Control steps of an episode at most; the task's own where none is given.
-            after_success: Seconds that an episode goes on after success.
-
-        Raises:
-            UnknownNameError: There is no such task, or the rig lacks a camera of the policy.
-            OptionError: A number is out of range.
-            BackendError: A device cannot be reached.
-        """
         if episodes < 1:
             raise OptionError(f"A session records at least one episode, got {episodes}.")
-        self._operator, self._source, self._wanted = operator, source, episodes
-        self._instruction = instruction
+        self._operator, self._source, self._data, self._wanted = operator, source, data, episodes
         metadata = source.metadata
         (info,) = find_tasks([task])
         env = make_real_env(
@@ -128,20 +158,15 @@ class RealRecording:
             action_mode=metadata.action_mode,
             horizon=horizon or info.horizon,
         )
-        self._duo = duo
-        self._judge: HumanJudge = env.get_wrapper_attr("judge")
-        is_program = isinstance(source.bind(env), Playback)
-        who = Actor(
-            kind=ActorKind.PROGRAM if is_program else ActorKind.POLICY,
-            name=actor or metadata.name,
-            version=metadata.version,
-        )
-        rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
-        self.env = Recorder(env, data, who, is_reviewed=True, rig=rig, after_success=after_success)
+        super().__init__(duo, env.get_wrapper_attr("judge"))
+        who = Actor(kind=ActorKind.POLICY, name=actor or metadata.name, version=metadata.version)
+        self.env = make_rig_recorder(env, duo, data, who, after_success=after_success)
         """The environment, which records."""
-        self._placed = Placed(self.env)
-        self._policy = source.bind(self._placed)
-        self._data = data
+        self._runner = PolicyRunner(self.env, source)
+        if isinstance(self._runner.policy, Playback):
+            self.env.actor = Actor(kind=ActorKind.PROGRAM, name=who.name, version=who.version)
+        self._options = {SPLIT: TRAIN} | ({INSTRUCTION: instruction} if instruction else {})
+        self.view = self._terminal = TerminalView(self, operator)
         self.kept = data.kept(self.env.task)
         """Episodes of the task that are kept, those of earlier sessions counted."""
 
@@ -154,102 +179,42 @@ class RealRecording:
         Raises:
             OutputError: An episode cannot be written.
         """
-        while self.kept < self._wanted:
-            if not (self._prepare() and self._play_one()):
-                break
+        try:
+            while self.kept < self._wanted:
+                self._operator.say(f"Kept so far: {self.kept} of {self._wanted}.")
+                self._record_one()
+        except Stopped:
+            pass
         return self.kept
 
     def close(self) -> None:
         """End the session: the arms stop, and an episode nobody decided about says so."""
         try:
-            self._placed.close()
+            self._runner.env.close()
         finally:
             self._source.close()
 
-    def _prepare(self) -> bool:
-        """Have the arms go home at the operator's word; whether to go on."""
-        self._operator.say(f"Kept so far: {self.kept} of {self._wanted}.")
-        while True:
-            supervisor = self._duo.supervisor
-            if supervisor.fault is not None:
-                if self._operator.ask(FAULT.format(supervisor.reason), f"r{QUIT}") == QUIT:
-                    return False
-                with suppress(BackendError):  # then it is said again, with what is still wrong
-                    supervisor.recover()
-                continue
-            if self._operator.ask(HOME, f"h{QUIT}") == QUIT:
-                return False
-            try:
-                supervisor.confirm()
-                with self._watched():
-                    self._duo.home()
-            except BackendError as error:
-                self._operator.say(str(error))
-            else:
-                supervisor.revoke()  # hands are among the objects now
-                return True
-
-    def _play_one(self) -> bool:
-        """Have one episode placed, played and decided; whether to go on."""
-        task = self.env.base.definition
+    def _record_one(self) -> None:
+        self.begin()
         number = self._data.next_number(self.env.task)
         seed = episode_seed(self.env.task, number, TRAIN)
-        layout = next(task.layouts(seed, TRAIN))
-        if self._operator.ask(PLACE.format(placement(layout)), f"p{QUIT}") == QUIT:
-            return False
+        layout = next(self.env.base.definition.layouts(seed, TRAIN))
+        self._terminal.placing = placement(layout)
+        self.place()
         self.env.next_name = f"{number:05d}"
-        options = {LAYOUT: layout, SPLIT: TRAIN, INSTRUCTION: self._instruction or None}
-        self._placed.options = {name: value for name, value in options.items() if value is not None}
-        self._operator.say(PLAYING.format(last=task.max_stage))
-        error = ""
-        try:
-            self._duo.supervisor.confirm()
-            with self._watched():
-                rollout(self._placed, self._policy, seed=seed)
-        except (BackendError, PolicyError) as failure:
-            error = str(failure)
+        played = self.play(self._runner, seed, {**self._options, LAYOUT: layout})
+        if isinstance(played.failure, OutputError):
+            raise played.failure
+        error = str(played.error or played.failure or "")
+        if error:
             self.env.finish(kept=False, reason=error)
-        self._duo.hold(OVER)
-        return self._decide(error)
-
-    def _decide(self, error: str) -> bool:
         outcome = self.env.pending
         if outcome is None:
             self._operator.say(f"Nothing was recorded. {error}")
-            return True
+            return
         how = "It is solved." if outcome.success else f"It ended at stage {outcome.stage}."
-        why = error or outcome.reason or ""
-        answer = self._operator.ask(DECIDE.format(f"{how} {why}".strip()), f"kd{QUIT}")
-        if answer == "k":
+        if self.decide(played, f"{how} {error or outcome.reason or ''}".strip()):
+            self.env.discard()
+        else:
             self.env.keep()
             self.kept += int(outcome.kept)
-        elif answer == "d":
-            self.env.discard()
-        return answer != QUIT
-
-    def _watched(self) -> _Watched:
-        return _Watched(self._operator, self._duo, self._judge, self.env.base.definition.max_stage)
-
-
-class _Watched:
-    """A block in which the arms move, and keys of the operator count at once."""
-
-    def __init__(self, operator: Operator, duo: FrankaDuo, judge: HumanJudge, last: int) -> None:
-        self._operator, self._duo, self._judge, self._last = operator, duo, judge, last
-
-    def __enter__(self) -> None:
-        self._operator.listen(self._take)
-
-    def __exit__(self, *_: object) -> None:
-        self._operator.listen(None)
-
-    def _take(self, key: str) -> None:
-        """Do what a key says, in the operator's thread."""
-        if key in {"", " "}:
-            self._duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)
-        elif key == "u":
-            self._judge.undo()
-        elif key == "s":
-            self._judge.declare(self._last)
-        elif key.isdecimal() and 0 < int(key) <= self._last:
-            self._judge.declare(int(key))

@@ -3,7 +3,7 @@
 Who leads says that the task is solved, by keeping the episode while it runs. The page shows the
 arms where they are measured, and the objects where the layout asks for them, as a picture made by
 the simulation with open grippers; what is really on the table the images of the rig's cameras show,
-see `teleop.cameras`.
+see `cameras.CameraFeed`.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from duobench.data import Actor, DataSet, Recorder
-from duobench.data.rig import RigRecorder, placement
+from duobench.data.rig import placement
 from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
-from duobench.errors import BackendError, DuoBenchError
-from duobench.hardware.clock import VirtualClock
+from duobench.errors import DuoBenchError
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import RealEnv, make_real_env
 from duobench.randomness import TRAIN
-from duobench.rig_sessions.teleop_page import LiveSession
-from duobench.rig_sessions.teleop_recorder import TIME_LIMIT_S
-from duobench.rig_sessions.teleoperation import Session, State
+from duobench.rig_sessions.operator import QUIT, Operator, ask_to_recover
+from duobench.rig_sessions.policy_runner import make_rig_recorder
+from duobench.rig_sessions.teleop_page import TeleopPage
+from duobench.rig_sessions.teleoperation import TIME_LIMIT_S, Teleoperation, TeleopState
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.tasks.task import Task
@@ -46,26 +46,16 @@ CLEAR = (
     "The arms go home slowly, and open their grippers. Clear their space, then place the objects "
     "once they are there:\n{}\nh: go home; q: end."
 )
-FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
 
 
 class EndedError(DuoBenchError):
     """The operator ended the session."""
 
 
-class Confirms(Protocol):
-    """Who confirms that the arms may move."""
-
-    def ask(self, text: str, keys: str) -> str:
-        """Ask for a key, and wait for it."""
-        ...
-
-
-class Homing:
+class ConfirmedHoming:
     """Asks the operator before the arms go home, as `RealEnv` wants it."""
 
-    def __init__(self, duo: FrankaDuo, operator: Confirms) -> None:
-        """Join the two."""
+    def __init__(self, duo: FrankaDuo, operator: Operator) -> None:
         self._duo, self._operator = duo, operator
 
     def __call__(self, options: Mapping[str, Any]) -> None:
@@ -74,21 +64,13 @@ class Homing:
         Raises:
             EndedError: The operator ends the session instead.
         """
-        supervisor = self._duo.supervisor
-        while supervisor.fault is not None:
-            self._ask(FAULT.format(supervisor.reason), "r")
-            try:
-                supervisor.recover()
-            except BackendError:
-                continue  # it is said again, with what is still wrong
         given = options.get(LAYOUT)
         layout = given if isinstance(given, Layout) else Layout(poses={})
-        self._ask(CLEAR.format(placement(layout)), "h")
-        supervisor.confirm()
-
-    def _ask(self, text: str, key: str) -> None:
-        if self._operator.ask(text, f"{key}q") != key:
+        question = CLEAR.format(placement(layout))
+        is_safe = ask_to_recover(self._duo, self._operator)
+        if not is_safe or self._operator.ask(question, f"h{QUIT}") == QUIT:
             raise EndedError("The operator ended the session.")
+        self._duo.supervisor.confirm()
 
 
 def make_real_recorder(
@@ -96,7 +78,7 @@ def make_real_recorder(
     task: str | Task,
     data: DataSet | str | Path,
     actor: Actor,
-    operator: Confirms,
+    operator: Operator,
     *,
     action_mode: str = CARTESIAN.name,
     time_limit_s: float = TIME_LIMIT_S,
@@ -121,33 +103,23 @@ def make_real_recorder(
     env = make_real_env(
         duo,
         task,
-        prepare=Homing(duo, operator),
+        prepare=ConfirmedHoming(duo, operator),
         cameras=(),
         action_mode=action_mode,
         horizon=round(time_limit_s * CONTROL_HZ),
     )
-    rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
-    return Recorder(
-        env,
-        data,
-        actor,
-        after_success=after_success,
-        is_reviewed=True,
-        has_clutch=True,
-        rig=rig,
-    )
+    return make_rig_recorder(env, duo, data, actor, after_success=after_success, has_clutch=True)
 
 
-class RealSession(Session):
+class RigTeleoperation(Teleoperation):
     """A session on a rig, in which the operator says that the task is solved."""
 
     def _reset_options(self, seed: int) -> dict[str, Any]:
-        """Also where people are to put the objects."""
         layout = next(self.env.base.definition.layouts(seed, TRAIN))
         return {**super()._reset_options(seed), LAYOUT: layout}
 
     def _keep(self) -> None:
-        if self.state is State.RECORDING:
+        if self.state is TeleopState.RECORDING:
             judge = self.env.get_wrapper_attr("judge")
             judge.declare(self.env.base.definition.max_stage)
             self._is_kept, self.note = True, SOLVED
@@ -158,18 +130,20 @@ class RealSession(Session):
         return info.get(TRUNCATION_REASON) or super()._why_over(info)
 
 
-class RealLiveSession(LiveSession):
-    """Shows a session of a rig on a page, as the simulation would look with the arms like that."""
+class RigTeleopPage(TeleopPage):
+    """Shows a session of a rig on a page, as the simulation would look with the arms like that.
 
-    def __init__(self, session: Session, server: PageServer) -> None:
-        """Join the two; a lost page holds both arms."""
+    A lost page holds both arms.
+    """
+
+    def __init__(self, session: Teleoperation, server: PageServer) -> None:
         self._real = cast("RealEnv", session.env.base)
         task = self._real.definition
         self._picture = Simulation(task.props, task.overview)
         super().__init__(session, server)
         server.on_driver_lost = lambda: self._lose(session)
 
-    def _lose(self, session: Session) -> None:
+    def _lose(self, session: Teleoperation) -> None:
         self._real.rig.hold(CONNECTION_LOST)
         session.leave(time.monotonic())
 

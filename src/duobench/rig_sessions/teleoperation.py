@@ -1,24 +1,41 @@
-"""A session: one episode after the other, led by an operator, judged by the environment."""
+"""A session of teleoperation: one episode after the other, led by an operator.
+
+The environment judges, and says when the task is solved.
+"""
 
 from __future__ import annotations
 
 import threading
 from collections import deque
-from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
-from duobench.data import Recorder
+from duobench.data import Actor, DataSet, Recorder
+from duobench.data.schema import AFTER_SUCCESS_S
+from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
+from duobench.envs.protocol import make_env
 from duobench.errors import BackendError, OptionError
+from duobench.looks.catalog import DEFAULT
+from duobench.looks.look import Look
 from duobench.randomness import TRAIN, episode_seed
-from duobench.rig_sessions.haptics import Feeling
-from duobench.teleop.intent import Device
+from duobench.tasks.task import Task
+from duobench.teleop.hands import KEEP, ButtonPresses
+from duobench.teleop.intent import Device, Intent
 from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, read
-from duobench.teleop.presses import KEEP, Presses
-from duobench.types import SIDES, DuoState
+from duobench.types import CONTROL_HZ, SIDES, DuoState, Side
 
+if TYPE_CHECKING:
+    from duobench.envs.sim_env import SimEnv
+
+TIME_LIMIT_S = 180.0
+"""Simulated seconds that an episode may take: with a mouse, a person needs several times as long
+as an expert, and as the horizon of an evaluation."""
+TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
+"""Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
+from where its hand wants it, and when a hand lets go, or is lost."""
 LONGEST_QUEUE = 1024
 """Messages that may wait for the next control step; beyond, the oldest are forgotten."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
@@ -26,7 +43,7 @@ LATER = "The new instruction is that of the next episode."
 AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
 
 
-class State(StrEnum):
+class TeleopState(StrEnum):
     """Where an episode is."""
 
     WAITING = "waiting"
@@ -44,20 +61,25 @@ class State(StrEnum):
     """There are as many episodes as were wanted."""
 
 
-_RUNNING = (State.RECORDING, State.SUCCESS)
+_RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
 """States in which control steps are made and recorded."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Gone:
-    """The operator has gone."""
-
-
-class Session:
+class Teleoperation:
     """Records episodes of one task that an operator leads.
 
     Messages may come from any thread, with `receive`. Everything else belongs to one thread, which
-    calls `advance` thirty times a second, or once for each message; see `teleop.pacing`.
+    calls `advance` thirty times a second, or once for each message; see `teleop_page.run`.
+
+    Args:
+        env: What records, with review and clutch; see `make_recorder`.
+        device: What the operator leads with.
+        episodes: How many are wanted, those of earlier sessions in the same data set counted.
+        instruction: What the operator says that the arms will do; empty for the task's own.
+        lockstep: Whether each message of hands is one control step, and nothing moves between.
+
+    Raises:
+        OptionError: The number is less than one, or the environment takes other actions.
     """
 
     def __init__(
@@ -69,18 +91,6 @@ class Session:
         instruction: str = "",
         lockstep: bool = False,
     ) -> None:
-        """Begin the first episode, which waits for the operator.
-
-        Args:
-            env: What records, with review and clutch; see `recorder.make_recorder`.
-            device: What the operator leads with.
-            episodes: How many are wanted, those of earlier sessions in the same data set counted.
-            instruction: What the operator says that the arms will do; empty for the task's own.
-            lockstep: Whether each message of hands is one control step, and nothing moves between.
-
-        Raises:
-            OptionError: The number is less than one, or the environment takes other actions.
-        """
         if episodes < 1:
             raise OptionError(f"A session records at least one episode, got {episodes}.")
         mode = env.get_wrapper_attr("action_mode")
@@ -89,28 +99,24 @@ class Session:
                 f"The device gives actions of the mode {device.action_mode!r}, and the environment "
                 f"takes those of {mode!r}; make the environment with that action mode."
             )
-        self.env = env
-        """The environment, which records."""
-        self.device = device
-        """What the operator leads with."""
-        self.lockstep = lockstep
-        """Whether each message of hands is one control step."""
+        self.env, self.device, self.lockstep = env, device, lockstep
         self.note = ""
         """A sentence for the operator."""
-        self.feeling = Feeling(env)
-        """What the operator's hands are to feel."""
-        self._state = State.WAITING
+        self.haptics = Haptics(env)
+        self._state = TeleopState.WAITING
         self._is_paused = False
         self._wanted = episodes
         self._instruction = instruction
-        self._messages: deque[tuple[Message | _Gone, float]] = deque(maxlen=LONGEST_QUEUE)
+        self._messages: deque[tuple[Message | None, float]] = deque(maxlen=LONGEST_QUEUE)
         self._has_message = threading.Event()
-        self._presses = Presses()
+        self._presses = ButtonPresses()
         self._is_kept = False
         self._info: Info = {}
         self._steps = 0
         self._stage_changes: list[list[int]] = []
-        self._kept, self._number = _so_far(env)
+        data = env.data
+        self._kept = 0 if data is None else data.kept(env.task)
+        self._number = 0 if data is None else data.next_number(env.task)
         self._reset()
 
     # --- from any thread ---------------------------------------------------------------------
@@ -130,7 +136,7 @@ class Session:
 
     def leave(self, now_s: float) -> None:
         """The operator has gone, or the connection is lost: both hands let go, and time stops."""
-        self._messages.append((_Gone(), now_s))
+        self._messages.append((None, now_s))  # nobody is there
         self._has_message.set()
 
     # --- from the session's own thread ---------------------------------------------------------
@@ -159,12 +165,12 @@ class Session:
         self._is_paused = self._state in _RUNNING and self.device.is_away(now_s)
         if self._is_paused or (self.lockstep and not has_hands):
             return False
-        if self._state is State.WAITING:
+        if self._state is TeleopState.WAITING:
             prompt = self.device.prompt(now_s)
             if prompt is not None:
                 self.note = prompt
                 return False
-            self._state, self.note = State.RECORDING, ""
+            self._state, self.note = TeleopState.RECORDING, ""
         if self._state not in _RUNNING:
             return False
         self._step(now_s)
@@ -179,14 +185,14 @@ class Session:
         Raises:
             OutputError: It cannot be written.
         """
-        if self._state is State.WAITING:
+        if self._state is TeleopState.WAITING:
             self.env.discard()
         self.env.close()
 
     @property
-    def state(self) -> State:
+    def state(self) -> TeleopState:
         """Where the episode is."""
-        return State.PAUSED if self._is_paused else self._state
+        return TeleopState.PAUSED if self._is_paused else self._state
 
     @property
     def kept(self) -> int:
@@ -221,7 +227,7 @@ class Session:
         """Do what the messages say; in lockstep, those up to the first one of hands."""
         while self._messages:
             message, arrival_s = self._messages.popleft()
-            if isinstance(message, _Gone):
+            if message is None:
                 self.device.lose()
                 continue
             self.device.take(message, arrival_s)
@@ -239,7 +245,6 @@ class Session:
         return False
 
     def _press(self, hands: Hands) -> None:
-        """Do what the buttons say, once for each time that one is pressed."""
         for name in self._presses.new(hands):
             self._keep() if name == KEEP else self._discard()
 
@@ -256,39 +261,38 @@ class Session:
         if info["stage"] != self._info["stage"]:
             self._stage_changes.append([self._steps, int(info["stage"])])
         self._info, self._seen = info, backend.read()
-        self.feeling.update(intent)
+        self.haptics.update(intent)
         if terminated or truncated:
             self._end(self._why_over(info))
-        elif info["success"] and self._state is State.RECORDING:
-            self._state, self.note = State.SUCCESS, "Solved: open the hands and retreat."
+        elif info["success"] and self._state is TeleopState.RECORDING:
+            self._state, self.note = TeleopState.SUCCESS, "Solved: open the hands and retreat."
 
     def _why_over(self, info: Info) -> str:
-        """Why an episode is over, in a sentence."""
         return "Solved." if info["success"] else "Time is up."
 
     def _end(self, note: str) -> None:
-        self._state, self.note = State.DECIDE, f"{note} Keep the episode or discard it."
+        self._state, self.note = TeleopState.DECIDE, f"{note} Keep the episode or discard it."
         if self._is_kept:
             self._keep()
 
     def _keep(self) -> None:
-        if self._state is State.SUCCESS:
+        if self._state is TeleopState.SUCCESS:
             self._is_kept, self.note = True, "Solved; it will be kept."
-        elif self._state is State.RECORDING:
+        elif self._state is TeleopState.RECORDING:
             self.note = UNSOLVED
-        elif self._state is State.DECIDE:
+        elif self._state is TeleopState.DECIDE:
             self.env.keep()
             self._kept += 1
             self._next()
 
     def _discard(self) -> None:
-        if self._state is not State.OVER:
+        if self._state is not TeleopState.OVER:
             self.env.discard()
             self._next()
 
     def _instruct(self, text: str) -> None:
         self._instruction = text
-        if self._state is State.WAITING:
+        if self._state is TeleopState.WAITING:
             self.env.discard()
             self._reset()
         else:
@@ -297,12 +301,11 @@ class Session:
     def _next(self) -> None:
         self._number += 1
         if self._kept >= self._wanted:
-            self._state, self.note = State.OVER, "All episodes are recorded."
+            self._state, self.note = TeleopState.OVER, "All episodes are recorded."
         else:
             self._reset()
 
     def _reset(self) -> None:
-        """Begin the episode of the current number: it waits for the operator."""
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._number, TRAIN)
         env.next_name = f"{self._number:05d}"
@@ -310,16 +313,89 @@ class Session:
         self._seen: DuoState = env.base.backend.read()
         self._steps, self._stage_changes, self._is_kept = 0, [], False
         self._is_paused = False
-        self._state, self.note = State.WAITING, ""
+        self._state, self.note = TeleopState.WAITING, ""
         self.device.begin(env.base.backend.last_command)
-        self.feeling.begin()
+        self.haptics.begin()
 
     def _reset_options(self, seed: int) -> dict[str, Any]:  # noqa: ARG002 - real arms need it
-        """Options of a reset with a seed."""
         return {SPLIT: TRAIN, INSTRUCTION: self._instruction or None}
 
 
-def _so_far(env: Recorder) -> tuple[int, int]:
-    """Episodes of the task that are kept in the data set, and the number of the next one."""
-    data = env.data
-    return (0, 0) if data is None else (data.kept(env.task), data.next_number(env.task))
+class Haptics:
+    """What an operator's hands are to feel: a pulse for each time that something begins."""
+
+    def __init__(self, env: Recorder) -> None:
+        # Real arms are asked for no contacts: they have none to tell.
+        self._sim = cast("SimEnv", env.base).simulation if hasattr(env.base, "simulation") else None
+        self._pulses: list[dict[str, Any]] = []
+        self._before: dict[tuple[Side, str], bool] = {}
+
+    def begin(self) -> None:
+        """A new episode: nothing is felt yet."""
+        self._before.clear()
+
+    def update(self, intent: Intent) -> None:
+        """A control step is over."""
+        for side in SIDES:
+            self._note(side, "touch", self._touches(side), TOUCH)
+            self._note(side, "limit", intent.limited[side.index], LIMIT)
+            self._note(side, "loss", not intent.clutch[side.index], LOSS)
+
+    def take(self) -> list[dict[str, Any]]:
+        """The pulses since the last call, as the page's messages `pulse`."""
+        pulses, self._pulses = self._pulses, []
+        return pulses
+
+    def _note(self, side: Side, what: str, is_so: bool, pulse: tuple[float, int]) -> None:
+        if is_so and not self._before.get((side, what), True):
+            strength, ms = pulse
+            self._pulses.append(
+                {"kind": "pulse", "side": str(side), "strength": strength, "ms": ms}
+            )
+        self._before[side, what] = is_so
+
+    def _touches(self, side: Side) -> bool:
+        if self._sim is None:
+            return False
+        contacts = self._sim.contacts
+        others = (owner for owner in contacts.owners if not owner.startswith(f"{side}/"))
+        return any(contacts.gripper(side, owner) for owner in others)
+
+
+def make_recorder(
+    task: str | Task,
+    data: DataSet | str | Path | None,
+    actor: Actor,
+    *,
+    action_mode: str = CARTESIAN.name,
+    time_limit_s: float = TIME_LIMIT_S,
+    after_success: float = AFTER_SUCCESS_S,
+    look: str | Look = DEFAULT,
+) -> Recorder:
+    """An environment on layouts of the split `train`, recorded with clutches and reviewed.
+
+    Nothing is rendered: images follow from the recorded states.
+
+    Args:
+        task: A task, its id, or its import path "module:ATTRIBUTE".
+        data: Data set that episodes are added to, or its folder; None keeps each in memory.
+        actor: Who leads, and with which device.
+        action_mode: That of the device.
+        time_limit_s: Simulated seconds after which an episode is truncated.
+        after_success: Seconds that a recording goes on after success.
+        look: How images of the episodes look, unless they are rendered with another one.
+
+    Raises:
+        UnknownNameError: There is no such task, action mode or look.
+        OptionError: A number of seconds is none.
+        OtherRunError: The folder holds something else.
+    """
+    horizon = round(time_limit_s * CONTROL_HZ)
+    if horizon < 1:
+        raise OptionError(f"An episode takes at least one control step, got {time_limit_s} s.")
+    env = make_env(
+        task, cameras=False, split=TRAIN, action_mode=action_mode, horizon=horizon, look=look
+    )
+    return Recorder(
+        env, data, actor, after_success=after_success, is_reviewed=True, has_clutch=True
+    )

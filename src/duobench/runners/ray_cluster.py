@@ -146,7 +146,7 @@ class RayLauncher:
             else:
                 time.sleep(seconds)
         for process in processes:
-            process.note_status()
+            process.death()
         return [process for process in processes if process.has_said]
 
     def close(self) -> None:
@@ -157,12 +157,7 @@ class RayLauncher:
 
 
 class RayTransport:
-    """A process beside an actor; the death of the actor is its own.
-
-    Args:
-        actor: The actor, which starts the process once there is room for it.
-        kind: Type of the messages that the process sends.
-    """
+    """A process beside an actor, which starts it once there is room; it dies with the actor."""
 
     def __init__(self, actor: Any, kind: Any) -> None:
         self._actor = actor
@@ -185,16 +180,16 @@ class RayTransport:
         """Send a request."""
         self._actor.send.remote(msgspec.json.encode(request))
 
-    def note_status(self) -> None:
-        """Take what the actor has said, without waiting."""
+    def death(self) -> str | None:
+        """How the process ended, in words, after taking what the actor has said meanwhile."""
         ray = load()
         if self._death is not None or not ray.wait([self.status], timeout=0)[0]:
-            return
+            return self._death
         try:
             status: ActorStatus = ray.get(self.status)
         except ray.exceptions.RayError as error:
             self._death = f"its actor ended: {_first_line(error)}"
-            return
+            return self._death
         self.node, self._clock, self._death = status.node, status.clock, status.death
         try:
             self._messages += [self._decoder.decode(message) for message in status.messages]
@@ -202,23 +197,17 @@ class RayTransport:
             self._unreadable = str(error)
         if self._death is None:
             self.status = self._actor.poll.remote()
+        return self._death
 
     def receive(self) -> list[Any]:
         """What the process has said; see `Transport`."""
-        self.note_status()
-        if self._messages:
-            said, self._messages = self._messages, []
-            return said
-        if self._unreadable is not None:
+        death = self.death()
+        said, self._messages = self._messages, []
+        if not said and self._unreadable is not None:
             raise MessageError(self._unreadable)
-        if self._death is not None:
+        if not said and death is not None:
             raise EOFError
-        return []
-
-    def death(self) -> str | None:
-        """How the process ended, in words; None while it lives."""
-        self.note_status()
-        return self._death
+        return said
 
     def clock(self) -> ClockReading:
         """What the actor has last said; time that has passed since then is not guessed."""

@@ -21,7 +21,6 @@ class Freshness:
     """Judges the samples of one connection."""
 
     def __init__(self) -> None:
-        """Begin with nothing known about the sender's clock."""
         self.dropped = 0
         """Samples that were not fresh."""
         self._window_end = -math.inf

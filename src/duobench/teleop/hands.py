@@ -1,4 +1,4 @@
-"""Hands as the device: samples become tool poses."""
+"""Hands as the device: samples become tool poses, and buttons presses."""
 
 from __future__ import annotations
 
@@ -22,9 +22,11 @@ AWAY_S = 1.0
 """Seconds without a fresh sample after which the operator is taken to be away."""
 MEANT = 0.05
 """Change of a trigger from which on its gripper follows it."""
+KEEP, DISCARD = "keep", "discard"
+"""Buttons that decide about an episode."""
 
 
-class Gripper:
+class TriggeredGripper:
     """A gripper that follows a trigger.
 
     When a trigger comes into view, it first says nothing: a held object must not fall because a
@@ -32,7 +34,6 @@ class Gripper:
     """
 
     def __init__(self, opening: float = 1.0) -> None:
-        """Begin with an unknown trigger."""
         self.opening = opening
         """0 closed to 1 open."""
         self._seen: float | None = None
@@ -51,22 +52,19 @@ class Gripper:
             self.opening = 1.0 - trigger
 
 
-class Arm:
+class LedArm:
     """One hand and the arm that it leads."""
 
     def __init__(self, side: Side) -> None:
-        """Begin let go, with an open gripper."""
         self.clutch = Clutch()
-        """Whether the hand leads the arm."""
-        self.gripper = Gripper()
-        """The gripper."""
+        self.gripper = TriggeredGripper()
         self._shaper = Shaper(side)
         self._rest: SE3 | None = None
 
     def begin(self, opening: float) -> None:
         """A new episode waits, with the gripper at an opening."""
         self.clutch.open()
-        self.gripper = Gripper(opening)
+        self.gripper = TriggeredGripper(opening)
         self._rest = None
 
     def lead(self, hand: Hand | None, measured: SE3, commanded: SE3) -> tuple[SE3, bool]:
@@ -95,19 +93,18 @@ class Arm:
 
 
 class HandDevice:
-    """Both hands, from a mouse, keys, a gamepad or a headset: they all speak one message."""
+    """Both hands, from a mouse, keys, a gamepad or a headset: they all speak one message.
+
+    Args:
+        lockstep: Whether simulated time waits for every sample, so that none is ever late.
+    """
 
     action_mode = CARTESIAN.name
 
     def __init__(self, *, lockstep: bool = False) -> None:
-        """Begin without hands.
-
-        Args:
-            lockstep: Whether simulated time waits for every sample, so that none is ever late.
-        """
         self._lockstep = lockstep
         self._kinematics = Kinematics()
-        self._arms = {side: Arm(side) for side in SIDES}
+        self._arms = {side: LedArm(side) for side in SIDES}
         self._freshness = Freshness()
         self._dropped = 0
         self._hands: Hands | None = None
@@ -201,7 +198,23 @@ class HandDevice:
             arm.clutch.open()
 
     def _now(self, now_s: float) -> dict[Side, Hand | None]:
-        """The hands, as far as anything fresh is known about them."""
         if self._hands is None or self.is_lost(now_s):
             return dict.fromkeys(SIDES)
         return {Side.LEFT: self._hands.left, Side.RIGHT: self._hands.right}
+
+
+class ButtonPresses:
+    """Tells a press from holding on. A button that is held at first counts after a release."""
+
+    def __init__(self) -> None:
+        self._was_pressed = {KEEP: True, DISCARD: True}
+
+    def new(self, hands: Hands) -> list[str]:
+        """The buttons that were not pressed in the message before, keep first."""
+        present = [hand.buttons for hand in (hands.left, hands.right) if hand is not None]
+        pressed = {
+            name: any(getattr(buttons, name) for buttons in present) for name in self._was_pressed
+        }
+        found = [name for name, is_so in pressed.items() if is_so and not self._was_pressed[name]]
+        self._was_pressed = pressed
+        return found

@@ -33,9 +33,7 @@ class Buttons(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """The buttons on a hand that are pressed."""
 
     keep: bool = False
-    """Keep the episode."""
     discard: bool = False
-    """Discard it."""
     recentre: bool = False
     """The operator moves to another place: both hands let go."""
 
@@ -52,10 +50,8 @@ class Hand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     trigger: Share
     """The gripper: 0 open, 1 closed."""
     buttons: Buttons = Buttons()
-    """Its buttons."""
 
     def __post_init__(self) -> None:
-        """Reject positions beyond all rooms, and quaternions that are no rotation."""
         if not all(abs(number) <= FARTHEST for number in self.pose[:3]):
             raise ValueError(f"a hand is at most {FARTHEST:g} m away, got {list(self.pose[:3])}")
         norm = length(self.pose[3:])
@@ -84,7 +80,6 @@ class Hands(
     """The right hand; None where the device has none."""
 
     def __post_init__(self) -> None:
-        """Reject a clock that is none."""
         if not (math.isfinite(self.sent) and self.sent >= 0.0):
             raise ValueError(f"`sent` is a time in ms from 0 on, got {self.sent}")
 
@@ -114,7 +109,6 @@ class Instruction(
     """One line that can be printed."""
 
     def __post_init__(self) -> None:
-        """Reject what cannot be printed in one line."""
         if self.text != escaped(self.text) or len(self.text.splitlines()) > 1:
             raise ValueError("an instruction is one line that can be printed")
 

@@ -34,7 +34,6 @@ class OneEuro:
     """
 
     def __init__(self) -> None:
-        """Begin without a pose."""
         self._pose: SE3 | None = None
         self._speeds = np.zeros((2, 3))
 

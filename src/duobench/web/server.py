@@ -6,12 +6,14 @@ import asyncio
 import gzip
 import http
 import logging
+import mimetypes
 import re
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import unquote, urlsplit
 
 import websockets
 from websockets.asyncio.server import ServerConnection
@@ -140,6 +142,7 @@ class PageServer:
         self._files = {path: (kind, _compressed(body)) for path, (kind, body) in assets.items()}
         self._scenes: dict[str, bytes] = {}
         self._images: dict[str, tuple[str, bytes]] = {}
+        self._folder: Path | None = None
         self._latest: dict[str, str | bytes] = {}
         self._peers: dict[Peer, None] = {}  # in the order in which they came
         self._driver: Peer | None = None
@@ -218,6 +221,15 @@ class PageServer:
         self._images = {other: kept[other] for other in names} | {name: (kind, data)}
         return f"/image/{name}?token={self._admission.token}"
 
+    def publish_folder(self, folder: Path) -> str:
+        """Give the files of a folder out from now on, to those with the token.
+
+        Returns:
+            What their addresses begin with on this server; the rest is the path in the folder.
+        """
+        self._folder = folder.resolve()
+        return f"/folder/{self._admission.token}/"
+
     def publish_frame(self, frame: bytes) -> None:
         """Show a frame; see `web.messages.pack_frame`, or a JPEG where a page shows images."""
         self._server.call(self._show, FRAME, frame)
@@ -291,7 +303,10 @@ class PageServer:
         url = urlsplit(request.path)
         if url.path in self._files and url.path != "/":  # code of ours, which is no secret
             return _found(*self._files[url.path], request)
-        if not self._admission.has_token(url.query):
+        if url.path == "/favicon.ico":  # browsers ask for one, unless a page says that it has none
+            return connection.respond(http.HTTPStatus.NO_CONTENT, "")
+        in_folder = re.match(r"/folder/([^/]+)/", url.path)  # where links are relative
+        if not self._admission.has_token(f"token={in_folder[1]}" if in_folder else url.query):
             return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
         if url.path == SOCKET_PATH:
             return self._rejection(connection, request)
@@ -306,6 +321,12 @@ class PageServer:
         if scene := re.fullmatch(rf"/scene/({_NAME})\.bin", path, re.ASCII):
             data = self._scenes.get(scene[1])
             return None if data is None else ("application/octet-stream", (data, None))
+        if self._folder and (name := re.fullmatch(r"/folder/[^/]+/(.+)", path)):
+            file = (self._folder / unquote(name[1])).resolve()
+            if not (file.is_relative_to(self._folder) and file.is_file()):
+                return None
+            kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
+            return kind, (file.read_bytes(), None)
         if (image := re.fullmatch(rf"/image/({_NAME})", path, re.ASCII)) is None:
             return None
         kind, data = self._images.get(image[1], ("", None))

@@ -18,7 +18,7 @@ from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.schema import Domain, video_path
 from duobench.data.views import plain_view, resized
 from duobench.errors import DataError, NamesTakenError
-from duobench.rig_sessions.views import view_of
+from duobench.rig_sessions.cameras import view_of
 from duobench.types import POLICY_CAMERAS
 from tests.data.real.number_duo import (
     SIZE,

@@ -12,8 +12,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError
 from duobench.experts.expert import Expert, find_script
-from duobench.rig_sessions.teleop_recorder import make_recorder
-from duobench.rig_sessions.teleoperation import Session, State
+from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
 from duobench.robot.joints import HOME_JOINTS
 from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
@@ -51,12 +50,12 @@ class Leaders:
         self.is_connected = False
 
 
-def session_of(leaders: Leaders, data: Path | None = None, task: str = "bin_sort") -> Session:
+def session_of(leaders: Leaders, data: Path | None = None, task: str = "bin_sort") -> Teleoperation:
     source = LeRobotSource(leaders)
     source.connect()
     actor = Actor(kind=ActorKind.SCRIPTED_OPERATOR, device=source.device)
     device = LeaderDevice(source)
-    return Session(make_recorder(task, data, actor, action_mode="joint"), device, episodes=1)
+    return Teleoperation(make_recorder(task, data, actor, action_mode="joint"), device, episodes=1)
 
 
 def test_leaders_that_follow_an_expert_solve_a_task(tmp_path: Path) -> None:
@@ -68,11 +67,11 @@ def test_leaders_that_follow_an_expert_solve_a_task(tmp_path: Path) -> None:
     session.advance(0.0)
     assert session.note == "Move a leader to begin."
     turn = 0
-    while session.state is not State.OVER:
+    while session.state is not TeleopState.OVER:
         leaders.now = np.asarray(expert.act(None)[0], dtype=np.float64)
         turn += 1
         session.advance(turn / CONTROL_HZ)
-        if session.state is State.DECIDE:
+        if session.state is TeleopState.DECIDE:
             session.receive(b'{"kind": "keep"}', turn / CONTROL_HZ)
     session.close()
     (recording,) = DataSet.open(tmp_path).recordings()

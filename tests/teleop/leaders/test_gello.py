@@ -12,8 +12,13 @@ import pytest
 
 from duobench.errors import LeaderError, UnknownNameError
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
-from duobench.teleop.leaders.gello_config import GelloArm, GelloConfig
-from duobench.teleop.leaders.gello_source import COUNTS_A_TURN, GelloSource, joints_of
+from duobench.teleop.leaders.gello import (
+    COUNTS_A_TURN,
+    GelloArm,
+    GelloConfig,
+    GelloSource,
+    joints_of,
+)
 from tests.teleop.leaders.servos import Servos
 
 COUNT = 2 * math.pi / COUNTS_A_TURN

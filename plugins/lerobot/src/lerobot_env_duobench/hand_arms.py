@@ -11,9 +11,8 @@ from duobench.errors import MessageError
 from duobench.kinematics.inverse import Kinematics
 from duobench.robot.joints import HOME_JOINTS
 from duobench.spatial import SE3
-from duobench.teleop.hands import HandDevice
+from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses, HandDevice
 from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, read
-from duobench.teleop.presses import DISCARD, KEEP, Presses
 from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, DuoCommand, DuoState
 
 LONGEST_QUEUE = 1024
@@ -42,7 +41,7 @@ class HandArms:
         """A sentence for the operator."""
         self._lockstep = lockstep
         self._kinematics = Kinematics()
-        self._presses = Presses()
+        self._presses = ButtonPresses()
         self._messages: deque[tuple[Message | None, float]] = deque(maxlen=LONGEST_QUEUE)
         self._has_message = threading.Event()
         self._decision: str | None = None

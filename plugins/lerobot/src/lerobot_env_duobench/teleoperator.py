@@ -19,7 +19,7 @@ from duobench.looks.look import Look
 from duobench.rig_sessions.teleop_page import WATCHING
 from duobench.robot.joints import JOINT_RANGES
 from duobench.sim.simulation import Simulation
-from duobench.teleop.presses import DISCARD, KEEP
+from duobench.teleop.hands import DISCARD, KEEP
 from duobench.types import SIDES, DuoCommand, DuoState
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from duobench.hardware.doctor import Report
-    from duobench.rig_sessions.trial_report import TrialsReport
+    from duobench.rig_sessions.trials_report import TrialsReport
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -72,19 +72,16 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     from duobench.data import DataSet
     from duobench.files import locked
     from duobench.results.suite import find_tasks
-    from duobench.rig_sessions.trial_folder import TrialsFolder
-    from duobench.rig_sessions.trial_opening import Contender, open_session
-    from duobench.rig_sessions.trial_report import write_trials_report
+    from duobench.rig_sessions.trials import open_session
+    from duobench.rig_sessions.trials_folder import TrialsFolder
+    from duobench.rig_sessions.trials_report import write_trials_report
 
     if trained_on and len(trained_on) != len(policy):
         raise AdvisedError(
             f"Give --trained-on once for each --policy, in their order: got {len(trained_on)} for "
             f"{len(policy)}."
         )
-    contenders = [
-        Contender(spec=spec, trained_on=trained)
-        for spec, trained in zip(policy, trained_on or ("",) * len(policy), strict=True)
-    ]
+    policies = list(zip(policy, trained_on or ("",) * len(policy), strict=True))
     (info,) = find_tasks([task])
     folder, screen = TrialsFolder(out), console()
     with ExitStack() as ending:
@@ -98,7 +95,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             folder,
             duo,
             info,
-            contenders,
+            policies,
             server,
             ending,
             rater=rater,
@@ -117,7 +114,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         report = write_trials_report(folder)
         page = out / folder.page.name
         results = [each.row() for each in report.policies]
-        session.tell(results=results, files=f"Report: {page}")
+        session.publish(results=results, files=f"Report: {page}")
         _show(report, screen)
         screen.print(f"Report: {page}")
 

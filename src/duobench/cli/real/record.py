@@ -48,14 +48,15 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     from duobench.cli.real.rigs import opened_rig
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import DataSet
-    from duobench.rig_sessions.recording import HELD_BY_OPERATOR, RealRecording, find_policy
+    from duobench.rig_sessions.recording import RigRecording, find_policy
+    from duobench.rig_sessions.session import HELD_BY_OPERATOR
 
     with ExitStack() as ending:
         source = find_policy(policy, tempo)
         duo = opened_rig(rig, guard=guard, fast=fast)
         data = DataSet.open(out, how=f"duobench real record --policy {policy}")
         terminal = ending.enter_context(KeyTerminal())
-        session = RealRecording(
+        session = RigRecording(
             duo,
             task,
             data,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import tyro
 
@@ -13,11 +13,8 @@ from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
 from duobench.cli.shared.interrupt import stopping
-from duobench.cli.shared.leaders import joint_source, times_of
+from duobench.cli.shared.leaders import opened_device, times_of
 from duobench.cli.shared.page import serve_page
-
-if TYPE_CHECKING:
-    from duobench.teleop.intent import Device
 
 
 def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -63,42 +60,36 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     load_engine()
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import Actor, ActorKind
-    from duobench.rig_sessions.page_cameras import CameraFeed
+    from duobench.rig_sessions.cameras import CameraFeed
     from duobench.rig_sessions.rig_teleoperation import (
         EndedError,
-        RealLiveSession,
-        RealSession,
+        RigTeleoperation,
+        RigTeleopPage,
         make_real_recorder,
     )
-    from duobench.teleop.hands import HandDevice
-    from duobench.teleop.leaders.device import LeaderDevice
+    from duobench.rig_sessions.session import HELD_BY_OPERATOR
 
     with ExitStack() as ending:
-        source = None if leader is None else joint_source(leader)
-        led_by: Device = HandDevice(lockstep=lockstep)
-        if source is not None:
-            source.connect()
-            ending.callback(source.close)
-            led_by = LeaderDevice(source)
+        led_by, name = opened_device(leader, device, lockstep, ending)
         kind = ActorKind.SCRIPTED_OPERATOR if scripted else ActorKind.PERSON
-        actor = Actor(kind=kind, name=operator, device=source.device if source else device)
+        actor = Actor(kind=kind, name=operator, device=name)
         duo = opened_rig(rig, guard=guard, fast=fast)
         terminal = ending.enter_context(KeyTerminal())
-        terminal.on_space = lambda: duo.hold("The operator held the arms.")
+        terminal.listen(lambda key: duo.hold(HELD_BY_OPERATOR) if key in {"", " "} else None)
         recorder = make_real_recorder(
             duo, task, out, actor, terminal, action_mode=led_by.action_mode
         )
         ending.callback(recorder.close)
         screen = console()
         with suppress(EndedError):
-            session = RealSession(
+            session = RigTeleoperation(
                 recorder, led_by, episodes=episodes, instruction=instruction, lockstep=lockstep
             )
             ending.callback(session.close)
             server = serve_page(port, lan)
             ending.callback(server.close)
             ending.callback(CameraFeed(duo, server).close)
-            live = RealLiveSession(session, server)
+            live = RigTeleopPage(session, server)
             screen.print(f"Open {server.url}\nCtrl-C ends the session; the space bar holds.")
             with stopping(live.stop):
                 timings = live.run()

@@ -16,21 +16,17 @@ from duobench.rig_sessions.operator import QUIT
 
 
 class KeyTerminal:
-    """Reads keys of standard input in a thread of its own, as `operator.Operator` asks for them."""
+    """Reads keys in a thread of its own, as `operator.Operator` asks for them.
+
+    Args:
+        handle: What keys are read from; standard input where nothing is given. A terminal is
+            restored at the end.
+    """
 
     def __init__(self, handle: int | None = None) -> None:
-        """Begin to read.
-
-        Args:
-            handle: What keys are read from; standard input where nothing is given. A terminal is
-                restored at the end.
-        """
         self._handle = sys.stdin.fileno() if handle is None else handle
         self._keys: queue.Queue[str] = queue.Queue()
         self._call: Callable[[str], None] | None = None
-        self.on_space: Callable[[], None] | None = None
-        """Called for the space bar, whatever is asked, and when the terminal is gone."""
-        self._lock = threading.Lock()
         self._before: list[Any] | None = None
         if os.isatty(self._handle):
             self._before = termios.tcgetattr(self._handle)
@@ -58,9 +54,8 @@ class KeyTerminal:
                 return key
 
     def listen(self, call: Callable[[str], None] | None) -> None:
-        """Have every key given to a call at once."""
-        with self._lock:
-            self._call = call
+        """Have every key given to a call at once, whatever is asked."""
+        self._call = call
 
     def close(self) -> None:
         """Restore the terminal."""
@@ -69,7 +64,6 @@ class KeyTerminal:
             termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
 
     def __enter__(self) -> Self:
-        """The terminal itself."""
         return self
 
     def __exit__(
@@ -78,7 +72,6 @@ class KeyTerminal:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Restore the terminal."""
         self.close()
 
     def _read(self) -> None:
@@ -87,13 +80,8 @@ class KeyTerminal:
                 key = os.read(self._handle, 1).decode(errors="replace")
             except OSError:
                 key = ""
-            if key in {"", " "} and self.on_space is not None:
-                self.on_space()
-            with self._lock:
-                call = self._call
-            if call is not None:
+            if (call := self._call) is not None:
                 call(key)
-            if call is None or not key:
-                self._keys.put(key)
+            self._keys.put(key)
             if not key:
                 return

@@ -28,7 +28,7 @@ class AdvisedError(DuoBenchError):
 KINDS = {
     "dataset.json": ("a data set", "duobench data info {}"),
     "run.json": ("an evaluation", "duobench report {}"),
-    "trials.json": ("an evaluation on real arms", "duobench report {}/runs/A"),
+    "trials.json": ("an evaluation on real arms", "duobench report {}/run"),
     "meta/info.json": ("a data set of LeRobot", "duobench train act --data {}"),
 }
 """What the folders are that our verbs write, by a file in each, and a verb that takes it."""

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from threading import Thread
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from duobench.results.folder import RunFolder
     from duobench.web.server import PageServer
 
 
@@ -21,3 +27,23 @@ def serve_page(port: int, lan: bool, page: str = "live_page.html") -> PageServer
     if not lan:
         return PageServer(assets(page), port=port)
     return PageServer(assets(page), host="0.0.0.0", port=port, certificate=make_certificate())
+
+
+@contextmanager
+def followed(folder: RunFolder, screen: Console, port: int) -> Iterator[None]:
+    """Show a run on a page while the block plays it; at its end, the page shows the report."""
+    from duobench.replay.follow import FollowedRun
+    from duobench.replay.viewer import Viewer
+
+    with closing(serve_page(port, lan=False)) as server:
+        source = FollowedRun(folder, server, import_tasks=True)  # which the run itself imports
+        viewer = Viewer(source, server, source.refresh)
+        thread = Thread(target=viewer.run, name="follower", daemon=True)
+        thread.start()
+        screen.print(f"Watch at {server.url}")
+        try:
+            yield
+        finally:
+            viewer.stop()
+            thread.join()
+            source.wait_for_visitors()

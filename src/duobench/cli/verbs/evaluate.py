@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -98,6 +99,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     retry_broken: bool = False,
     fresh: bool = False,
     unplayed_count_as_failures: bool = False,
+    watch: bool = False,
+    watch_port: int = 0,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
@@ -127,10 +130,13 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             which every finished episode failed with an error gives way to a changed policy too.
         unplayed_count_as_failures: Count episodes in which a process dies each of three times as
             failures; without this they stay unplayed, and the exit code is 1.
+        watch: Follow the run on a page in the browser, as duobench view --follow does.
+        watch_port: Port of that page; 0 takes a free one.
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
     from duobench.cli.shared.advice import advising, for_evaluation
+    from duobench.cli.shared.page import followed
     from duobench.cli.shared.progress import EpisodesPlayed, display
     from duobench.results.folder import RunFolder
     from duobench.results.shard import WHOLE, Shard
@@ -146,7 +152,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         screen.print("The policy plays in the process of the simulator, which it can see and move.")
     folder = RunFolder(out)
     advised = advising(partial(for_evaluation, folder, policy.policy))
-    with advised, raising(screen), display(screen, "episode") as shown:
+    watched = followed(folder, screen, watch_port) if watch else nullcontext()
+    with advised, watched, raising(screen), display(screen, "episode") as shown:
         results = play(
             choice,
             played,

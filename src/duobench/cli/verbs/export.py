@@ -45,7 +45,7 @@ def lerobot(
     sources = [opened(each) for each in data]
     from duobench.cli.shared.progress import display
     from duobench.data import export_lerobot
-    from duobench.rig_sessions.views import view_of
+    from duobench.rig_sessions.cameras import view_of
 
     screen = console()
     with raising(screen), advising(_advice), display(screen, "frame") as shown:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import tyro
 
@@ -12,11 +12,8 @@ from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
 from duobench.cli.shared.interrupt import stopping
-from duobench.cli.shared.leaders import joint_source, times_of
+from duobench.cli.shared.leaders import opened_device, times_of
 from duobench.cli.shared.page import serve_page
-
-if TYPE_CHECKING:
-    from duobench.teleop.intent import Device
 
 
 def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -61,31 +58,21 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         raise AdvisedError("Leader arms send no messages to step by: leave out --lockstep.")
     load_engine()
     from duobench.data import Actor, ActorKind
-    from duobench.rig_sessions.teleop_page import LiveSession
-    from duobench.rig_sessions.teleop_recorder import make_recorder
-    from duobench.rig_sessions.teleoperation import Session
-    from duobench.teleop.hands import HandDevice
-    from duobench.teleop.leaders.device import LeaderDevice
+    from duobench.rig_sessions.teleop_page import TeleopPage
+    from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
 
     with ExitStack() as ending:
-        source = None if leader is None else joint_source(leader)
-        led_by: Device
-        if source is None:
-            led_by = HandDevice(lockstep=lockstep)
-        else:
-            source.connect()
-            ending.callback(source.close)
-            led_by = LeaderDevice(source)
+        led_by, name = opened_device(leader, device, lockstep, ending)
         kind = ActorKind.SCRIPTED_OPERATOR if scripted else ActorKind.PERSON
-        actor = Actor(kind=kind, name=operator, device=source.device if source else device)
+        actor = Actor(kind=kind, name=operator, device=name)
         recorder = make_recorder(task, out, actor, action_mode=led_by.action_mode, look=look)
-        session = Session(
+        session = Teleoperation(
             recorder, led_by, episodes=episodes, instruction=instruction, lockstep=lockstep
         )
         ending.callback(session.close)
         server = serve_page(port, lan)
         ending.callback(server.close)
-        live = LiveSession(session, server)
+        live = TeleopPage(session, server)
         screen = console()
         screen.print(f"Open {server.url}\nCtrl-C ends the session.")
         with stopping(live.stop):

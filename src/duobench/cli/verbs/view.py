@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
+from pathlib import Path
 
 import tyro
 
@@ -19,6 +20,7 @@ def view(
     lan: bool = False,
     look: str = "default",
     import_tasks: bool = False,
+    follow: bool = False,
 ) -> None:
     """Show a task, a data set or a run on a page in the browser, until Ctrl-C.
 
@@ -36,14 +38,24 @@ def view(
             docs/looks.md).
         import_tasks: Import tasks of a run that are not of the benchmark, which runs the code of
             the modules that the run names.
+        follow: Follow a run that is going on, or is going to be started: successes so far, the
+            time that is left, and every finished episode; at its end the page shows the report.
     """
     load_engine()
+    from duobench.replay.follow import FollowedRun
     from duobench.replay.sources import open_view
     from duobench.replay.viewer import Viewer
+    from duobench.results.folder import RunFolder
 
-    source = open_view(what, look, tasks, import_tasks=import_tasks)
+    source = None if follow else open_view(what, look, tasks, import_tasks=import_tasks)
     with closing(serve_page(port, lan)) as server:
-        viewer = Viewer(source, server)
+        run = None
+        if source is None:
+            folder = RunFolder(Path(what))
+            source = run = FollowedRun(folder, server, look, tasks, import_tasks=import_tasks)
+        viewer = Viewer(source, server, run and run.refresh)
         with stopping(viewer.stop):
             console().print(f"Open {server.url}\nCtrl-C ends it.")
             viewer.run()
+        if run is not None:
+            run.wait_for_visitors()

@@ -62,7 +62,6 @@ class LeaderDevice:
     action_mode = JOINT.name
 
     def __init__(self, source: JointSource) -> None:
-        """Lead with connected leader arms."""
         self._source = source
         self._where = np.zeros(len(JOINT_NAMES))
         self._armed: Array | None = None

@@ -6,6 +6,7 @@ const RETRY_MS = [500, 1000, 2000, 4000]; // until the server is called again
 export class Connection extends EventTarget {
   #socket = null;
   #tries = 0;
+  #isEnded = false;
 
   /** To the server of this page. */
   static home() {
@@ -36,6 +37,11 @@ export class Connection extends EventTarget {
     this.send(JSON.stringify(message));
   }
 
+  /** There is nothing more to come: its loss is none. */
+  end() {
+    this.#isEnded = true;
+  }
+
   #connect(url) {
     const socket = new WebSocket(url);
     socket.binaryType = "arraybuffer";
@@ -48,6 +54,7 @@ export class Connection extends EventTarget {
       this.dispatchEvent(new MessageEvent("message", { data })),
     );
     socket.addEventListener("close", () => {
+      if (this.#isEnded) return;
       this.dispatchEvent(new Event("close"));
       const wait = RETRY_MS[Math.min(this.#tries++, RETRY_MS.length - 1)];
       setTimeout(() => this.#connect(url), wait);

@@ -17,6 +17,7 @@ class Live {
   #scene = null; // name of the one that is shown
   #waiting = null; // poses that came before their scene
   #inputs = null; // what drives, once it was loaded
+  #run = null; // what shows a run that goes on, once it was loaded
 
   constructor() {
     const canvas = document.querySelector("canvas");
@@ -45,6 +46,7 @@ class Live {
     if (message.kind === "scene") this.#load(message);
     else if (message.kind === "status") {
       this.#status.show(message);
+      if (message.run) this.#follow(message);
       if (message.clutch && !this.#inputs) this.#inputs = this.#loadInputs();
     } else if (message.kind === "cameras") this.#cameras.show(message.cameras);
     else if (message.kind === "role") this.#status.showRole(message);
@@ -89,6 +91,17 @@ class Live {
     });
     this.#view.isCovered = () => headset.isWorn;
     this.#status.canBeDriven();
+  }
+
+  /** A run that goes on; what shows it is loaded only where there is one. */
+  async #follow({ run, report, ended }) {
+    if (ended) this.#connection.end();
+    if (report) return location.replace(report);
+    this.#run ??= import("./run.js");
+    const { showRun } = await this.#run;
+    showRun(document.querySelector("#run"), run, (id) =>
+      this.#connection.tell({ kind: "select", id }),
+    );
   }
 
   #ping() {

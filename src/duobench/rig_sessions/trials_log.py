@@ -18,45 +18,39 @@ import msgspec
 
 from duobench.errors import FileError
 from duobench.files import make_folder, writing
-from duobench.results.records import Press
 
 
-class Kind(StrEnum):
+class LogKind(StrEnum):
     """What an entry is about."""
 
     BEGIN = "begin"
     """A trial begins: objects are to be placed."""
     PLACED = "placed"
-    """The objects are where they shall be."""
     START = "start"
     """The policy begins to play."""
     PRESS = "press"
     """A stage was pressed, or a press taken back."""
     HOLD = "hold"
-    """Somebody brought the arms to rest."""
     END = "end"
     """The policy plays no more."""
     AT_END = "at_end"
     """Whether the last stage still held at the end."""
     NOTE = "note"
-    """A person's remark."""
     VALID = "valid"
     """The trial counts."""
     INVALID = "invalid"
     """It does not, and is played again."""
 
 
-_CLOSING = (Kind.VALID, Kind.INVALID)
+_CLOSING = (LogKind.VALID, LogKind.INVALID)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Entry:
+class LogEntry:
     """One line of the log."""
 
-    kind: Kind
-    """What it is about."""
+    kind: LogKind
     trial: int
-    """Number of the trial."""
     attempt: int
     """How often the trial was tried with this one, from 1 on."""
     text: str = ""
@@ -73,29 +67,17 @@ class Entry:
     """Date and time of day in UTC, for people; nothing depends on it."""
 
 
-def press_entry(press: Press, trial: int, attempt: int, at: str) -> Entry:
-    """The line of a press."""
-    return Entry(
-        kind=Kind.PRESS,
-        trial=trial,
-        attempt=attempt,
-        stage=press.stage,
-        step=press.step,
-        time_s=press.time_s,
-        at=at,
-    )
-
-
 class TrialLog:
-    """A log that is written by one process, from any of its threads."""
+    """A log that is written by one process, from any of its threads.
+
+    Opening it begins the file if there is none; half a line, left by a killed process, is removed.
+
+    Raises:
+        FileError: A line is damaged that is not the last one.
+        OutputError: The file cannot be written.
+    """
 
     def __init__(self, path: Path) -> None:
-        """Open a log, or begin one; half a line, left by a killed process, is removed.
-
-        Raises:
-            FileError: A line is damaged that is not the last one.
-            OutputError: The file cannot be written.
-        """
         self.path = path
         self._lock = threading.Lock()
         make_folder(path.parent)
@@ -108,12 +90,12 @@ class TrialLog:
         self._entries = list(read_entries(path))
 
     @property
-    def entries(self) -> tuple[Entry, ...]:
+    def entries(self) -> tuple[LogEntry, ...]:
         """Everything so far."""
         with self._lock:
             return tuple(self._entries)
 
-    def add(self, entry: Entry) -> None:
+    def add(self, entry: LogEntry) -> None:
         """Write a line; when this returns, the end of this process loses nothing of it.
 
         Raises:
@@ -132,7 +114,7 @@ class TrialLog:
         self._file.close()
 
 
-def read_entries(path: Path) -> Iterable[Entry]:
+def read_entries(path: Path) -> Iterable[LogEntry]:
     """The lines of a log; half a line at the end is left out.
 
     Raises:
@@ -140,12 +122,12 @@ def read_entries(path: Path) -> Iterable[Entry]:
     """
     try:
         lines = path.read_bytes().split(b"\n")[:-1]
-        return [msgspec.json.decode(line, type=Entry) for line in lines]
+        return [msgspec.json.decode(line, type=LogEntry) for line in lines]
     except (OSError, msgspec.MsgspecError) as error:
         raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
 
 
-def _short(entry: Entry) -> Mapping[str, object]:
+def _short(entry: LogEntry) -> Mapping[str, object]:
     """An entry without what it does not say; a press that takes back says `null`."""
     kept = {name: value for name, value in asdict(entry).items() if value not in (None, "")}
-    return kept | ({"stage": entry.stage} if entry.kind is Kind.PRESS else {})
+    return kept | ({"stage": entry.stage} if entry.kind is LogKind.PRESS else {})

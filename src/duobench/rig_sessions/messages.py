@@ -1,4 +1,7 @@
-"""What the operator's page sends. Nothing in it is trusted; see `teleop.messages`."""
+"""What an operator says during a session at a rig, on a page or at a terminal.
+
+Nothing that a page sends is trusted: a message that is not exactly of its kind is refused.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,6 @@ from duobench.errors import MessageError, escaped
 LONGEST_TEXT = 300
 """Characters of a note or a reason."""
 
-Text = Annotated[str, msgspec.Meta(max_length=LONGEST_TEXT)]
-"""One line that a person typed."""
 _STRICT = {"frozen": True, "forbid_unknown_fields": True, "tag_field": "kind"}
 
 
@@ -42,7 +43,7 @@ class Stage(msgspec.Struct, tag="stage", **_STRICT):
     stage: Annotated[int, msgspec.Meta(ge=1, le=99)]
     """Its number."""
     time_s: Annotated[float, msgspec.Meta(ge=0.0, le=36000.0)] | None = None
-    """When it was reached, in seconds of the film of a trial that is over; None for now."""
+    """When it was reached, in seconds of the film of an episode that is over; None for now."""
 
 
 class Undo(msgspec.Struct, tag="undo", **_STRICT):
@@ -61,18 +62,18 @@ class AtEnd(msgspec.Struct, tag="at_end", **_STRICT):
 
 
 class Note(msgspec.Struct, tag="note", **_STRICT):
-    """A remark about the trial."""
+    """A remark about the episode."""
 
-    text: Text
+    text: Annotated[str, msgspec.Meta(max_length=LONGEST_TEXT)]
     """The remark; it takes the place of the one before."""
 
 
 class Finish(msgspec.Struct, tag="finish", **_STRICT):
-    """The trial counts as it was judged."""
+    """The episode counts as it was judged, or is kept."""
 
 
 class Invalid(msgspec.Struct, tag="invalid", **_STRICT):
-    """The trial does not count, and is played again."""
+    """It does not count, and is played again, or it is discarded."""
 
     reason: Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_TEXT)]
     """Why."""
@@ -86,7 +87,6 @@ Message = (
     Alive | Home | Placed | PlaceAgain | Start | Stage | Undo | Hold | AtEnd | Note | Finish
     | Invalid | Recover
 )  # fmt: skip
-"""Everything that the page may send."""
 _decoder = msgspec.json.Decoder(Message)
 
 

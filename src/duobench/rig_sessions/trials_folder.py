@@ -1,20 +1,17 @@
-"""The folder of an evaluation on real arms: its plan, its log, and a run for each policy."""
+"""The folder of an evaluation on real arms: its plan, its log, and the run of its policies."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from duobench.errors import EvaluationError, OtherRunError
+from duobench.errors import EvaluationError
 from duobench.files import begin_or_continue, encode, read, write
 from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
-from duobench.looks.catalog import DEFAULT
 from duobench.results.folder import RunFolder
-from duobench.results.records import REAL, Condition, Key
-from duobench.rig_sessions.trial_log import Entry, Kind, TrialLog, read_entries
-from duobench.rig_sessions.trial_plan import PLAN_SCHEMA, Plan, Trial
-from duobench.shifts.shift import NO_SHIFT
+from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialLog, read_entries
+from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
@@ -23,7 +20,7 @@ CUT = "The program ended during the trial."
 
 
 @dataclass(kw_only=True, slots=True)
-class Standing:
+class TrialsProgress:
     """How far an evaluation is, by its log."""
 
     valid: dict[int, int] = field(default_factory=dict[int, int])
@@ -36,43 +33,36 @@ class Standing:
     """Trial and attempt that was being played when the log ended; None if none was."""
 
     @staticmethod
-    def of(entries: Iterable[Entry]) -> Standing:
+    def of(entries: Iterable[LogEntry]) -> TrialsProgress:
         """What a log adds up to."""
-        standing = Standing()
+        progress = TrialsProgress()
         for entry in entries:
-            if entry.kind is Kind.BEGIN:
-                standing.attempts[entry.trial] = entry.attempt
-            elif entry.kind is Kind.START:
-                standing.cut = entry.trial, entry.attempt
-            elif entry.kind is Kind.VALID:
-                standing.valid[entry.trial] = entry.attempt
-                standing.cut = None
-            elif entry.kind is Kind.INVALID:
-                standing.invalid.setdefault(entry.trial, []).append(entry.text)
-                standing.cut = None
-        return standing
+            if entry.kind is LogKind.BEGIN:
+                progress.attempts[entry.trial] = entry.attempt
+            elif entry.kind is LogKind.START:
+                progress.cut = entry.trial, entry.attempt
+            elif entry.kind is LogKind.VALID:
+                progress.valid[entry.trial] = entry.attempt
+                progress.cut = None
+            elif entry.kind is LogKind.INVALID:
+                progress.invalid.setdefault(entry.trial, []).append(entry.text)
+                progress.cut = None
+        return progress
 
 
 class TrialsFolder:
     """Names in the folder, and how it is begun, continued and read."""
 
     def __init__(self, path: Path) -> None:
-        """Find the folder now: a policy may change the working folder."""
-        self.path = path.absolute()
+        self.path = path.absolute()  # now: a policy may change the working folder
         self.description = self.path / DESCRIPTION
         """The plan."""
         self.log_file = self.path / "log.jsonl"
-        """Every press."""
         self.rig = self.path / "rig.json"
         """The rig's file, as it was."""
         self.page = self.path / "index.html"
-        """What came out."""
-        self.comparison = self.path / "comparison"
-        """The policies against each other."""
-
-    def run(self, letter: str) -> RunFolder:
-        """Folder of a policy's run."""
-        return RunFolder(self.path / "runs" / letter)
+        self.run = RunFolder(self.path / "run")
+        """Records, films and report of all policies."""
 
     def placed(self, trial: int, attempt: int) -> Path:
         """What the head camera saw when the objects were placed."""
@@ -82,7 +72,7 @@ class TrialsFolder:
         """Film of a trial that does not count."""
         return self.path / "invalid" / f"{trial:04d}.{attempt}.webm"
 
-    def begin(self, plan: Plan) -> Plan:
+    def begin(self, plan: TrialsPlan) -> TrialsPlan:
         """Begin an evaluation, or continue the one that is there.
 
         Args:
@@ -98,15 +88,7 @@ class TrialsFolder:
             OutputError: Nothing can be written.
         """
         if self.description.exists():
-            before = self.read_plan()
-            if found := plan.differences(before):
-                raise OtherRunError(
-                    f"{self.path} holds another evaluation on real arms; this one has "
-                    f"{'; '.join(found)}."
-                )
-            plan = replace(before, episodes=plan.episodes)
-            write(self.description, encode(plan, PLAN_SCHEMA))
-            return plan
+            plan = plan.ordered_as(self.read_plan())
         begin_or_continue(
             self.path,
             self.description,
@@ -115,9 +97,10 @@ class TrialsFolder:
             what="evaluation on real arms",
             kept=(DOCTOR_FILE,),
         )
+        write(self.description, encode(plan, PLAN_SCHEMA))
         return plan
 
-    def read_plan(self) -> Plan:
+    def read_plan(self) -> TrialsPlan:
         """The plan.
 
         Raises:
@@ -128,7 +111,7 @@ class TrialsFolder:
             raise EvaluationError(
                 f"{self.path} holds no evaluation on real arms: {DESCRIPTION} is missing."
             )
-        return read(self.description, Plan, PLAN_SCHEMA)
+        return read(self.description, TrialsPlan, PLAN_SCHEMA)
 
     def read_doctor(self) -> Report | None:
         """What `duobench real doctor` has left here; None if nothing.
@@ -149,14 +132,16 @@ class TrialsFolder:
             OutputError: It cannot be written.
         """
         log = TrialLog(self.log_file)
-        if (cut := Standing.of(log.entries).cut) is not None:
+        if (cut := TrialsProgress.of(log.entries).cut) is not None:
             trial, attempt = cut
             log.add(
-                Entry(kind=Kind.INVALID, trial=trial, attempt=attempt, text=CUT, yes=True, at=at)
+                LogEntry(
+                    kind=LogKind.INVALID, trial=trial, attempt=attempt, text=CUT, yes=True, at=at
+                )
             )
         return log
 
-    def read_log(self) -> list[Entry]:
+    def read_log(self) -> list[LogEntry]:
         """The log as it is; nothing before the first trial.
 
         Raises:
@@ -164,17 +149,14 @@ class TrialsFolder:
         """
         return list(read_entries(self.log_file)) if self.log_file.exists() else []
 
-    def remaining(self, plan: Plan, standing: Standing) -> list[Trial]:
+    def remaining(self, plan: TrialsPlan, progress: TrialsProgress) -> list[RigEpisode]:
         """Trials that are still to be played, in the order of the plan."""
         return [
             trial
             for trial in plan.trials()
-            if trial.number not in standing.valid or not self._record(plan, trial).exists()
+            if trial.number not in progress.valid or not self._record(plan, trial).exists()
         ]
 
-    def _record(self, plan: Plan, trial: Trial) -> Path:
-        condition = Condition(
-            policy=plan.policies[trial.policy].spec, domain=REAL, shift=NO_SHIFT, look=DEFAULT
-        )
-        key = Key(plan.task.id, condition.name, trial.episode)
-        return self.run(plan.letter(trial.policy)).record(key)
+    def _record(self, plan: TrialsPlan, trial: RigEpisode) -> Path:
+        policy = plan.policies[trial.policy].policy
+        return self.run.record(plan.run.key(plan.episode(trial), policy))

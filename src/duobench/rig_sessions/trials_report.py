@@ -10,12 +10,13 @@ from duobench.files import write
 from duobench.hardware.doctor.checks import Report
 from duobench.pages import render
 from duobench.results import scores
-from duobench.results.compare import compare, write_comparison
-from duobench.results.report import write_report
-from duobench.results.scores import Score
+from duobench.results.compare import compare_parts
+from duobench.results.folder import CONDITIONS
+from duobench.results.report import read_parts, write_report
+from duobench.results.scores import RunPart, Score
 from duobench.results.tables import verdict
-from duobench.rig_sessions.trial_folder import Standing, TrialsFolder
-from duobench.rig_sessions.trial_plan import Plan
+from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
+from duobench.rig_sessions.trials_plan import TrialsPlan
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -23,13 +24,11 @@ class PolicyResult:
     """What one policy reached."""
 
     letter: str
-    """Its letter."""
     policy: str
-    """Its name."""
+    page: str
+    """Folder of its report, in that of the run."""
     trained_on: str
-    """What it was trained on; empty if nobody said."""
     score: Score
-    """Successes and progress."""
     reflexes: int
     """Episodes that a reflex of an arm ended."""
 
@@ -53,14 +52,12 @@ class PolicyResult:
 class TrialsReport:
     """What came of all trials so far."""
 
-    plan: Plan
-    """The plan."""
+    plan: TrialsPlan
     policies: tuple[PolicyResult, ...]
     """What each policy reached, letter by letter."""
     invalid: tuple[tuple[str, int], ...]
     """Why trials were invalid, and how many each."""
     missing: int
-    """Trials that are still to be played."""
     verdicts: tuple[str, ...]
     """What tests say about any two policies, in words."""
     doctor: Report | None
@@ -84,31 +81,32 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         OutputError: Something cannot be written.
     """
     plan = folder.read_plan()
-    standing = Standing.of(folder.read_log())
-    missing = len(folder.remaining(plan, standing))
+    progress = TrialsProgress.of(folder.read_log())
+    missing = len(folder.remaining(plan, progress))
     is_shown = not (plan.blind and missing)
     policies: list[PolicyResult] = []
-    for number, policy in enumerate(plan.policies):
-        run_folder = folder.run(plan.letter(number))
-        if not (is_shown and run_folder.has_records):
+    parts: list[RunPart] = []
+    if is_shown and folder.run.has_records:
+        write_report(folder.run)
+        parts = read_parts(folder.run)
+    for number, part in enumerate(parts):
+        if not part.records:
             continue
-        results = write_report(run_folder)
-        records = [record for one in results.tasks for record in one.records]
         policies.append(
             PolicyResult(
                 letter=plan.letter(number),
-                policy=policy.spec,
-                trained_on=policy.trained_on,
-                score=results.overall,
-                reflexes=sum(bool(each.judged and each.judged.reflex) for each in records),
+                policy=part.candidate.policy,
+                page=f"{CONDITIONS}/{part.condition.name}/" if len(parts) > 1 else "",
+                trained_on=part.candidate.trained_on,
+                score=part.results.overall,
+                reflexes=sum(bool(each.judged and each.judged.reflex) for each in part.records),
             )
         )
     verdicts: list[str] = []
     if len(policies) > 1:
-        comparison = compare([str(folder.run(one.letter).path) for one in policies])
-        write_comparison(comparison, folder.comparison)
+        comparison = compare_parts(part for part in parts if part.records)
         verdicts = [verdict(pair) for pair in comparison.pairs]
-    reasons = Counter(reason for each in standing.invalid.values() for reason in each)
+    reasons = Counter(reason for each in progress.invalid.values() for reason in each)
     report = TrialsReport(
         plan=plan,
         policies=tuple(policies),

@@ -1,0 +1,220 @@
+"""What the cameras of a rig see, for people: live images, films of episodes, views for exports.
+
+Images are encoded in threads of their own, so that no control step waits for it.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import math
+import queue
+import threading
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+from PIL import Image as Pillow
+
+from duobench.backend import Image
+from duobench.data.views import View
+from duobench.errors import BackendError, DataError, RenderingError, VideoError
+from duobench.hardware.canonical import CanonicalView
+from duobench.hardware.drivers.frames import STALE_S
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.rig import CameraConfig
+from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.types import CONTROL_HZ, HEAD
+from duobench.video import VP9, VideoWriter
+
+if TYPE_CHECKING:
+    import gymnasium as gym
+
+    from duobench.evaluation.rollout import Info, Observation, Step
+    from duobench.hardware.devices import Frame
+    from duobench.web.server import PageServer
+
+_log = logging.getLogger(__name__)
+
+NATIVE = NATIVE_HEIGHT, NATIVE_WIDTH
+"""Height and width of the head camera's own images."""
+FILM_EVERY = 3
+"""Control steps from one frame to the next."""
+FILM_SIZE = (360, 640)
+"""Height and width of a frame in pixels."""
+FILM_RATE = Fraction(CONTROL_HZ) / FILM_EVERY
+"""Frames a second: the film plays in real time, and frame n shows control step n times
+`FILM_EVERY`."""
+PERIOD_S = 0.1
+"""Seconds from one look at the cameras to the next."""
+SHOWN_WIDTH = 640
+"""Width in pixels of a feed; wider images are made smaller by a whole number."""
+_WAITING = 64
+"""Frames that wait for the encoder at most; six seconds."""
+_JPEG_QUALITY = 85
+
+
+class HeadCamera:
+    """The head camera of a rig that may have none."""
+
+    def __init__(self, duo: FrankaDuo) -> None:
+        self._duo = duo
+
+    def image(self, shape: tuple[int, int]) -> Image | None:
+        """The latest image, as the simulation's camera would have taken it.
+
+        Args:
+            shape: Height and width in pixels.
+
+        Returns:
+            The image (height, width, 3); None if there is no camera, or it gives nothing.
+        """
+        if HEAD not in self._duo.cameras:
+            return None
+        try:
+            return self._duo.images((HEAD,), shape)[HEAD]
+        except (BackendError, RenderingError):
+            return None
+
+
+class Film:
+    """A watcher that films an episode.
+
+    Args:
+        look: Gives the head camera's image of a height and width; None if there is no camera.
+        show: Takes every frame as JPEG, in the film's thread.
+    """
+
+    def __init__(
+        self, look: Callable[[tuple[int, int]], Image | None], show: Callable[[bytes], None]
+    ) -> None:
+        self._look, self._show = look, show
+        self._file = io.BytesIO()
+        self._frames: queue.Queue[Image | None] = queue.Queue(_WAITING)
+        self._error: VideoError | None = None
+        self._thread = threading.Thread(target=self._encode, name="film", daemon=True)
+        self._thread.start()
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """Film the start."""
+        self._add()
+
+    def on_step(self, step: Step) -> None:
+        """Film every third step."""
+        if step.number % FILM_EVERY == 0:
+            self._add()
+
+    def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - what there was is shown
+        """Finish the film, whatever the end was."""
+        if self._thread.is_alive():
+            self._frames.put(None)
+            self._thread.join()
+
+    def video(self) -> bytes | None:
+        """The film as WebM, once it is finished; None without a frame, or if it failed."""
+        return None if self._error else self._file.getvalue() or None
+
+    def _add(self) -> None:
+        image = self._look(FILM_SIZE)
+        if image is not None:
+            self._frames.put(image)
+
+    def _encode(self) -> None:
+        writer = VideoWriter(self._file, VP9, FILM_RATE)
+        while (image := self._frames.get()) is not None:
+            self._show(jpeg(image))
+            if self._error is None:
+                try:
+                    writer.add(image)
+                except VideoError as error:
+                    self._error = error
+        try:
+            writer.close()
+        except VideoError as error:
+            self._error = error
+
+
+class CameraFeed:
+    """Shows a page the newest image of each camera, as it came from it, and how old it is.
+
+    Only where somebody looks, and also while the loop that leads the arms waits for the operator. A
+    camera that gives nothing new costs nothing, and the page says how old its image is.
+
+    Args:
+        duo: The rig, which may be connected later.
+        server: The page.
+    """
+
+    def __init__(self, duo: FrankaDuo, server: PageServer) -> None:
+        self._duo, self._server = duo, server
+        self._shown: dict[str, tuple[Frame, str]] = {}  # what each camera's address shows
+        self._is_over = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="cameras of the page", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Look no more; closing twice is harmless."""
+        self._is_over.set()
+        self._thread.join()
+
+    def look(self) -> None:
+        """Publish what is new, and say how old each image is."""
+        frames = self._duo.frames()
+        for name, frame in frames.items():
+            before = self._shown.get(name)
+            if before is None or before[0] is not frame:
+                content = jpeg(frame.image, SHOWN_WIDTH)
+                self._shown[name] = frame, self._server.publish_image(f"camera-{name}", content)
+        ages = self._duo.image_ages()
+        self._server.publish_cameras([self._about(name, ages[name]) for name in ages])
+
+    def _about(self, name: str, age_s: float) -> dict[str, Any]:
+        frame, address = self._shown.get(name, (None, ""))
+        is_stale = frame is not None and age_s > STALE_S
+        return {
+            "name": name,
+            "title": f"{name.replace('_', ' ').capitalize()} camera",
+            "image": address,
+            "number": None if frame is None else frame.index,
+            "stale_s": round(age_s, 1) if is_stale and math.isfinite(age_s) else None,
+        }
+
+    def _run(self) -> None:
+        while not self._is_over.wait(PERIOD_S):
+            if not self._server.has_viewers:
+                continue
+            try:
+                self.look()
+            except Exception:  # noqa: BLE001 - pictures for people end no session
+                _log.exception("What the cameras see cannot be shown.")
+                return
+
+
+def jpeg(image: Image, width: int | None = None) -> bytes:
+    """An image (height, width, 3) as JPEG, of at most so many pixels across."""
+    picture = Pillow.fromarray(image)
+    if width is not None:
+        picture = picture.reduce(max(1, math.ceil(picture.width / width)))
+    file = io.BytesIO()
+    picture.save(file, "JPEG", quality=_JPEG_QUALITY)
+    return file.getvalue()
+
+
+def view_of(camera: str, about: Mapping[str, Any]) -> View:
+    """The view of a camera: its images as the simulation's camera would have taken them.
+
+    It is the same that a policy has on the rig, for exports of what was recorded.
+
+    Args:
+        camera: Name of the camera.
+        about: What the rig's file said about it when it was recorded.
+
+    Raises:
+        DataError: That is no camera of a rig.
+    """
+    try:
+        config = msgspec.convert(dict(about), CameraConfig)
+    except msgspec.ValidationError as error:
+        raise DataError(f"What is said about the camera {camera} is invalid: {error}") from error
+    return CanonicalView(camera, config.calibration, config.size).image

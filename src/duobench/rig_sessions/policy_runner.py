@@ -1,0 +1,197 @@
+"""A policy on the arms, one episode at a time, and how an episode ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium as gym
+
+from duobench.data import Actor, DataSet, Recorder
+from duobench.data.rig import RigRecorder
+from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
+from duobench.envs.wrapper import DuoWrapper
+from duobench.errors import DuoBenchError, PolicyError
+from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
+from duobench.evaluation.rollout import Watcher, rollout
+from duobench.hardware.clock import VirtualClock
+from duobench.hardware.devices import FaultKind
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.env import FAULT_KIND
+from duobench.policy.serving.address import RemoteServer
+from duobench.results.limits import TimeLimits
+from duobench.results.suite import TaskInfo
+
+if TYPE_CHECKING:
+    from duobench.evaluation.rollout import Info, Observation, Step
+
+
+class FixedLayout(DuoWrapper):
+    """Begins every episode with the layout that a person has placed."""
+
+    options: Mapping[str, Any] = {}
+    """Options of the next reset; they go before those that it is given."""
+
+    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
+        """Begin an episode."""
+        return self.env.reset(seed=seed, options={**(options or {}), **self.options})
+
+
+def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource:
+    """A policy that can play on real arms.
+
+    Args:
+        name: Its name, as `PolicyChoice.parse` takes it; `NAME@URL` for one that is served.
+        tasks: What it is to do, as far as that is known.
+
+    Raises:
+        UnknownNameError: There is no policy of that name.
+        PolicyError: It reads the simulation, lacks an address, or cannot be made.
+    """
+    plain, is_served, url = name.partition("@")
+    if is_served and url.startswith(("ws://", "wss://")):
+        choice = PolicyChoice.parse(plain, server=RemoteServer(url=url))
+    else:
+        choice = PolicyChoice.parse(name)
+    if choice.is_scripted:
+        raise PolicyError(
+            f"{name} reads the simulation, which real arms do not have; name a policy that sees "
+            "images, or, to record, the file of a recorded episode."
+        )
+    return find_source(choice, tasks, TimeLimits())
+
+
+def make_rig_recorder(
+    env: gym.Env, duo: FrankaDuo, data: DataSet | str | Path, actor: Actor, **options: Any
+) -> Recorder:
+    """Record an environment on a rig with all its cameras; every episode waits for a decision.
+
+    Args:
+        env: The environment.
+        duo: Its rig.
+        data: Data set that episodes are added to, or its folder.
+        actor: Who acts.
+        options: More options of `Recorder`.
+    """
+    rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
+    return Recorder(env, data, actor, is_reviewed=True, rig=rig, **options)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlayedEpisode:
+    """An episode that was played, and is still to be decided."""
+
+    steps: int
+    """Its control steps."""
+    stopped: str = ""
+    """Why the arms ended it; empty if they did not."""
+    fault: FaultKind | None = None
+    """What sort of fault that was, if one."""
+    error: PolicyError | None = None
+    """The error of the policy that ended it."""
+    failure: DuoBenchError | None = None
+    """What went wrong through no fault of the policy, so that it does not count."""
+    ended_by_success: bool = False
+    """Whether the press of the last stage ended it."""
+
+    @property
+    def invalid(self) -> str:
+        """Why it cannot count, whatever a person says; empty if it can."""
+        if self.failure is not None:
+            return f"{type(self.failure).__name__}: {self.failure}"
+        if self.fault in {FaultKind.COMMUNICATION, FaultKind.DEVICE}:
+            return self.stopped
+        return ""
+
+    @property
+    def ending(self) -> str:
+        """Why the policy plays no more, for the operator; empty if there is nothing to say."""
+        if self.error is not None:
+            return f"The policy failed: {str(self.error).strip().splitlines()[-1]}"
+        if self.fault is not None:
+            return f"{self.stopped} This counts against the policy."
+        return self.stopped
+
+
+class PolicyRunner:
+    """One policy on the arms.
+
+    Args:
+        env: The environment that it plays in, recorded or not.
+        source: The policy.
+    """
+
+    def __init__(self, env: DuoWrapper, source: PolicySource) -> None:
+        self.env = FixedLayout(env)
+        self.policy = source.bind(self.env)
+
+    def play(
+        self,
+        seed: int,
+        options: Mapping[str, Any],
+        watchers: Sequence[Watcher] = (),
+        on_start: Callable[[], None] = lambda: None,
+        on_step: Callable[[int], None] = lambda _number: None,
+    ) -> PlayedEpisode:
+        """Play an episode.
+
+        Args:
+            seed: Its seed.
+            options: Options of the reset, the layout among them.
+            watchers: Called in this order.
+            on_start: Called once the arms are at home and the policy begins.
+            on_step: Called with the number of each control step, after the watchers.
+        """
+        self.env.options = options
+        ending = _Ending(on_start, on_step)
+        error: PolicyError | None = None
+        failure: DuoBenchError | None = None
+        try:
+            rollout(self.env, self.policy, seed=seed, watchers=[*watchers, ending])
+        except PolicyError as caught:
+            error = caught
+        except DuoBenchError as caught:
+            failure = caught
+        kind = ending.info.get(FAULT_KIND)
+        return PlayedEpisode(
+            steps=ending.number,
+            stopped=str(ending.info.get(TRUNCATION_REASON) or ""),
+            fault=None if kind is None else FaultKind(kind),
+            error=error,
+            failure=failure,
+            ended_by_success=ending.terminated,
+        )
+
+    def settle(self, *, counts: bool) -> None:
+        """Keep the recording of an episode that counts, and forget that of one that does not."""
+        recorder = self.env.env
+        if isinstance(recorder, Recorder):
+            recorder.finish(reason="The policy failed.")
+            if counts:
+                recorder.keep()
+            else:
+                recorder.discard()
+
+
+class _Ending:
+    """A watcher that keeps the last step, and says how far the episode is."""
+
+    def __init__(self, on_start: Callable[[], None], on_step: Callable[[int], None]) -> None:
+        self._on_start, self._on_step = on_start, on_step
+        self.info: Mapping[str, Any] = {}
+        self.number = 0
+        self.terminated = False
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """The arms are at home, and the policy begins."""
+        self._on_start()
+
+    def on_step(self, step: Step) -> None:
+        """Keep a step."""
+        self.info, self.number, self.terminated = step.info, step.number, step.terminated
+        self._on_step(step.number)
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """What was kept stays."""

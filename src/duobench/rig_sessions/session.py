@@ -1,0 +1,275 @@
+"""A person at a rig: place the objects, confirm, let it run, decide; one episode after the other.
+
+The arms are led in the thread that calls `run`. What the operator says arrives in another one:
+stages are judged and a hold holds there at once; all else waits until `run` asks for it. What the
+operator sees is a view: a page, or a terminal.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from enum import StrEnum
+from typing import Any, Protocol
+
+from duobench.errors import BackendError, MessageError
+from duobench.evaluation.rollout import Watcher
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.judge import HumanJudge, StageLabel
+from duobench.rig_sessions import messages
+from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
+from duobench.rig_sessions.trials_log import LogKind
+
+HELD_BY_OPERATOR = "The operator held the arms."
+CUT_SHORT = (
+    "The press of the last stage ended this episode, and was taken back: the policy was cut short. "
+    "Press it again, or mark the trial as invalid."
+)
+
+
+class Phase(StrEnum):
+    """What a session waits for."""
+
+    PLACING = "placing"
+    """The operator puts the objects where the layout says."""
+    READY = "ready"
+    """They lie there; the operator may start the policy."""
+    MOVING = "moving"
+    """The arms go home."""
+    PLAYING = "playing"
+    JUDGING = "judging"
+    """It is over; the operator says what came of it."""
+    OVER = "over"
+
+
+_LABELS = (messages.Stage, messages.Undo)
+_PLACING = (messages.Home, messages.Recover)
+_ALLOWED: dict[Phase, tuple[type, ...]] = {
+    Phase.PLACING: (messages.Placed, *_PLACING),
+    Phase.READY: (messages.PlaceAgain, messages.Start, *_PLACING),
+    Phase.MOVING: (),
+    Phase.PLAYING: _LABELS,
+    Phase.JUDGING: (
+        *(*_LABELS, messages.AtEnd, messages.Note),
+        *(messages.Finish, messages.Invalid),
+    ),
+    Phase.OVER: (),
+}
+"""What the operator may ask for, beside a hold."""
+
+
+class Stopped(Exception):  # noqa: N818 - no error: a person ended the session
+    """The session was stopped."""
+
+
+class SessionView(Protocol):
+    """What an operator sees, and says what is wanted by."""
+
+    def publish(self) -> None:
+        """Show the session as it is now."""
+        ...
+
+    def next(self) -> messages.Message | None:
+        """What the operator wants next; None after a while without a word.
+
+        Raises:
+            Stopped: The operator ends the session.
+        """
+        ...
+
+    def moving(self) -> AbstractContextManager[object]:
+        """Surrounds what moves the arms: what the operator says counts at once."""
+        ...
+
+
+class RigSession:
+    """Leads an operator through episodes; what becomes of one is for those who inherit.
+
+    Args:
+        duo: The rig.
+        judge: The operator, as the environments ask for the stage.
+    """
+
+    view: SessionView
+    """What the operator sees."""
+
+    def __init__(self, duo: FrankaDuo, judge: HumanJudge) -> None:
+        self.duo, self.judge = duo, judge
+        self.phase = Phase.PLACING
+        self.message = ""
+        """What else there is to say to the operator."""
+        self.note = ""
+        """The operator's remark about the episode."""
+        self.at_end: bool | None = None
+        """Whether the last stage still held at the end; None if nobody said."""
+        self.lost = ""
+        """Why nobody was at the arms while they might move; empty if somebody was."""
+        self.is_home = False
+        """Whether the operator has sent the arms home for this episode."""
+        self._over = threading.Event()
+
+    # --- from any thread -------------------------------------------------------------------------
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether `run` is to end."""
+        return self._over.is_set()
+
+    def stop(self) -> None:
+        """Let `run` end, and hold the arms; for signal handlers too."""
+        self._over.set()
+        self.duo.hold("The session was stopped.")
+
+    def lose(self, reason: str) -> None:
+        """Nobody is at the arms: hold them, and let the episode not count."""
+        if self.phase in {Phase.PLAYING, Phase.MOVING} and not self.lost:
+            self.lost = reason
+            self.duo.hold(reason)
+
+    def take(self, message: messages.Message) -> bool:
+        """Do at once what cannot wait: a hold, and the word that a stage is reached.
+
+        Returns:
+            Whether the message was meant for this, so that nothing else is to be done.
+
+        Raises:
+            MessageError: It is not for the phase of the session.
+            OptionError: There is no such stage, or nothing to take back.
+        """
+        if isinstance(message, messages.Hold):
+            self.duo.hold(HELD_BY_OPERATOR)
+            self.write(LogKind.HOLD, text=HELD_BY_OPERATOR)
+            return True
+        if not isinstance(message, _ALLOWED[self.phase]):
+            raise MessageError(f"Not now: this is not for the state {self.phase.value!r}.")
+        if not isinstance(message, _LABELS):
+            return False
+        stage, film_s = None, None
+        if isinstance(message, messages.Stage):
+            stage, film_s = message.stage, message.time_s
+        if film_s is not None and self.phase is not Phase.JUDGING:
+            raise MessageError("There is no film before the episode is over.")
+        self.judge.declare(stage, film_s, self._write_label)
+        return True
+
+    def write(self, kind: LogKind, **more: Any) -> None:
+        """Write down what happens, before anybody sees its effect; see `trials_log.LogEntry`."""
+
+    def _write_label(self, label: StageLabel) -> None:
+        self.write(LogKind.PRESS, stage=label.stage, step=label.step, time_s=label.time_s)
+
+    # --- one episode, in the session's own thread ------------------------------------------------
+
+    def begin(self) -> None:
+        """Another episode: no press of the one before counts for it."""
+        self.phase = Phase.PLACING
+        self.note, self.at_end, self.lost, self.is_home = "", None, "", False
+        self.judge.begin()
+
+    def place(self) -> None:
+        """Wait until the objects are placed and the operator has said that the arms may move.
+
+        Raises:
+            Stopped: The operator ends the session instead.
+        """
+        while True:
+            match self.view.next():
+                case messages.Placed():
+                    self.keep_placed()
+                    self.write(LogKind.PLACED)
+                    self.phase = Phase.READY
+                case messages.PlaceAgain():
+                    self.phase = Phase.PLACING
+                case messages.Start() if self.phase is Phase.READY:
+                    if self._try(self.duo.supervisor.confirm):
+                        return
+                case messages.Home():
+                    self._go_home()
+                case messages.Recover():
+                    self.is_home = False
+                    if self._try(self.duo.supervisor.recover):
+                        self.message = "Recovered. Nothing moves before you confirm."
+                case _:
+                    pass
+
+    def keep_placed(self) -> None:
+        """The operator says that the objects lie where they shall."""
+
+    def play(
+        self, runner: PolicyRunner, seed: int, options: dict[str, Any], *watchers: Watcher
+    ) -> PlayedEpisode:
+        """Have a policy play; the arms are held afterwards."""
+        self.write(LogKind.START)
+        self.phase, self.message, self.lost = Phase.MOVING, "", ""
+        self.view.publish()
+        with self.view.moving():
+            played = runner.play(seed, options, watchers, self._on_start, self.on_step)
+        self.duo.hold("The episode is over.")
+        failure = "" if played.failure is None else played.invalid
+        self.write(
+            LogKind.END,
+            step=played.steps,
+            time_s=round(self.judge.time_s, 3),
+            text=failure or played.stopped or ("" if played.error is None else "error"),
+        )
+        return played
+
+    def _on_start(self) -> None:
+        self.phase = Phase.PLAYING
+        self.view.publish()
+
+    def on_step(self, number: int) -> None:
+        """Called after each control step."""
+
+    def decide(self, played: PlayedEpisode, message: str) -> str:
+        """Wait for the operator's word; why the episode does not count, empty if it does.
+
+        Args:
+            played: The episode.
+            message: How it ended, for the operator.
+
+        Raises:
+            Stopped: The operator ends the session instead.
+        """
+        self.phase, self.message = Phase.JUDGING, message
+        while True:
+            match self.view.next():
+                case messages.AtEnd(holds=holds):
+                    self.at_end = holds
+                    self.write(LogKind.AT_END, yes=holds)
+                case messages.Note(text=text):
+                    self.note = text
+                    self.write(LogKind.NOTE, text=text)
+                case messages.Invalid(reason=reason):
+                    return reason
+                case messages.Finish():
+                    if (
+                        not played.ended_by_success
+                        or self.judge.labels.stage == self.judge.max_stage
+                    ):
+                        return ""
+                    self.message = CUT_SHORT
+                case _:
+                    pass
+
+    def _go_home(self) -> None:
+        if not self._try(self.duo.supervisor.confirm):
+            return
+        before, self.phase = self.phase, Phase.MOVING
+        self.view.publish()
+        with self.view.moving():
+            self.is_home = self._try(self.duo.home)
+        if self.is_home:
+            self.duo.supervisor.revoke()  # hands are among the objects now
+            self.message = "The arms are at home."
+        self.phase = before
+
+    def _try(self, act: Callable[[], None]) -> bool:
+        """Do something with the arms; what hinders it is said to the operator."""
+        try:
+            act()
+        except BackendError as error:
+            self.message = str(error)
+            return False
+        return True

@@ -1,0 +1,203 @@
+"""The operator's page: the episode, the outlines, the stages, and what may be done.
+
+Messages arrive in the server's thread; a page that gives no sign while arms may move holds them.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from duobench.backend import Image
+from duobench.rig_sessions import messages
+from duobench.rig_sessions.cameras import NATIVE, HeadCamera, jpeg
+from duobench.rig_sessions.overlay import Footprint, Overlay, footprints, project
+from duobench.rig_sessions.session import Phase, RigSession, Stopped
+from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.sim.layout import Layout
+from duobench.types import CONTROL_HZ, Array
+from duobench.web.server import PageServer
+
+SILENCE_S = 2.0
+"""Seconds without a sign of the operator's page after which the arms are held."""
+TURN_S = 0.05
+"""Seconds of a turn while a person is waited for."""
+LIVE_S = 0.15
+"""Seconds from one live image to the next while objects are placed."""
+MOVED_RAD = 0.01
+"""A joint that moved further makes the ghost be rendered again."""
+STATUS_EVERY = 3
+"""Control steps from one status of a running episode to the next."""
+WATCHING = "You watch: take over to operate the arms."
+
+
+class StatusPage:
+    """The view of a session on a page; it keeps what it shows for whoever opens it later.
+
+    Args:
+        session: The session, which takes its operator's word here from now on.
+        server: The page, which takes its messages here from now on.
+        overlay: Layouts and their images.
+        silence_s: Seconds without a sign of the page after which the arms are held.
+    """
+
+    def __init__(
+        self, session: RigSession, server: PageServer, overlay: Overlay, silence_s: float
+    ) -> None:
+        self._session, self._server, self._overlay = session, server, overlay
+        self.head = HeadCamera(session.duo)
+        self.more: dict[str, Any] = {}
+        """What is shown beside the state of the session."""
+        self._silence = silence_s
+        self._inbox: queue.Queue[messages.Message] = queue.Queue()
+        self._heard = time.monotonic()
+        self._layout: Layout | None = None
+        self._episode: dict[str, Any] = {}
+        self._images: dict[str, str] = {}
+        self._film = ""
+        self._image_count = 0
+        self._next_image = 0.0
+        self._ghost_joints: Array | None = None
+        server.on_message = self._take
+        server.on_driver_lost = lambda: session.lose("The operator's page lost its connection.")
+
+    # --- what a session shows --------------------------------------------------------------------
+
+    def begin(self, layout: Layout, episode: Mapping[str, Any]) -> None:
+        """Show another episode.
+
+        Args:
+            layout: Where the objects shall lie.
+            episode: What the page is told about it.
+        """
+        self._layout, self._images, self._film, self._ghost_joints = layout, {}, "", None
+        props = self._overlay.task.props
+        self._episode = {
+            **episode,
+            "footprints": [self._footprint(each) for each in footprints(props, layout)],
+        }
+        self.publish()
+
+    def offer_sheet(self, name: str, pdf: bytes) -> None:
+        """Give the footprints out as a sheet to print, for rigs without cameras."""
+        self._episode["sheet"] = self._server.publish_image(f"{name}.pdf", pdf)
+
+    def offer_film(self, name: str, video: bytes) -> None:
+        """Show the film of the episode, which is over."""
+        self._film = self._server.publish_image(f"{name}.webm", video)
+
+    def show_frame(self, frame: bytes) -> None:
+        """Show what the head camera sees, as JPEG."""
+        self._server.publish_frame(frame)
+
+    def native_image(self) -> Image | None:
+        """What the head camera sees, in its own size; None if there is nothing."""
+        return self.head.image(NATIVE)
+
+    def publish(self) -> None:
+        """Show the session as it is now."""
+        session = self._session
+        labels, steps, fault = session.judge.labels, session.judge.steps, session.duo.fault
+        self._server.publish_status(
+            {
+                "phase": session.phase.value,
+                "stage": labels.stage,
+                "presses": [
+                    {"stage": label.stage, "step": label.step, "time_s": label.time_s}
+                    for label in labels.all
+                ],
+                "step": steps,
+                "time_s": round(steps / CONTROL_HZ, 1),
+                "note": session.note,
+                "message": session.message,
+                "fault": None if fault is None else fault.text,
+                "image_size": [NATIVE_WIDTH, NATIVE_HEIGHT],
+                "images": self._images,
+                "film": self._film,
+                **self._episode,
+                **self.more,
+            }
+        )
+
+    # --- what a session waits for ----------------------------------------------------------------
+
+    def next(self) -> messages.Message | None:
+        """The operator's next message, or None after a turn; the page shows what is there."""
+        session = self._session
+        if session.is_stopped:
+            raise Stopped
+        try:
+            return self._inbox.get(timeout=TURN_S)
+        except queue.Empty:
+            pass
+        clock = session.duo.clock
+        clock.wait_until(clock.now() + TURN_S)
+        if session.phase in {Phase.PLACING, Phase.READY}:
+            self._show_placing()
+        self.publish()
+        return None
+
+    def moving(self) -> AbstractContextManager[object]:
+        """The page is heard at any time; from now on it must give signs."""
+        self._heard = time.monotonic()
+        return nullcontext()
+
+    def on_step(self, number: int) -> None:
+        """After each control step: hold where nobody is at the page, and show how it goes."""
+        silent = time.monotonic() - self._heard
+        if silent > self._silence:
+            self._session.lose(f"The operator's page gave no sign for {silent:.1f} s.")
+        if number % STATUS_EVERY == 0:
+            self.publish()
+
+    def _take(self, is_driver: bool, data: bytes) -> str | None:
+        if not is_driver:
+            return WATCHING
+        self._heard = time.monotonic()
+        message = messages.read(data)
+        if isinstance(message, messages.Alive):
+            return None
+        if self._session.take(message):
+            self.publish()
+        else:
+            self._inbox.put(message)
+        return None
+
+    def _show_placing(self) -> None:
+        """Show the live image, and the layout over it; the ghost again once an arm has moved."""
+        layout = self._layout
+        if layout is None or not self._server.has_viewers or time.monotonic() < self._next_image:
+            return
+        self._next_image = time.monotonic() + LIVE_S
+        if (image := self.native_image()) is not None:
+            self._server.publish_frame(jpeg(image))
+        joints = self._session.duo.read().joints
+        before = self._ghost_joints
+        if before is not None and np.max(np.abs(joints - before)) < MOVED_RAD:
+            return
+        self._ghost_joints = joints.copy()
+        for name, made in self._overlay.images(layout, joints).items():
+            self._image_count += 1
+            address = self._server.publish_image(f"{name}-{self._image_count}", made)
+            self._images[name] = address
+
+    def _footprint(self, each: Footprint) -> dict[str, Any]:
+        return {
+            "number": each.number,
+            "name": each.name.replace("_", " "),
+            "x_mm": each.x_mm,
+            "y_mm": each.y_mm,
+            "yaw_deg": each.yaw_deg,
+            "outlines": [self._in_image(outline) for outline in each.contact or each.seen],
+        }
+
+    def _in_image(self, outline: Array) -> list[list[float]]:
+        """An outline on the table in pixels of the head camera; empty where it is behind that."""
+        on_table = np.column_stack([outline, np.zeros(len(outline))])
+        corners = project(on_table, self._overlay.table_from_head)
+        return [] if np.isnan(corners).any() else corners.round(1).tolist()
