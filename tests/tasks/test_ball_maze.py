@@ -115,9 +115,6 @@ def test_the_expert_solves_every_board_and_passes_the_stages_in_order(
     assert bench.progress.final_holds
 
 
-# --- what must not count -----------------------------------------------------------------------
-
-
 def test_only_the_goal_of_its_own_board_counts(bench: TaskHarness) -> None:
     lifted(bench, MIDDLE)
     for maze in MAZES:
@@ -320,9 +317,6 @@ def test_a_touch_before_the_board_is_taken_up_does_no_harm(bench: TaskHarness) -
     bench.start(layout=layout_of(bench, 0))
     bench.act(touch)
     assert bench.run_for(script, TASK.horizon) == 4
-
-
-# --- physics -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("speed", [0.3, 1.0])

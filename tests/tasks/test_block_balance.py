@@ -73,9 +73,6 @@ def _tilt(bench: TaskHarness) -> float:
     return math.acos(min(1.0, float(bench.sim.rotation("beam")[2, 2])))
 
 
-# --- the physics that makes it bimanual --------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("name", "place", "off"),
     [
@@ -98,9 +95,6 @@ def test_one_block_alone_tips_a_beam_that_lies_in_the_middle(
     assert (max(tilts) > math.radians(LEVEL_DEGREES)) == (off == 0.0)
     assert bench.sim.contacts.between(name, TABLE) == (off == 0.0)
     assert off == 0.0 or bench.sim.contacts.between(name, "beam")
-
-
-# --- what must not count -----------------------------------------------------------------------
 
 
 def test_a_balance_of_both_counts_once_it_stood_still(bench: TaskHarness) -> None:

@@ -242,9 +242,6 @@ def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
     assert bench.rest(REST_STEPS) == 2
 
 
-# --- physics -----------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("short", [0.0005, 0.003])
 def test_a_mounted_pair_stays_for_good(bench: TaskHarness, short: float) -> None:
     """From the moment in which it is let go, straight, it droops into its play and stays."""
@@ -265,9 +262,6 @@ def test_a_peg_does_not_pass_through_a_bar(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(dark_block=AIR, light_block=joined(AIR).moved(y=0.008))
     assert bench.sim.contacts.between("dark_block", "light_block")
-
-
-# --- objects -----------------------------------------------------------------------------------
 
 
 def test_a_peg_fits_its_socket_with_a_printers_play() -> None:

@@ -148,9 +148,6 @@ def test_the_expert_holds_the_lid_with_its_gripper_clear_of_the_stop(
     assert highest < chest.LID_LIMITS[1] - 0.02
 
 
-# --- physics and objects -------------------------------------------------------------------------
-
-
 @rows(
     hinge_chest=[
         (angle, 0.0, 29, 0.01) for angle in (0.1, 0.2, CHEST.open_angle, 1.2, chest.LID_LIMITS[1])

@@ -32,12 +32,6 @@ LAYOUT = Layout(
 )
 
 
-@pytest.fixture
-def table(bench: TaskHarness) -> TaskHarness:
-    bench.start(layout=LAYOUT)
-    return bench
-
-
 def slide_gate_over_block(bench: TaskHarness, *, aside: float = 0.0) -> None:
     """Let the block cross the ring, in whatever hand, by moving the ring."""
     x, y, z = bench.sim.position("block")
