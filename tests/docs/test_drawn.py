@@ -211,7 +211,7 @@ def test_pictures_are_not_older_than_the_parts() -> None:
 
 
 def test_whatever_is_put_together_is_shown_so() -> None:
-    assert {task for task, known in details().items() if known.assembly} <= set(APART)
+    assert {name for name, one in details().items() if one.assembly} <= set(APART)
     assert {name: len(list(prints.together(name))) for name in APART} == {
         "hinge_chest": 6,  # box, lid, two screws with heads
         "ball_maze": 6,

@@ -142,7 +142,7 @@ def old_usb(duo: FrankaDuo) -> None:
 
 
 def slow_camera(duo: FrankaDuo) -> None:
-    duo.cameras["right_wrist"] = SimulatedCamera(duo.clock, fps=15.0)
+    duo.cameras["right_wrist"] = SimulatedCamera(duo.clock, fps=15)
 
 
 @pytest.mark.parametrize(

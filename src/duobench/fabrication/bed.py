@@ -24,7 +24,6 @@ class Spot:
     copy: int
     """Which of its copies, from 0."""
     bed: int
-    """From 0."""
     x: float
     """Middle of the part's box on the bed, in metres from its left edge."""
     y: float

@@ -15,7 +15,6 @@ from duobench.objects.shapes import circle
 from duobench.objects.solid import mesh_of
 
 ID = "coupon"
-"""Name of its folder."""
 HEXAGON_PLAYS = (0.0008, 0.0009, 0.0010, 0.0011, 0.0012)
 """Play on each side of the hexagonal peg in its sockets, in metres; the third is the task's."""
 SQUARE_PLAYS = (0.0002, 0.00025, 0.0003, 0.00035, 0.0004)
@@ -23,7 +22,6 @@ SQUARE_PLAYS = (0.0002, 0.00025, 0.0003, 0.00035, 0.0004)
 HEIGHT = 0.010
 """Height of the sockets in metres; they go through."""
 PEG_HEIGHT = 0.020
-"""Height of the pegs in metres."""
 WALL = 0.004
 """Least thickness of the walls in metres."""
 DIMPLE = (0.0010, 0.0006, 0.003)

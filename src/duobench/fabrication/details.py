@@ -54,7 +54,6 @@ class ColourChange:
     """From which height on a part is printed in another colour."""
 
     above_mm: float
-    """Height above the bed."""
     rgba: tuple[float, float, float, float]
 
 
@@ -127,7 +126,6 @@ CHANGES: Mapping[str, tuple[ColourChange, ...]] = {
         ColourChange(above_mm=round(1000 * (bowl.RIM_HEIGHT - bowl.RIM), 3), rgba=blocks.PALE),
     ),
 }
-"""Where the colour changes with the height."""
 
 FINE = frozenset(
     (

@@ -27,7 +27,6 @@ _NAME = re.compile(r"\w[\w.-]*")
 DESCRIPTION = "print.json"
 """File of a folder that says what it holds."""
 FOLDER_SCHEMA = 1
-"""Version of its fields."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -35,7 +34,6 @@ class PrintChoice:
     """What a folder of prints holds."""
 
     tasks: list[str]
-    """Ids."""
     variants: list[str]
     """Variants of their objects; empty for the first one, or for those of the seed's layout."""
     seed: int | None

@@ -95,7 +95,6 @@ class PrintJob:
     title: str
     description: str
     parts: tuple[PrintedPart, ...]
-    """May be nothing."""
     masses: tuple[ObjectMass, ...] = ()
     bought: tuple[PurchasedPart, ...] = ()
     """What is not printed."""
@@ -195,7 +194,6 @@ def _values(prop: Prop, variants: Sequence[str]) -> Iterator[tuple[str, Mapping[
 def _printed(
     prop: Prop, label: str, variant: Mapping[str, str]
 ) -> tuple[list[PrintedPart], list[ObjectMass]]:
-    """The parts of one object, and what it weighs."""
     root, *others = prop.prints(variant)
     bodies = [(label, root, prop.print_turn, prop.fixed)]
     for part, solid in zip(prop.parts, others, strict=True):

@@ -21,7 +21,6 @@ from duobench.objects.shapes import PRINTER
 from duobench.objects.solid import PLA_DENSITY
 
 RECIPE_SCHEMA = 1
-"""Version of a recipe's fields."""
 NOZZLE, LAYER, FINE_LAYER = 0.4, 0.2, 0.12
 """Diameter of the nozzle and height of the layers in mm; the finer ones are for chamfers."""
 WALLS, CAPS = 4, 5
@@ -53,9 +52,7 @@ class PartRecipe:
     size_mm: tuple[float, float, float]
     """Width, depth and height as it lies."""
     orientation: str
-    """Which side is up."""
     colour: str
-    """#RRGGBB."""
     colour_changes: list[tuple[float, str]]
     """From which height (mm above the bed) on it has another colour."""
     layer_mm: float
@@ -63,7 +60,6 @@ class PartRecipe:
     infill_percent: int
     """How much of it is filled: 100 is solid."""
     supports: str
-    """Where it needs supports."""
     volume_cm3: float
     mass_g: tuple[float, float, float] | None
     """Mass of one: least, target and most. None where it may weigh anything."""
@@ -197,13 +193,11 @@ def _key(job: str, part: PrintedPart) -> str:
 
 
 def _range(grams: float) -> tuple[float, float, float]:
-    """Least, target and most."""
     least, target, most = (grams * (1 + k * TOLERANCE) for k in (-1, 0, 1))
     return round(least, 1), round(target, 1), round(most, 1)
 
 
 def _orientation(part: PrintedPart) -> str:
-    """Which axis of the object is up."""
     up = part.print_from_object.rotation[2]
     axis = int(np.abs(up).argmax())
     if up[axis] < 1 - 1e-6 and up[axis] > -1 + 1e-6:
@@ -256,7 +250,6 @@ UNTRIED = (
     "Nothing of this was printed by us so far, and no printer's program was tried with the files: "
     "print the coupon first, weigh and measure."
 )
-"""What to know before anything is printed."""
 
 
 def recipe_page(recipe: Recipe) -> str:

@@ -28,7 +28,6 @@ CONTACT = 0.002
 _SMALLEST = 1e-8
 """Area in m² under which a polygon is what arithmetic leaves."""
 RULER = 100.0
-"""Length of the rulers in mm."""
 GRID = 50.0
 """Distance of the marks of a tile in mm."""
 LABEL = 12.0
@@ -254,7 +253,6 @@ def _explanation(tiles: Sequence[Tile], paper: Paper) -> tuple[str, ...]:
 
 
 def _places(sheet: Sheet, marks: Sequence[_Mark], top: float) -> None:
-    """The table of objects and their places."""
     standing = [mark for mark in marks if mark.on_table]
     lines = [f"{number}  {mark.name}: {mark.words}" for number, mark in enumerate(standing, 1)]
     others = [mark for mark in marks if not mark.on_table]
@@ -267,7 +265,6 @@ def _places(sheet: Sheet, marks: Sequence[_Mark], top: float) -> None:
 
 
 def _tile_sheet(title: str, place: Tile, marks: Sequence[_Mark], paper: Paper) -> Sheet:
-    """One tile in true size."""
     sheet = Sheet(*paper.size)
     width, height = tile_size(paper)
     low_x, high_y = place[0] * height, (place[1] + 0.5) * width

@@ -55,11 +55,6 @@ def nominal_pose(camera: str) -> SE3:
     return (TABLE_FROM_HEAD if camera == HEAD else FLANGE_FROM_WRIST) @ MUJOCO_FROM_OPENCV
 
 
-def pose_of(camera: str, calibration: CameraCalibration | None) -> SE3:
-    """Where a camera is in its parent: measured, or as in the simulation where it was not."""
-    return nominal_pose(camera) if calibration is None else SE3.from_tquat(calibration.pose)
-
-
 def distorted(points: Array, lens: CameraCalibration) -> Array:
     """Pixels (..., 2) in which a lens shows directions.
 
@@ -77,7 +72,16 @@ def distorted(points: Array, lens: CameraCalibration) -> Array:
 
 
 class CanonicalView:
-    """Makes canonical images of one camera's images."""
+    """Makes canonical images of one camera's images.
+
+    Args:
+        camera: Name of the camera.
+        calibration: Its lens; without one its images are only resized.
+        size: Height and width of its images in pixels.
+
+    Raises:
+        UnknownNameError: There is no such camera.
+    """
 
     def __init__(
         self,
@@ -85,16 +89,6 @@ class CanonicalView:
         calibration: CameraCalibration | None,
         size: tuple[int, int] = NATIVE,
     ) -> None:
-        """Prepare the map from canonical pixels to those of the camera.
-
-        Args:
-            camera: Name of the camera.
-            calibration: Its lens; without one its images are only resized.
-            size: Height and width of its images in pixels.
-
-        Raises:
-            UnknownNameError: There is no such camera.
-        """
         focal = focal_of(camera)
         self.camera, self.size = camera, size
         self._map: _Floats | None = None

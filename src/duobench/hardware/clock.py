@@ -88,7 +88,6 @@ class VirtualClock:
     """Time that passes only in `wait_until`, with every periodic call made on the way, in order."""
 
     def __init__(self) -> None:
-        """Begin at zero."""
         self._now = 0.0
         self._tickers: list[_Virtual] = []
 

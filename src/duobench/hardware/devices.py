@@ -33,7 +33,6 @@ class Fault:
     """Something that a device reports as wrong."""
 
     kind: FaultKind
-    """What sort of fault it is."""
     text: str
     """What is wrong, in words for people."""
 
@@ -51,9 +50,7 @@ class ArmReading:
     torques: Array
     """Joint torques (7,) in N·m."""
     is_tracking: bool
-    """Whether it follows what `command` says."""
     fault: Fault | None = None
-    """What is wrong with it, if anything."""
     state: Mapping[str, Array] = field(default_factory=dict[str, "Array"])
     """The driver's full robot state by the names of its library, for recordings."""
 
@@ -118,7 +115,6 @@ class GripperReading:
     is_active: bool
     """Whether it was activated, and moves when it is told to."""
     has_object: bool = False
-    """Whether its fingers stopped at something."""
     fault: Fault | None = None
     """What is wrong with it, if anything; silence is a fault too."""
 

@@ -296,7 +296,6 @@ class FrankaDuo:
         return self.last_command
 
     def _begin(self) -> None:
-        """Follow commands from now on, if that is allowed."""
         state = self.supervisor.state
         if state in HELD or state is State.RUNNING:
             return
@@ -439,6 +438,5 @@ class FrankaDuo:
         self._time = self.clock.now()
 
     def _here(self) -> DuoCommand:
-        """Where the arms are, as a command."""
         state = self.read()
         return DuoCommand(joints=state.joints.copy(), openings=state.openings.copy())

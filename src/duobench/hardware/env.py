@@ -51,6 +51,17 @@ class RealEnv(DuoEnv):
     A reset brings the arms home, for which the operator has to have confirmed, and takes the
     options `layout` (where people are to put the objects, as a `Layout` or its JSON form), `split`
     and `layout_seed` (kept in info), and `instruction`.
+
+    Making one connects to the rig; nothing moves.
+
+    Args:
+        backend: The rig.
+        task: What the arms are to do.
+        prepare: Called with a reset's options before the arms go home; it may wait for the
+            operator, who clears the table and confirms.
+
+    Raises:
+        BackendError: A device cannot be reached.
     """
 
     backend: FrankaDuo
@@ -62,22 +73,9 @@ class RealEnv(DuoEnv):
         *,
         prepare: Callable[[Mapping[str, Any]], None] | None = None,
     ) -> None:
-        """Connect to a rig; nothing moves.
-
-        Args:
-            backend: The rig.
-            task: What the arms are to do.
-            prepare: Called with a reset's options before the arms go home; it may wait for the
-                operator, who clears the table and confirms.
-
-        Raises:
-            BackendError: A device cannot be reached.
-        """
         super().__init__(backend, task)
         self.rig = backend
-        """The rig."""
         self.prepare = prepare
-        """Called with a reset's options before the arms go home."""
         self._layout = Layout(poses={})
 
     @property

@@ -41,7 +41,6 @@ class MotionLimits:
     """Largest acceleration in rad/s²."""
 
     def __post_init__(self) -> None:
-        """Reject what no rig may allow."""
         if not 0.0 < self.speed_fraction <= MAX_SPEED_FRACTION:
             raise OptionError(
                 f"speed_fraction is over 0 and at most {MAX_SPEED_FRACTION}, got "
@@ -60,10 +59,12 @@ class MotionLimits:
 
 
 class Follower:
-    """Leads the reference of one arm; the same calls give the same path."""
+    """Leads the reference of one arm; the same calls give the same path.
+
+    It begins at rest at the measured joints (7,) in radians.
+    """
 
     def __init__(self, joints: Array, limits: MotionLimits) -> None:
-        """Begin at rest at the measured joints (7,) in radians."""
         self.limits = limits
         """How fast the reference may move; they may change at any time."""
         self.reset(joints)

@@ -54,7 +54,6 @@ class Clearance:
         return self.distance - self.margin
 
     def __str__(self) -> str:
-        """A sentence for people."""
         one, other = self.parts
         return (
             f"{one} would be {1000 * self.distance:.0f} mm from {other}; at least "
@@ -63,10 +62,12 @@ class Clearance:
 
 
 class Guard:
-    """Keeps the arms apart, and off the table and their mount. Any thread may ask it."""
+    """Keeps the arms apart, and off the table and their mount. Any thread may ask it.
+
+    The simulation is made when it is first asked.
+    """
 
     def __init__(self) -> None:
-        """Build nothing yet: the simulation is made when it is first asked."""
         self._lock = threading.RLock()
         self._sim: Simulation | None = None
         self._renderers: dict[tuple[int, int], Renderer] = {}
@@ -211,7 +212,6 @@ class Guard:
         self._reach = radii[self._first] + radii[self._second]
 
     def _near_pairs(self, within: float) -> tuple[list[int], list[int], list[float]]:
-        """The pairs whose bounding spheres are near enough."""
         assert self._sim is not None
         places = self._sim.data.geom_xpos
         between = places[self._first] - places[self._second]
@@ -226,7 +226,6 @@ class _Part:
     """What a geom belongs to."""
 
     words: str
-    """Its name for people."""
     side: Side | None = None
     """The arm; None for what stands still."""
     link: int = 0
@@ -234,7 +233,6 @@ class _Part:
     is_finger: bool = False
     """Whether it is part of a gripper's fingers."""
     is_table: bool = False
-    """Whether it is the table."""
 
 
 def _part_of(model: object, geom: int) -> _Part:

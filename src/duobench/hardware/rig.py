@@ -61,7 +61,6 @@ class ArmConfig:
     """One arm."""
 
     driver: ArmDriver = ArmDriver.FRANKY
-    """What talks to it."""
     address: str = ""
     """Host name or address of its control box."""
     stiffness: tuple[float, ...] = _STIFFNESS
@@ -82,7 +81,6 @@ class ArmConfig:
     """Whether the computer must run a realtime kernel."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         for name in ("stiffness", "damping"):
             values = getattr(self, name)
             if len(values) != ARM_JOINTS or not all(
@@ -101,7 +99,6 @@ class GripperConfig:
     """One gripper."""
 
     driver: GripperDriver = GripperDriver.ROBOTIQ
-    """What talks to it."""
     port: str = ""
     """Serial port, best by its id: /dev/serial/by-id/…"""
     open_count: int = 3
@@ -114,7 +111,6 @@ class GripperConfig:
     """Force, 0 to 255 for 20 to 235 N."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         for name in ("open_count", "closed_count", "speed", "force"):
             if not 0 <= getattr(self, name) <= 255:  # noqa: PLR2004 - one byte
                 raise OptionError(f"{name} is 0 to 255, got {getattr(self, name)}.")
@@ -143,18 +139,14 @@ class CameraCalibration:
     """Pose x y z qx qy qz qw, in metres, of the camera (x right, y down, z forwards) in its parent:
     the table for the head, the flange for a wrist."""
     method: str = ""
-    """How it was measured."""
     views: int = 0
     """Number of images that it was measured from."""
     error_px: float | None = None
     """Error in pixels on images that were held out."""
     opencv: str = ""
-    """Version of OpenCV."""
     date: str = ""
-    """Day of the measurement."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         if len(self.pose) != 7 or len(self.distortion) != 5:  # noqa: PLR2004
             raise OptionError("A pose has 7 numbers, x y z qx qy qz qw, and a distortion 5.")
 
@@ -164,13 +156,11 @@ class CameraConfig:
     """One camera."""
 
     driver: CameraDriver
-    """What talks to it."""
     device: str = ""
     """Serial number, device file, or file of images."""
     size: tuple[int, int] = (NATIVE_HEIGHT, NATIVE_WIDTH)
     """Height and width of its images in pixels."""
     fps: int = 30
-    """Images a second."""
     is_side_by_side: bool = False
     """Whether it gives two lenses beside each other, as a ZED Mini does: the left one is kept."""
     exposure_us: float | None = None
@@ -192,16 +182,12 @@ class Rig:
     name: str
     """Name of the lab or of the robot."""
     arms: Mapping[Side, ArmConfig]
-    """Both arms."""
     grippers: Mapping[Side, GripperConfig]
-    """Both grippers."""
     cameras: Mapping[str, CameraConfig] = field(default_factory=_default_cameras)
     """The cameras by name; some may be missing."""
     schema: int = RIG_SCHEMA
-    """Version of the file."""
 
     def __post_init__(self) -> None:
-        """Reject a rig of another version or without two arms and grippers."""
         if self.schema != RIG_SCHEMA:
             raise OptionError(f"Rigs of schema {RIG_SCHEMA} are known, got {self.schema}.")
         for what, devices in (("arms", self.arms), ("grippers", self.grippers)):

@@ -27,7 +27,6 @@ class State(StrEnum):
     READY = "ready"
     """The arms are at home and wait for the first command."""
     RUNNING = "running"
-    """The arms follow commands."""
     HOLDING = "holding"
     """Somebody holds the arms; nothing is wrong with them."""
     FAULTED = "faulted"
@@ -47,23 +46,20 @@ class Change:
     time_s: float
     """When, on the rig's clock."""
     state: State
-    """The new state."""
     reason: str = ""
-    """Why, where there is something to say."""
 
 
 class Supervisor:
-    """The state of one rig. Its methods may be called from any thread."""
+    """The state of one rig. Its methods may be called from any thread.
+
+    Args:
+        now: The rig's clock.
+        recover: Clears the faults of all devices; raises BackendError where one stays.
+    """
 
     def __init__(self, now: Callable[[], float], recover: Callable[[], None]) -> None:
-        """Begin with everything off.
-
-        Args:
-            now: The rig's clock.
-            recover: Clears the faults of all devices; raises BackendError where one stays.
-        """
         self._now, self._recover = now, recover
-        self._changed = threading.Condition(threading.RLock())
+        self._lock = threading.RLock()
         self._state = State.OFF
         self._reason: str | None = None
         self._fault: Fault | None = None
@@ -93,7 +89,7 @@ class Supervisor:
     @property
     def log(self) -> tuple[Change, ...]:
         """Every change of the state."""
-        with self._changed:
+        with self._lock:
             return tuple(self._log)
 
     # --- the operator's word ---------------------------------------------------------------------
@@ -106,7 +102,7 @@ class Supervisor:
         Raises:
             BackendError: Something is wrong, or nothing is connected.
         """
-        with self._changed:
+        with self._lock:
             if self._state in {State.FAULTED, State.RECOVERING}:
                 raise BackendError(
                     f"The arms are held: {self._reason} Recover them first, then confirm."
@@ -114,17 +110,11 @@ class Supervisor:
             if self._state is State.OFF:
                 raise BackendError("There is nothing to confirm: the rig is not connected.")
             self._is_confirmed = True
-            self._changed.notify_all()
 
     def revoke(self) -> None:
         """Nothing may begin to move any more until the operator confirms again."""
-        with self._changed:
+        with self._lock:
             self._is_confirmed = False
-
-    def wait_for_confirmation(self, timeout_s: float | None = None) -> bool:
-        """Wait until the operator has confirmed, and return whether that is so."""
-        with self._changed:
-            return self._changed.wait_for(lambda: self._is_confirmed, timeout_s)
 
     def recover(self) -> None:
         """The operator has all faults cleared. Nothing moves; confirm and go home next.
@@ -132,7 +122,7 @@ class Supervisor:
         Raises:
             BackendError: A fault stays, or there is none.
         """
-        with self._changed:
+        with self._lock:
             if self._state not in {State.FAULTED, State.HOLDING}:
                 raise BackendError(f"There is nothing to recover from: the rig is {self._state}.")
             reason, fault = self._reason, self._fault
@@ -140,11 +130,11 @@ class Supervisor:
         try:
             self._recover()
         except BackendError as error:
-            with self._changed:
+            with self._lock:
                 self._reason, self._fault = reason, fault
                 self._to(State.FAULTED if fault else State.HOLDING, str(error))
             raise
-        with self._changed:
+        with self._lock:
             self._reason = self._fault = None
             self._is_confirmed = False
             self._to(State.CONNECTED)
@@ -157,7 +147,7 @@ class Supervisor:
         Raises:
             BackendError: The operator has not confirmed, or something is wrong.
         """
-        with self._changed:
+        with self._lock:
             if self._state in {State.FAULTED, State.RECOVERING}:
                 raise BackendError(f"The arms are held: {self._reason} Recover them first.")
             if not self._is_confirmed:
@@ -171,7 +161,7 @@ class Supervisor:
         Raises:
             BackendError: The operator has not confirmed, or something is wrong.
         """
-        with self._changed:
+        with self._lock:
             self.check_confirmed()
             self.enter(state)
 
@@ -181,7 +171,7 @@ class Supervisor:
         Returns:
             False, without a change, where the state was none of `only_from`.
         """
-        with self._changed:
+        with self._lock:
             if only_from is not None and self._state not in only_from:
                 return False
             self._reason = self._fault = None
@@ -196,7 +186,7 @@ class Supervisor:
         Returns:
             Whether this changed anything.
         """
-        with self._changed:
+        with self._lock:
             if self._state is State.OFF or self._fault is not None:
                 return False
             if self._reason is not None and fault is None:
@@ -211,4 +201,3 @@ class Supervisor:
     def _to(self, state: State, reason: str = "") -> None:
         self._state = state
         self._log.append(Change(time_s=self._now(), state=state, reason=reason))
-        self._changed.notify_all()

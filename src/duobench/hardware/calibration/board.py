@@ -48,7 +48,6 @@ _LINES = (
 SQUARE_MM = {Paper.A4: 30.0, Paper.A3: 42.0}
 """Edge of a square in mm by the size of the sheet, which lies on its longer side."""
 RULER_MM = {Paper.A4: 200.0, Paper.A3: 300.0}
-"""Length of the ruler in mm."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -56,12 +55,10 @@ class Board:
     """A printed board."""
 
     paper: str = "a4"
-    """Name of its sheet."""
     scale: float = 1.0
     """Size of the print as a multiple of what it should be."""
 
     def __post_init__(self) -> None:
-        """Reject sheets that are not known."""
         if self.paper not in set(Paper):
             raise OptionError(f"Boards are on {' or '.join(Paper)}, got {self.paper!r}.")
         if not 1 - LARGEST_DEVIATION <= self.scale <= 1 + LARGEST_DEVIATION:
@@ -252,14 +249,13 @@ class Detection:
 
 
 class Detector:
-    """Finds the corners of a board in images."""
+    """Finds the corners of a board in images.
+
+    Raises:
+        CalibrationError: OpenCV is missing.
+    """
 
     def __init__(self, board: Board) -> None:
-        """Prepare to find a board.
-
-        Raises:
-            CalibrationError: OpenCV is missing.
-        """
         self.board = board
         self._detector: Any = detector_of(board)
         self._corners = board.corners

@@ -48,7 +48,6 @@ class Measured:
     """What a calibration has found."""
 
     calibration: CameraCalibration
-    """Lens and place."""
     error_mm: float | None
     """How far the board's middle is from where it should be, on held-out views; None for a single
     place of the board."""
@@ -131,7 +130,6 @@ def _checked(camera: str, calibration: CameraCalibration, error_px: float) -> tu
 
 MAX_JOINT = float(np.max(np.abs(JOINT_RANGES))) + 0.1
 FEWEST_VIEWS = 12
-USUAL_VIEWS = 20
 SMALLEST_TURN = math.radians(15.0)
 """Rotation of the arm, about a second axis, that the poses must have at least."""
 LARGEST_SCALE_ERROR = 0.01
@@ -145,7 +143,6 @@ class View:
     """An image of the board, and where the arm was."""
 
     image: Image
-    """The image (height, width, 3)."""
     joints: Array
     """Joint positions (7,) in radians, at rest."""
 

@@ -30,7 +30,6 @@ class ViewEntry:
     """One image."""
 
     image: str
-    """Its file in the folder."""
     joints: tuple[float, ...] | None = None
     """Joint positions of the arm in radians, if it moves the camera."""
 
@@ -40,21 +39,18 @@ class ViewList:
     """What a folder holds."""
 
     camera: str
-    """Name of the camera."""
     views: tuple[ViewEntry, ...] = field(default_factory=tuple)
-    """Its images."""
 
 
 class ViewFolder:
-    """A folder of images of one camera; what was added is on the disk at once."""
+    """A folder of images of one camera; what was added is on the disk at once.
+
+    Raises:
+        CalibrationError: It holds images of another camera.
+        FileError: Its list cannot be read.
+    """
 
     def __init__(self, path: Path, camera: str) -> None:
-        """Open a folder, or begin one.
-
-        Raises:
-            CalibrationError: It holds images of another camera.
-            FileError: Its list cannot be read.
-        """
         self.path = path
         self._list = ViewList(camera=camera)
         file = path / VIEWS_FILE
@@ -70,7 +66,6 @@ class ViewFolder:
             )
 
     def __len__(self) -> int:
-        """How many images there are."""
         return len(self._list.views)
 
     def add(self, image: Image, joints: Array | None = None) -> None:

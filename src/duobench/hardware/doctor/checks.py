@@ -32,7 +32,6 @@ class Check:
     """One thing that was looked at."""
 
     name: str
-    """What was looked at."""
     outcome: Outcome
     value: str
     """What was found, in words and numbers."""
@@ -65,12 +64,10 @@ class Report:
     """All checks of a rig at one time."""
 
     rig: str
-    """Its name."""
     rig_hash: str
     time: str
     """When they ended, in UTC."""
     is_well: bool
-    """Whether no check failed."""
     checks: tuple[Check, ...]
 
     def objection(self, rig_hash: str) -> str:

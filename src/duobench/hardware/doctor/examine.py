@@ -19,7 +19,6 @@ from duobench.machine import install_extra
 from duobench.types import CONTROL_HZ, HEAD, SIDES, Array, Side
 
 HOLDING_S = 10.0
-"""Seconds of holding that are measured."""
 SUCCESS_RATE = "control_command_success_rate"
 """Key of a reading's state: the share of control commands that reached the arm in time."""
 LEAST_SUCCESS = 0.99
@@ -216,7 +215,6 @@ and objects that are elsewhere do not matter as long as most of the image is as 
 FEWEST_TILES = 6
 """Tiles that have to show the same in both images for a shift to be told."""
 DISTINCT = 3.0
-"""Contrast in counts that a tile needs."""
 AGREEMENT = 0.25
 """Response of the phase correlation of a tile that shows the same thing [measured on rendered
 images: 0.4 in the median; 0.16 at most between images of noise]."""

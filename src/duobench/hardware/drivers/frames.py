@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from duobench.backend import Image
 from duobench.errors import BackendError
-from duobench.hardware.clock import Clock
+from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind, Frame
 from duobench.hardware.rig import CameraCalibration, CameraConfig
 
@@ -52,7 +52,6 @@ class LatestFrame:
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
         self.config, self.clock, self.name = config, clock, name or config.device
         self.facts = CameraFacts()
-        """What the camera says about itself."""
         self.trouble = ""
         """What went wrong last, in words."""
         self._frame: Frame | None = None
@@ -112,11 +111,57 @@ class LatestFrame:
             call(frame)
 
 
+class TickedCamera(LatestFrame, ABC):
+    """A camera whose images a ticker of the clock takes; arguments are those of `LatestFrame`."""
+
+    def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
+        super().__init__(config, clock, name)
+        self._ticker: Ticker | None = None
+        self._index = 0
+
+    @abstractmethod
+    def _take(self) -> None:
+        """Publish the next image.
+
+        Raises:
+            BackendError: There is none.
+        """
+
+    def connect(self) -> None:
+        """Begin to take images.
+
+        Raises:
+            BackendError: There is no first one, or it has another size.
+        """
+        if self._ticker is not None:
+            return
+        self._index = 0
+        self.begin()
+        try:
+            self._take()
+        except BackendError:
+            self.close()
+            raise
+        self._ticker = self.clock.every(1.0 / self.config.fps, self._tick, f"camera {self.name}")
+
+    def close(self) -> None:
+        """Take no more images; closing twice is harmless."""
+        self.end()
+        ticker, self._ticker = self._ticker, None
+        if ticker is not None:
+            ticker.stop()
+
+    def _tick(self) -> None:
+        try:
+            self._take()
+        except BackendError as error:
+            self.trouble = str(error)
+
+
 class ThreadedCamera(LatestFrame, ABC):
     """A camera that a thread of its own waits for; arguments are those of `LatestFrame`."""
 
     opening_s = 10.0
-    """Seconds that opening it may take."""
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
         super().__init__(config, clock, name)

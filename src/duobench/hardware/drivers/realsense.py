@@ -30,17 +30,15 @@ ATTEMPTS = 3
 RESET_S = 15.0
 """Seconds in which a camera that was reset has to be back."""
 WAIT_S = 0.5
-"""Seconds that are waited for one image."""
 _UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class RealSenseCamera(ThreadedCamera):
-    """A RealSense camera, or a recording of one."""
+    """A RealSense camera by its serial number, or a recording of one by its file."""
 
     opening_s = ATTEMPTS * HANG_S + RESET_S + 5.0
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
-        """Know a camera; `config.device` is its serial number, or the file of a recording."""
         super().__init__(config, clock, name)
         self._library: Any = None
         self._pipeline: Any = None

@@ -85,16 +85,15 @@ class Status:
 
 
 class RobotiqGripper:
-    """A gripper that a ticker of the clock asks 30 times a second, and tells what is new."""
+    """A gripper that a ticker of the clock asks 30 times a second, and tells what is new.
+
+    Args:
+        config: Port, ends, speed and force.
+        clock: Gives the times of readings, and calls.
+        answer_s: Seconds in which an answer has to come.
+    """
 
     def __init__(self, config: GripperConfig, clock: Clock, *, answer_s: float = ANSWER_S) -> None:
-        """Know a gripper, without opening its port.
-
-        Args:
-            config: Port, ends, speed and force.
-            clock: Gives the times of readings, and calls.
-            answer_s: Seconds in which an answer has to come.
-        """
         self._config, self._clock, self._answer_s = config, clock, answer_s
         self._client: Any = None
         self._errors: tuple[type[Exception], ...] = (OSError,)
@@ -293,7 +292,6 @@ class RobotiqGripper:
         return answer.registers
 
     def _ask(self) -> bool:
-        """Read the status; whether an answer came."""
         registers = self._exchange(None)
         if registers is None:
             return False
@@ -303,7 +301,6 @@ class RobotiqGripper:
         return True
 
     def _open(self) -> bool:
-        """Open the port; whether that worked."""
         self._next_open = self._clock.now() + REOPEN_S
         if not self._client.connect():
             return False
@@ -349,7 +346,6 @@ def measure_ends(
 
 
 def _end(gripper: RobotiqGripper, clock: Clock, opening: float) -> int:
-    """The position at which it comes to rest."""
     gripper.command(opening)
     end, last, since = clock.now() + ACTIVATION_S, gripper.position, clock.now()
     while clock.now() < end:

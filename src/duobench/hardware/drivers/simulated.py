@@ -14,9 +14,9 @@ import numpy as np
 
 from duobench.backend import Image
 from duobench.errors import BackendError
-from duobench.hardware.clock import Clock, Ticker
+from duobench.hardware.clock import Clock
 from duobench.hardware.devices import ArmReading, Fault, FaultKind, GripperReading
-from duobench.hardware.drivers.frames import LatestFrame
+from duobench.hardware.drivers.frames import TickedCamera
 from duobench.hardware.rig import CameraConfig, CameraDriver
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import ARM_JOINTS, Array
@@ -24,7 +24,6 @@ from duobench.types import ARM_JOINTS, Array
 ARM_RATE = 60.0
 """Natural frequency of a simulated arm in rad/s, critically damped."""
 STEP_S = 0.002
-"""Longest step of its motion in seconds."""
 GRIPPER_SPEED = 1.76
 """Openings a second: 150 mm/s over 85 mm [data sheet of the 2F-85]."""
 SILENCE_S = 0.2
@@ -62,7 +61,6 @@ class SimulatedArm:
         self.is_stubborn = False
         """Whether a fault stays when a person wants to clear it."""
         self.is_reachable = True
-        """Whether `connect` finds it."""
         self.commands: int = 0
         """How often it was told where to be."""
 
@@ -132,7 +130,6 @@ class SimulatedArm:
         self._waiting.clear()
 
     def _move(self) -> None:
-        """Move on to the present."""
         now = self._clock.now()
         while self._time < now:
             end = min(now, self._time + STEP_S)
@@ -166,9 +163,7 @@ class SimulatedGripper:
         self._last: GripperReading | None = None
         self._fault: Fault | None = None
         self.is_silent = False
-        """Whether it answers no more."""
         self.is_active = True
-        """Whether it was activated."""
         self.object_opening: float | None = None
         """Opening at which the fingers meet an object, if there is one between them."""
 
@@ -226,7 +221,7 @@ class SimulatedGripper:
         self._opening = moved
 
 
-class SimulatedCamera(LatestFrame):
+class SimulatedCamera(TickedCamera):
     """A camera of which every image shows its number, or what a source gives.
 
     Args:
@@ -241,23 +236,15 @@ class SimulatedCamera(LatestFrame):
         self,
         clock: Clock,
         *,
-        fps: float = 30.0,
+        fps: int = 30,
         source: Callable[[int, float], Image] | None = None,
     ) -> None:
-        super().__init__(CameraConfig(driver=CameraDriver.SIMULATED), clock, "simulated")
-        self._fps, self._source = fps, source or numbered_image
-        self._ticker: Ticker | None = None
-        self._count = 0
+        config = CameraConfig(driver=CameraDriver.SIMULATED, fps=fps)
+        super().__init__(config, clock, "simulated")
+        self._source = source or numbered_image
         self._fault: Fault | None = None
         self.is_silent = False
         """Whether it takes no more images, while its count goes on."""
-
-    def connect(self) -> None:
-        """Begin to take images."""
-        if self._ticker is None:
-            self.begin()
-            self._take()
-            self._ticker = self.clock.every(1.0 / self._fps, self._take, "simulated camera")
 
     @property
     def fault(self) -> Fault | None:
@@ -268,15 +255,8 @@ class SimulatedCamera(LatestFrame):
         """Report a fault from now on; None clears it."""
         self._fault = fault
 
-    def close(self) -> None:
-        """Take no more images."""
-        self.end()
-        ticker, self._ticker = self._ticker, None
-        if ticker is not None:
-            ticker.stop()
-
     def _take(self) -> None:
-        index, self._count = self._count, self._count + 1
+        index, self._index = self._index, self._index + 1
         if not self.is_silent:
             now = self.clock.now()
             self.publish(self._source(index, now), now, index)

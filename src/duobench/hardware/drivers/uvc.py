@@ -19,8 +19,8 @@ from av.error import FFmpegError
 
 from duobench.backend import Image
 from duobench.errors import BackendError
-from duobench.hardware.clock import Clock, Ticker
-from duobench.hardware.drivers.frames import CameraFacts, LatestFrame, ThreadedCamera
+from duobench.hardware.clock import Clock
+from duobench.hardware.drivers.frames import CameraFacts, ThreadedCamera, TickedCamera
 from duobench.hardware.rig import CameraConfig
 
 GENERATED = "lavfi:"
@@ -35,10 +35,9 @@ _EXPOSURE_UNIT_US = 100.0
 
 
 class UvcCamera(ThreadedCamera):
-    """A video device."""
+    """A video device by its file, best one of /dev/v4l/by-id/."""
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
-        """Know a camera; `config.device` is its device file, best one of /dev/v4l/by-id/."""
         super().__init__(config, clock, name)
         self._container: Any = None
         self._frames: Iterator[Any] = iter(())
@@ -82,17 +81,18 @@ class UvcCamera(ThreadedCamera):
             self._container = None
 
 
-class FileCamera(LatestFrame):
-    """A film, an image, or what FFmpeg generates, played again and again at the camera's rate."""
+class FileCamera(TickedCamera):
+    """A film, an image, or what FFmpeg generates, played again and again at the camera's rate.
+
+    `config.device` is its file, or begins with `lavfi:`.
+    """
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
-        """Know a film; `config.device` is its file, or begins with `lavfi:`."""
         super().__init__(config, clock, name)
         self._container: Any = None
         self._frames: Iterator[Any] = iter(())
-        self._ticker: Ticker | None = None
-        self._index = 0
         self._still: Image | None = None
+        self.facts = CameraFacts(name=config.device)
 
     def connect(self) -> None:
         """Open the film, and begin to play it.
@@ -100,35 +100,18 @@ class FileCamera(LatestFrame):
         Raises:
             BackendError: It cannot be read, or its images have another size.
         """
-        if self._ticker is not None:
-            return
-        self._index, self._still = 0, None
-        self.begin()
-        try:
-            self._play()
-        except BackendError:
-            self.close()
-            raise
-        self.facts = CameraFacts(name=self.config.device)
-        self._ticker = self.clock.every(1.0 / self.config.fps, self._tick, f"camera {self.name}")
+        if self._ticker is None:
+            self._still = None
+        super().connect()
 
     def close(self) -> None:
         """Close the film; closing twice is harmless."""
-        self.end()
-        if self._ticker is not None:
-            self._ticker.stop()
-            self._ticker = None
+        super().close()
         if self._container is not None:
             self._container.close()
             self._container = None
 
-    def _tick(self) -> None:
-        try:
-            self._play()
-        except BackendError as error:
-            self.trouble = str(error)
-
-    def _play(self) -> None:
+    def _take(self) -> None:
         image = self._still if self._still is not None else self._image()
         index, self._index = self._index, self._index + 1
         self.publish(image, self.clock.now(), index)
@@ -154,7 +137,6 @@ class FileCamera(LatestFrame):
         return pixels(frame, is_side_by_side=self.config.is_side_by_side)
 
     def _next(self) -> Any:
-        """The next frame; None at the end."""
         try:
             return next(self._frames, None)
         except FFmpegError as error:
