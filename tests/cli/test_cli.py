@@ -123,7 +123,7 @@ def test_video_that_cannot_be_made_is_told(
     with pytest.raises(SystemExit, match="1"):
         main(["report", str(run), "--import-tasks", "--videos", "all"])
     out = capsys.readouterr().out
-    assert "No video of nod, episode 0: Its record does not have what was sent." in out
+    assert "No video of nod, episode 0: It has no joint targets." in out
     assert "1 video made" in out
     assert (
         'src="videos/wave/random.sim.none.default/00000.webm"' in (run / "index.html").read_text()

@@ -47,8 +47,8 @@ def test_episode_that_always_kills_its_process_is_set_aside_and_all_others_are_p
     message = r"1 episode could not be played\. nod, episode 1: in each of 3 .*by SIGKILL\."
     with pytest.raises(UnplayedError, match=message):
         play("DiesInOne", workers=1, episodes=3)
-    records = (tmp_path / "run" / "records").glob("*/*")
-    assert sorted("/".join(path.parts[-2:]) for path in records) == [
+    records = (tmp_path / "run" / "records").glob("*/*/*")
+    assert sorted(f"{path.parts[-3]}/{path.name}" for path in records) == [
         *(f"nod/0000{k}.json" for k in (0, 2)),
         *(f"wave/0000{k}.json" for k in (0, 1, 2)),
     ]

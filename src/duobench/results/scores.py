@@ -192,7 +192,7 @@ def summarize(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Re
     return Results(tasks=each, categories=categories, overall=overall)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(frozen=True, kw_only=True, slots=True)
 class RunPart:
     """What was played of a run under one condition: what a page, a row or a column is about."""
 

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from duobench.cli.real.rigs import RigOptions
 from duobench.cli.shared.advice import AdvisedError, advising
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
 from duobench.cli.shared.interrupt import stopping
 from duobench.cli.shared.options import command_line
-from duobench.cli.shared.page import serve_page
+from duobench.cli.shared.page import PageOptions
 from duobench.errors import DuoBenchError, LockedError, OtherRunError
 
 if TYPE_CHECKING:
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
     from duobench.hardware.doctor import Report
     from duobench.rig_sessions.trials_report import TrialsReport
 
+_PAGE = PageOptions()
+
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
-    rig: str,
+    rig: tyro.conf.OmitArgPrefixes[RigOptions],
     task: str,
     policy: tyro.conf.UseAppendAction[tuple[str, ...]],
     out: Path,
@@ -36,10 +39,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     first_episode: int = 0,
     order_seed: int | None = None,
     record: Path | None = None,
-    port: int = 0,
-    lan: bool = False,
-    guard: bool = True,
-    fast: bool = False,
+    page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
 ) -> None:
     """Evaluate policies on real arms: an operator places the objects and judges, on one page.
 
@@ -49,7 +49,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     yet tried on an arm.
 
     Args:
-        rig: File of the rig, rig.json, or simulated for drivers without hardware.
+        rig: The rig, and how it is driven.
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
         policy: A policy that sees images, as duobench eval takes it, or NAME@ws://HOST:PORT for one
             that is served; give it once for each policy.
@@ -61,14 +61,10 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         first_episode: Index of the first episode; layouts follow from task and index alone.
         order_seed: Decides the order in which policies take turns; without it nobody knows it.
         record: Record the trials that count into this data set too, with all cameras.
-        port: Port of the page; 0 takes a free one.
-        lan: Let other machines in the network open the page, which is encrypted then.
-        guard: Keep the arms apart and off the table by a simulation of them.
-        fast: Do not wait for real time; for drivers without hardware alone.
+        page: Where the page is served.
     """
     command = command_line("real eval", evaluate, locals())
     load_engine()
-    from duobench.cli.real.rigs import opened_rig
     from duobench.data import DataSet
     from duobench.files import locked
     from duobench.results.suite import find_tasks
@@ -86,10 +82,10 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     folder, screen = TrialsFolder(out), console()
     with ExitStack() as ending:
         ending.enter_context(advising(_advice))
-        duo = opened_rig(rig, guard=guard, fast=fast)
+        duo = rig.open()
         ending.callback(duo.close)
         ending.enter_context(locked(folder.path))
-        server = serve_page(port, lan, "trials_page.html")
+        server = page.serve("trials_page.html")
         ending.callback(server.close)
         session = open_session(
             folder,
@@ -107,16 +103,16 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             command=command,
         )
         if remark := _remark(folder.read_doctor(), duo.rig.hash):
-            screen.print(f"{remark} See: duobench real doctor --rig {rig} --out {out}")
+            screen.print(f"{remark} See: duobench real doctor --rig {rig.rig} --out {out}")
         screen.print(f"Open {server.url}\nCtrl-C holds the arms and ends the session.")
         with stopping(session.stop):
             session.run()
         report = write_trials_report(folder)
-        page = out / folder.page.name
+        written = out / folder.page.name
         results = [each.row() for each in report.policies]
-        session.publish(results=results, files=f"Report: {page}")
+        session.publish(results=results, files=f"Report: {written}")
         _show(report, screen)
-        screen.print(f"Report: {page}")
+        screen.print(f"Report: {written}")
 
 
 def _remark(found: Report | None, rig_hash: str) -> str:

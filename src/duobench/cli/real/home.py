@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from duobench.cli.real.rigs import opened_rig
+from duobench.cli.real.rigs import RigOptions
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import console
 from duobench.cli.shared.interrupt import stopping
@@ -28,7 +28,7 @@ def home(rig: str, check: bool = False, fast: bool = False) -> None:
         fast: Do not wait for the clock, which only simulated drivers can do.
     """
     screen = console()
-    duo = opened_rig(rig, fast=fast)
+    duo = RigOptions(rig=rig, fast=fast).open()
     try:
         duo.start()
         here = duo.read().joints

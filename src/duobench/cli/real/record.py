@@ -5,6 +5,9 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
+import tyro
+
+from duobench.cli.real.rigs import RigOptions
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
 from duobench.cli.shared.interrupt import stopping
@@ -12,7 +15,7 @@ from duobench.cli.shared.interrupt import stopping
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     policy: str,
-    rig: str,
+    rig: tyro.conf.OmitArgPrefixes[RigOptions],
     task: str,
     out: Path,
     episodes: int = 10,
@@ -20,8 +23,6 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     instruction: str = "",
     horizon: int | None = None,
     after_success: float = 1.0,
-    guard: bool = True,
-    fast: bool = False,
 ) -> None:
     """Record what a policy does on real arms, with an operator at this terminal.
 
@@ -33,7 +34,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     Args:
         policy: A policy that sees images, as duobench eval takes it, or the file of a recorded
             episode, whose commands are sent again.
-        rig: File of the rig, rig.json, or simulated for drivers without hardware.
+        rig: The rig, and how it is driven.
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
         out: Folder of the data set.
         episodes: How many episodes of the task to keep, those that are there counted.
@@ -41,11 +42,8 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         instruction: What the policy is told; the task's own words if not given.
         horizon: Control steps of an episode at most; the task's own if not given.
         after_success: Seconds that an episode goes on after success.
-        guard: Keep the arms apart and off the table by a simulation of them.
-        fast: Do not wait for real time; for drivers without hardware alone.
     """
     load_engine()
-    from duobench.cli.real.rigs import opened_rig
     from duobench.cli.real.terminal import KeyTerminal
     from duobench.data import DataSet
     from duobench.rig_sessions.recording import RigRecording, find_policy
@@ -53,7 +51,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
 
     with ExitStack() as ending:
         source = find_policy(policy, tempo)
-        duo = opened_rig(rig, guard=guard, fast=fast)
+        duo = rig.open()
         data = DataSet.open(out, how=f"duobench real record --policy {policy}")
         terminal = ending.enter_context(KeyTerminal())
         session = RigRecording(

@@ -4,34 +4,27 @@ from __future__ import annotations
 
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Literal
 
 import tyro
 
-from duobench.cli.real.rigs import opened_rig
+from duobench.cli.real.rigs import RigOptions
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import console, counted
 from duobench.cli.shared.engine import load_engine
 from duobench.cli.shared.interrupt import stopping
-from duobench.cli.shared.leaders import opened_device, times_of
-from duobench.cli.shared.page import serve_page
+from duobench.cli.shared.leaders import LeadingOptions, times_of
+from duobench.cli.shared.page import PageOptions
+
+_LEADING, _PAGE = LeadingOptions(), PageOptions()
 
 
-def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
+def teleop(
     task: tyro.conf.Positional[str],
-    rig: str,
+    rig: tyro.conf.OmitArgPrefixes[RigOptions],
     out: Path,
     episodes: int = 10,
-    operator: str = "",
-    device: Literal["mouse", "gamepad", "headset"] = "mouse",
-    leader: str | None = None,
-    instruction: str = "",
-    scripted: bool = False,
-    lockstep: bool = False,
-    guard: bool = True,
-    fast: bool = False,
-    port: int = 0,
-    lan: bool = False,
+    leading: tyro.conf.OmitArgPrefixes[LeadingOptions] = _LEADING,
+    page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
 ) -> None:
     """Record episodes that somebody leads on real arms, until Ctrl-C.
 
@@ -41,25 +34,16 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
 
     Args:
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
-        rig: File of the rig, rig.json, or simulated for drivers without hardware.
+        rig: The rig, and how it is driven.
         out: Folder of the data set.
         episodes: How many episodes of the task to keep, those that are there counted.
-        operator: Pseudonym of who leads; it is recorded.
-        device: What the operator leads with; it is recorded, and the page takes all of them.
-        leader: Leader arms in place of the page's hands: gello:FILE or lerobot:KIND.
-        instruction: What the operator says that the arms will do; the task's own if not given.
-        scripted: A program leads through the page, which is recorded as such.
-        lockstep: One control step for each message of the page; for drivers without hardware alone.
-        guard: Keep the arms apart and off the table by a simulation of them.
-        fast: Do not wait for real time; for drivers without hardware alone.
-        port: Port of the page; 0 takes a free one.
-        lan: Let other machines in the network open the page, which is encrypted then.
+        leading: Who leads the arms, and with what.
+        page: Where the page is served.
     """
-    if lockstep and not fast:
+    if leading.lockstep and not rig.fast:
         raise AdvisedError("Real arms do not wait for messages: --lockstep goes with --fast alone.")
     load_engine()
     from duobench.cli.real.terminal import KeyTerminal
-    from duobench.data import Actor, ActorKind
     from duobench.rig_sessions.cameras import CameraFeed
     from duobench.rig_sessions.rig_teleoperation import (
         EndedError,
@@ -70,10 +54,8 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     from duobench.rig_sessions.session import HELD_BY_OPERATOR
 
     with ExitStack() as ending:
-        led_by, name = opened_device(leader, device, lockstep, ending)
-        kind = ActorKind.SCRIPTED_OPERATOR if scripted else ActorKind.PERSON
-        actor = Actor(kind=kind, name=operator, device=name)
-        duo = opened_rig(rig, guard=guard, fast=fast)
+        led_by, actor = leading.open(ending)
+        duo = rig.open()
         terminal = ending.enter_context(KeyTerminal())
         terminal.listen(lambda key: duo.hold(HELD_BY_OPERATOR) if key in {"", " "} else None)
         recorder = make_real_recorder(
@@ -83,10 +65,14 @@ def teleop(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         screen = console()
         with suppress(EndedError):
             session = RigTeleoperation(
-                recorder, led_by, episodes=episodes, instruction=instruction, lockstep=lockstep
+                recorder,
+                led_by,
+                episodes=episodes,
+                instruction=leading.instruction,
+                lockstep=leading.lockstep,
             )
             ending.callback(session.close)
-            server = serve_page(port, lan)
+            server = page.serve()
             ending.callback(server.close)
             ending.callback(CameraFeed(duo, server).close)
             live = RigTeleopPage(session, server)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from duobench.cli.shared.advice import AdvisedError
 
 if TYPE_CHECKING:
+    from duobench.data import Actor
     from duobench.rig_sessions.teleop_page import Timings
     from duobench.teleop.intent import Device
     from duobench.teleop.leaders.device import JointSource
@@ -16,26 +18,41 @@ if TYPE_CHECKING:
 GELLO, LEROBOT = "gello", "lerobot"
 
 
-def opened_device(
-    leader: str | None, device: str, lockstep: bool, ending: ExitStack
-) -> tuple[Device, str]:
-    """What the operator leads with, and what it is called in recordings.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LeadingOptions:
+    """Who leads the arms, and with what."""
 
-    Args:
-        leader: Leader arms, as the option names them; None for the hands of a page.
-        device: What those hands come from.
-        lockstep: Whether each message of hands is one control step.
-        ending: Lets go of leader arms when it ends.
-    """
-    from duobench.teleop.hands import HandDevice
-    from duobench.teleop.leaders.device import LeaderDevice
+    operator: str = ""
+    """Pseudonym of who leads; it is recorded."""
+    device: Literal["mouse", "gamepad", "headset"] = "mouse"
+    """What the operator leads with; it is recorded, and the page takes all of them."""
+    leader: str | None = None
+    """Leader arms in place of the page's hands: gello:FILE, a configuration of two GELLO arms, or
+    lerobot:KIND, a teleoperator of LeRobot with our 16 numbers."""
+    instruction: str = ""
+    """What the operator says that the arms will do; the task's own if not given. Both are
+    recorded."""
+    scripted: bool = False
+    """A program leads through the page, which is recorded as such and never as a person."""
+    lockstep: bool = False
+    """One control step for each message of the page, and none without: for machines that are too
+    slow for real time, and on a rig for drivers without hardware."""
 
-    if leader is None:
-        return HandDevice(lockstep=lockstep), device
-    source = joint_source(leader)
-    source.connect()
-    ending.callback(source.close)
-    return LeaderDevice(source), source.device
+    def open(self, ending: ExitStack) -> tuple[Device, Actor]:
+        """What the operator leads with, which `ending` lets go of, and who is recorded."""
+        from duobench.data import Actor, ActorKind
+        from duobench.teleop.hands import HandDevice
+        from duobench.teleop.leaders.device import LeaderDevice
+
+        if self.leader is None:
+            led_by, name = HandDevice(lockstep=self.lockstep), str(self.device)
+        else:
+            source = joint_source(self.leader)
+            source.connect()
+            ending.callback(source.close)
+            led_by, name = LeaderDevice(source), source.device
+        kind = ActorKind.SCRIPTED_OPERATOR if self.scripted else ActorKind.PERSON
+        return led_by, Actor(kind=kind, name=self.operator, device=name)
 
 
 def joint_source(leader: str) -> JointSource:

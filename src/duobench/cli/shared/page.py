@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from threading import Thread
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,24 @@ if TYPE_CHECKING:
 
     from duobench.results.folder import RunFolder
     from duobench.web.server import PageServer
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PageOptions:
+    """Where a page is served."""
+
+    port: int = 0
+    """Port of the page; 0 takes a free one."""
+    lan: bool = False
+    """Let other machines in the network open the page, which is encrypted then."""
+
+    def serve(self, page: str = "live_page.html") -> PageServer:
+        """Serve a page of the package; `web.page.assets` says which there are.
+
+        Raises:
+            ServingError: The port cannot be had, or there is no certificate for the network.
+        """
+        return serve_page(self.port, self.lan, page)
 
 
 def serve_page(port: int, lan: bool, page: str = "live_page.html") -> PageServer:

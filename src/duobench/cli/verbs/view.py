@@ -10,14 +10,15 @@ import tyro
 from duobench.cli.shared.console import console
 from duobench.cli.shared.engine import load_engine
 from duobench.cli.shared.interrupt import stopping
-from duobench.cli.shared.page import serve_page
+from duobench.cli.shared.page import PageOptions
+
+_PAGE = PageOptions()
 
 
 def view(
     what: tyro.conf.Positional[str],
     tasks: tuple[str, ...] = (),
-    port: int = 0,
-    lan: bool = False,
+    page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
     look: str = "default",
     import_tasks: bool = False,
     follow: bool = False,
@@ -32,8 +33,7 @@ def view(
         what: Id of a task (see: duobench list) or module:ATTRIBUTE, the folder of a data set or of
             a run, or a file that duobench bundle has written.
         tasks: Only the episodes of these tasks; of all if none is named.
-        port: Port of the page; 0 takes a free one.
-        lan: Let other machines in the network open the page, which is encrypted then.
+        page: Where the page is served.
         look: Look of the scene, without textures: wood_table, dark, random:7, ... (see
             docs/looks.md).
         import_tasks: Import tasks of a run that are not of the benchmark, which runs the code of
@@ -48,7 +48,7 @@ def view(
     from duobench.results.folder import RunFolder
 
     source = None if follow else open_view(what, look, tasks, import_tasks=import_tasks)
-    with closing(serve_page(port, lan)) as server:
+    with closing(page.serve()) as server:
         run = None
         if source is None:
             folder = RunFolder(Path(what))
