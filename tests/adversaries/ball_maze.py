@@ -11,14 +11,7 @@ import numpy as np
 from duobench.experts.handling import carry, come_down
 from duobench.experts.motion import Arms, Script, down, grip, move, nearest_turn, release, wait
 from duobench.experts.scripts.ball_maze import grasp, grip_poses, lift, script, solve
-from duobench.objects.maze_board import (
-    BALL_RADIUS,
-    BASE,
-    PITCH,
-    WALL_HEIGHT,
-    cell_at,
-    cell_centre,
-)
+from duobench.objects.maze_board import BALL_RADIUS, BASE, PITCH, WALL_HEIGHT, cell_at, cell_centre
 from duobench.objects.mazes import MAZES, Maze
 from duobench.sim.contacts import Limb, limb_owner
 from duobench.sim.simulation import Simulation

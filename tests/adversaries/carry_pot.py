@@ -5,17 +5,7 @@ from __future__ import annotations
 import math
 
 from duobench.experts.handling import carry
-from duobench.experts.motion import (
-    CAREFUL,
-    NEAR,
-    Arms,
-    Script,
-    down,
-    follow,
-    grip,
-    release,
-    wait,
-)
+from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, down, follow, grip, release, wait
 from duobench.experts.scripts.carry_pot import carry_over, grasp, land, let_go, lift
 from duobench.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.scene.naming import TABLE

@@ -9,13 +9,7 @@ import mujoco
 import numpy as np
 
 from duobench.experts.handling import pick_cube
-from duobench.experts.motion import (
-    Arms,
-    Script,
-    down,
-    follow,
-    wait,
-)
+from duobench.experts.motion import Arms, Script, down, follow, wait
 from duobench.experts.scripts.hinge_chest import (
     HOLDER,
     INSERTER,
@@ -25,16 +19,8 @@ from duobench.experts.scripts.hinge_chest import (
     over,
     under_lid,
 )
+from duobench.objects import chest as box
 from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.chest import (
-    HINGE,
-    LID_LENGTH,
-    LID_UNDERSIDE,
-    OUTER_X,
-    OUTER_Y,
-    RIM_HEIGHT,
-    WALL,
-)
 from duobench.scene.naming import gripper_name
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
@@ -65,15 +51,15 @@ def _rod(chest: SE3, x: float, z: float) -> SE3:
 
 
 def _under_lid(chest: SE3, angle: float) -> SE3:
-    reach = LID_LENGTH + _OVER_FRONT - _SLIDE * angle / _TOP
-    lid = SE3.about((0, 1, 0), angle).apply([-reach, 0.0, LID_UNDERSIDE - _ROD_DEPTH])
-    return _rod(chest, HINGE[0] + lid[0], HINGE[2] + lid[2])
+    reach = box.LID_LENGTH + _OVER_FRONT - _SLIDE * angle / _TOP
+    lid = SE3.about((0, 1, 0), angle).apply([-reach, 0.0, box.LID_UNDERSIDE - _ROD_DEPTH])
+    return _rod(chest, box.HINGE[0] + lid[0], box.HINGE[2] + lid[2])
 
 
 def _lift_with_the_back_of_the_hand(arms: Arms) -> Script:
     """The hand that holds the cube goes under the lip and follows the lid's arc."""
     chest = arms.sim.pose("chest")
-    start = _rod(chest, -OUTER_X / 2 - _OVER_FRONT, _ROD_START)
+    start = _rod(chest, -box.OUTER_X / 2 - _OVER_FRONT, _ROD_START)
     yield from to(arms, INSERTER, start @ SE3.at(z=-0.13), tolerance=0.02)
     yield from to(arms, INSERTER, start, speed=0.2)
     yield from to(arms, INSERTER, _under_lid(chest, 0.0), speed=0.1, arrive=False)
@@ -205,7 +191,7 @@ def drop_over(arms: Arms, y: float, height: float) -> Script:
     """
     place = arms.sim.pose("chest").apply([0.0, y, 0.0])[1]
     yield from to(arms, INSERTER, over(arms, place, _ABOVE), speed=0.3)
-    lower = RIM_HEIGHT + height - arms.sim.min_height("cube")
+    lower = box.RIM_HEIGHT + height - arms.sim.min_height("cube")
     yield from to(arms, INSERTER, over(arms, place, _ABOVE + lower), speed=0.1)
     yield from wait(10)
     yield from CHEST.let_go(arms)
@@ -214,7 +200,7 @@ def drop_over(arms: Arms, y: float, height: float) -> Script:
 def in_and_out_again(arms: Arms) -> Script:
     """The cube is pressed on the chest's floor and taken out again, never let go."""
     yield from lower(arms)
-    low = arms.targets[INSERTER].moved(z=WALL + CUBE_EDGE / 2 - 0.01 - 0.033)
+    low = arms.targets[INSERTER].moved(z=box.WALL + CUBE_EDGE / 2 - 0.01 - 0.033)
     yield from to(arms, INSERTER, low, speed=0.1)
     yield from wait(15)
     yield from to(arms, INSERTER, low.moved(z=0.12))
@@ -283,7 +269,7 @@ ADVERSARIES: tuple[Adversary, ...] = (
     cheat(
         "the cube is thrown on the rim",
         2,
-        *(BOTH, (drop_over, OUTER_Y / 2, 0.03)),
+        *(BOTH, (drop_over, box.OUTER_Y / 2, 0.03)),
         deed=_bounces_off,
     ),
     cheat(

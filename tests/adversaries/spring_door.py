@@ -5,15 +5,7 @@ from __future__ import annotations
 import math
 from itertools import chain
 
-from duobench.experts.motion import (
-    Arms,
-    Script,
-    down,
-    follow,
-    grip,
-    release,
-    wait,
-)
+from duobench.experts.motion import Arms, Script, down, follow, grip, release, wait
 from duobench.experts.scripts.spring_door import (
     HOLDER,
     INSERTER,

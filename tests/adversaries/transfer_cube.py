@@ -17,19 +17,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Array, Side
 from tests.adversaries.adversary import ONE, TURNS, Adversary, cheats
-from tests.steps import (
-    Act,
-    bring,
-    by,
-    clear_of,
-    do,
-    drop,
-    hand_back,
-    lower,
-    meet,
-    pick_lying,
-    to,
-)
+from tests.steps import Act, bring, by, clear_of, do, drop, hand_back, lower, meet, pick_lying, to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 MIDDLE = (0.48, 0.0, CUBE_EDGE / 2 + 0.002)

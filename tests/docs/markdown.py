@@ -5,13 +5,19 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
+
+from tests.web.pages import Page, open_page
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+
+TIMEOUT_S = 300
 
 Row = dict[str, str]
 
@@ -63,6 +69,28 @@ def links(page: Path) -> list[str]:
     return [target.partition("#")[0] for target in targets if "://" not in target]
 
 
+def command(line: str) -> list[str]:
+    # -P: the current folder is no more on the path than for the installed command.
+    return [sys.executable, "-P", "-m", *shlex.split(line)]
+
+
+def attend(line: str, folder: Path, attend: Callable[[Page], None], *, end: bool = False) -> str:
+    """Run a command and do something at its page, at whose `end` it is interrupted; its output."""
+    with subprocess.Popen(command(line), cwd=folder, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        try:
+            address = next(each for each in process.stdout if "http://" in each)
+            with open_page(address.split()[-1]) as page:
+                attend(page)
+            if end:
+                process.send_signal(signal.SIGINT)
+            said = process.communicate(timeout=TIMEOUT_S)[0]
+        finally:
+            process.kill()
+    assert process.returncode == 0
+    return said
+
+
 def run(
     words: str | Sequence[str], folder: Path, answers: str = "", *, code: int = 0, **variables: str
 ) -> str:
@@ -75,11 +103,8 @@ def run(
         code: The code that it ends with.
         variables: Of the environment.
     """
-    if isinstance(words, str):
-        # -P: the current folder is no more on the path than for the installed command.
-        words = [sys.executable, "-P", "-m", *shlex.split(words)]
     result = subprocess.run(
-        words,
+        command(words) if isinstance(words, str) else words,
         cwd=folder,
         env={**os.environ, **variables},
         input=answers,
@@ -89,6 +114,12 @@ def run(
     )
     assert result.returncode == code, result.stdout + result.stderr
     return result.stdout
+
+
+@cache
+def options(verb: str) -> set[str]:
+    """Options of a verb, as its help lists them."""
+    return set(re.findall(r"(?m)^[^\w-]*--([a-z-]+)", run(f"duobench {verb} --help", ROOT)))
 
 
 def run_python(code: str, folder: Path) -> str:

@@ -24,28 +24,19 @@ def _block(part: str) -> str:
     return block
 
 
-def _task() -> str:
-    return _block("TASK = Task(")
-
-
-def _expert() -> str:
-    return _block("def script(")
+TASK, EXPERT = _block("TASK = Task("), _block("def script(")
 
 
 @pytest.fixture
 def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     """The task of the page, saved as a module that can be imported."""
-    (tmp_path / "stack_cube.py").write_text(_task(), encoding="utf-8")
+    (tmp_path / "stack_cube.py").write_text(TASK, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     return "stack_cube:TASK"
 
 
 def test_the_task_is_short() -> None:
-    assert len(_task().splitlines()) < MAX_LINES
-
-
-def test_it_is_found_by_its_path(module: str) -> None:
-    assert catalog.get(module).id == "stack_cube"
+    assert len(TASK.splitlines()) < MAX_LINES
 
 
 def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,11 +44,12 @@ def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str])
     exec(_block("from stack_cube import TASK\n\n"), names)
     assert "red cube" in capsys.readouterr().out
     assert names["TASK"] is catalog.get(module)
+    assert names["TASK"].id == "stack_cube"
     names["env"].close()
 
 
 def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
-    (tmp_path / "stack_cube.py").write_text(_task() + _expert(), encoding="utf-8")
+    (tmp_path / "stack_cube.py").write_text(TASK + EXPERT, encoding="utf-8")
     lines = [line for block in blocks(PAGE, "sh") for line in block.splitlines()]
     assert [shlex.split(line)[1] for line in lines] == ["render", "eval", "eval"]
     for line in lines:
@@ -68,7 +60,7 @@ def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
 
 def test_its_adversary_gets_nothing(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {}
-    exec(_task() + _expert() + _block("def push("), names)
+    exec(TASK + EXPERT + _block("def push("), names)
     assert capsys.readouterr().out == "push reaches stage 0\n"
     assert catalog.get(module).max_stage == names["TASK"].max_stage
     names["env"].close()
@@ -76,7 +68,7 @@ def test_its_adversary_gets_nothing(module: str, capsys: pytest.CaptureFixture[s
 
 def test_its_expert_solves_it(module: str) -> None:
     names: dict[str, Any] = {}
-    exec(_task() + _expert(), names)
+    exec(TASK + EXPERT, names)
     play = TaskHarness(catalog.get(module))
     script: Callable[..., Any] = names["script"]
     for seed in (0, 1):

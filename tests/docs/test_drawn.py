@@ -197,11 +197,6 @@ PICTURES = {f"{name}.jpg" for name in JOBS if prints_page.job(name).parts}
 PICTURES |= set(map(prints_page.together_file, APART))
 
 
-def test_all_pictures_are_there_and_shown() -> None:
-    folder = DOCS / prints_page.FOLDER
-    assert {path.name for path in folder.glob("*.jpg")} == PICTURES
-
-
 @pytest.mark.parametrize("name", sorted(PICTURES))
 def test_there_is_something_to_see(name: str) -> None:
     file = DOCS / prints_page.FOLDER / name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 from dataclasses import MISSING, fields
 from pathlib import Path
@@ -14,11 +13,6 @@ import pytest
 from tables import TABLES, written
 
 import duobench
-from duobench.cli.verbs.evaluate import evaluate
-from duobench.cli.verbs.record import record
-from duobench.cli.verbs.replay import replay
-from duobench.cli.verbs.report import report
-from duobench.cli.verbs.train import train
 from duobench.data.schema import SCHEMA
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import base_of
@@ -35,7 +29,7 @@ from duobench.robot.workcell import FLOOR_Z
 from duobench.scene.compose import SUBSTEPS
 from duobench.sim.placement import REACH_X, REACH_Y
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
-from tests.docs.markdown import DOCS, ROOT, blocks, links, table, text_of
+from tests.docs.markdown import DOCS, ROOT, blocks, links, options, table, text_of
 
 STAGES, FRAMES, EVALUATION, POLICIES = (
     DOCS / f"{name}.md" for name in ("stages", "frames", "evaluation", "policies")
@@ -141,10 +135,8 @@ def test_observations_have_their_shape_and_type() -> None:
     rows = {row["key"]: row for row in table(FRAMES, "key")}
     assert set(rows) == set(space.spaces)
     for key in ("agent_pos", "tcp_pose"):
-        assert (rows[key]["shape"], rows[key]["type"]) == (
-            str(space[key].shape),
-            str(space[key].dtype),
-        )
+        assert rows[key]["shape"] == str(space[key].shape)
+        assert rows[key]["type"] == str(space[key].dtype)
     assert {part.dtype for part in space["pixels"].values()} == {np.dtype(rows["pixels"]["type"])}
 
 
@@ -152,11 +144,8 @@ def test_numbers_of_frames_and_time_are_those_of_the_code() -> None:
     env = duobench.make("bin_sort", cameras=False)
     simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
     env.reset(seed=0)
-    tools = simulation.site_pose("left/flange").rotation.T @ (
-        simulation.site_pose("left/tcp").translation
-        - simulation.site_pose("left/flange").translation
-    )
-    step = simulation.model.opt.timestep
+    flange, tcp = (simulation.site_pose(f"left/{name}") for name in ("flange", "tcp"))
+    tools = (flange.inverse() @ tcp).translation
     model = simulation.model
     sizes = {tuple(model.cam_resolution[model.cam(name).id]) for name in POLICY_CAMERAS}
     env.close()
@@ -167,7 +156,7 @@ def test_numbers_of_frames_and_time_are_those_of_the_code() -> None:
         f"{tools[2]:.4f} m beyond the flange",
         f"the floor z = {FLOOR_Z:.4f}",
         f"at x {REACH_X[0]} to {REACH_X[1]} and y {REACH_Y[0]} to {REACH_Y[1]}",
-        f"1/{CONTROL_HZ:g} s: {SUBSTEPS} physics steps of 1/{1 / step:.0f} s",
+        f"1/{CONTROL_HZ:g} s: {SUBSTEPS} physics steps of 1/{1 / model.opt.timestep:.0f} s",
         f"The lenses have {width} × {height} pixels",
         f"the default {IMAGE_SIZE[0]} × {IMAGE_SIZE[1]}",
     ):
@@ -220,12 +209,7 @@ def test_the_table_of_metadata_names_its_fields() -> None:
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", EVALUATION, POLICIES], ids=lambda p: p.name)
 def test_options_of_the_command_line_exist(page: Path) -> None:
-    verbs = (evaluate, record, replay, report, train)
-    known = {
-        name.removeprefix("only_").replace("_", "-")
-        for verb in verbs
-        for name in inspect.signature(verb).parameters
-    }
+    known = set[str]().union(*map(options, ("eval", "record", "replay", "report", "train")))
     pattern = r"`--([a-z-]+)|duobench eval[^\n]* --([a-z-]+)"
     named = {first or second for first, second in re.findall(pattern, text_of(page))}
     assert named

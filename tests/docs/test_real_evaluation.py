@@ -1,10 +1,6 @@
 """The page on evaluating on real arms: its commands run, with a scripted operator."""
 
-import shlex
-import subprocess
-import sys
 import threading
-from collections.abc import Callable
 from inspect import signature
 from pathlib import Path
 
@@ -13,28 +9,11 @@ import pytest
 from duobench.rig_sessions.cameras import FILM_RATE
 from duobench.rig_sessions.status_page import SILENCE_S
 from duobench.rig_sessions.trials import open_session
-from tests.docs.markdown import DOCS, blocks, text_of
+from tests.docs.markdown import DOCS, attend, blocks, run, text_of
 from tests.rig_sessions.operator import Operator
-from tests.web.pages import Page, open_page
+from tests.web.pages import Page
 
 PAGE = DOCS / "real_evaluation.md"
-TIMEOUT_S = 300
-
-
-def attend(line: str, folder: Path, attend: Callable[[Page], None]) -> str:
-    """Run a command, and do something at its page; what it prints."""
-    command = [sys.executable, "-P", "-m", *shlex.split(line)]
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            address = next(each for each in process.stdout if "http://" in each)
-            with open_page(address.split()[-1]) as page:
-                attend(page)
-            said = process.communicate(timeout=TIMEOUT_S)[0]
-        finally:
-            process.kill()
-    assert process.returncode == 0
-    return said
 
 
 def operate(page: Page) -> None:
@@ -80,12 +59,8 @@ def test_commands_run(tmp_path: Path) -> None:
     said = {}
     for line in commands.splitlines():
         name = " ".join(line.split()[1:3])
-        if name == "real eval":
-            said[name] = attend(line, tmp_path, operate)
-        else:
-            command = [sys.executable, "-P", "-m", *shlex.split(line)]
-            done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-            said[name] = done.stdout
+        at_page = name == "real eval"
+        said[name] = attend(line, tmp_path, operate) if at_page else run(line, tmp_path)
     assert "0 of 1" in said["real eval"]
     assert "n = 1" in said["compare --mixed"]
     assert (tmp_path / "trials" / "run" / "index.html").exists()

@@ -1,9 +1,5 @@
 """The page on viewing: its commands run, and whoever opens the addresses that they print sees."""
 
-import shlex
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,32 +9,27 @@ from duobench.replay.sources import LAYOUTS
 from duobench.replay.viewer import MAX_ITEMS
 from duobench.web.messages import MAX_MESSAGE
 from duobench.web.server import MAX_PEERS
-from tests.docs.markdown import DOCS, blocks, text_of
-from tests.web.pages import open_page
+from tests.docs.markdown import DOCS, attend, blocks, run, text_of
+from tests.web.pages import Page
 
 PAGE = DOCS / "viewing.md"
-TIMEOUT_S = 120
 
 
-def look(line: str, folder: Path) -> list[dict[str, Any]]:
-    """Run a command, and look at its page until an episode is shown, or the report of a run."""
-    last = "report" if "--watch" in line else "instruction"
-    command = [sys.executable, "-P", "-m", *shlex.split(line)]
+def look(line: str, folder: Path) -> dict[str, Any]:
+    """Run a command, and look at its page until an episode is shown, or the report of a run; the
+    last status.
+    """
     seen: list[dict[str, Any]] = []
-    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            address = next(each for each in process.stdout if "http://" in each)
-            with open_page(address.split()[-1]) as page:
-                while not (seen and seen[-1].get(last)):
-                    seen.append(page.hear_of("status"))
-            if last != "report":
-                process.send_signal(signal.SIGINT)
-            process.communicate(timeout=TIMEOUT_S)
-        finally:
-            process.kill()
-    assert process.returncode == 0
-    return seen
+    watched = "--watch" in line
+
+    def until_shown(page: Page) -> None:
+        while not (seen and seen[-1].get("report" if watched else "instruction")):
+            seen.append(page.hear_of("status"))
+        if not watched:
+            page.frame()
+
+    attend(line, folder, until_shown, end=not watched)
+    return seen[-1]
 
 
 @pytest.mark.slow
@@ -47,10 +38,9 @@ def test_commands_run(tmp_path: Path) -> None:
     shown = {}
     for line in commands.splitlines():
         if " view " in line or "--watch" in line:
-            shown[line.split()[-1]] = look(line, tmp_path)[-1]
-            continue
-        command = [sys.executable, "-P", "-m", *shlex.split(line)]
-        subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
+            shown[line.split()[-1]] = look(line, tmp_path)
+        else:
+            run(line, tmp_path)
     assert len(shown["carry_pot"]["items"]) == LAYOUTS
     assert len(shown["data/expert"]["items"]) == 2
     assert shown["data/expert"]["steps"] > 0

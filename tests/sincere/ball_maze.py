@@ -14,7 +14,7 @@ from duobench.objects.maze_board import BASE, WALL_HEIGHT, cell_centre
 from duobench.objects.mazes import MAZES
 from duobench.sim.simulation import Simulation
 from duobench.types import SIDES, Side
-from tests.sincere.sincere import Way
+from tests.sincere.sincere import Way, ways_to
 
 NEAR_GOAL = 0.015
 """Largest distance in metres of the ball from the goal's centre [task definitions]."""
@@ -43,11 +43,6 @@ def done(sim: Simulation) -> bool:
         and not sim.contacts.between("board", "table")
         and all(sim.contacts.gripper(side, "board") for side in SIDES)
     )
-
-
-def handled(handling: Handling) -> Callable[[Arms], Script]:
-    """The expert's way with other numbers."""
-    return lambda arms: script(arms, handling)
 
 
 def comes_again(runs: int, handling: Handling) -> Callable[[Arms], Script]:
@@ -96,6 +91,9 @@ def loosened(steps: int, run: int) -> Callable[[Arms], Script]:
     return play
 
 
+way = ways_to(script, done, Handling())
+
+
 def safe_tilt(tilt: float, lift: float) -> float:
     """As much of a tilt in radians as a board lifted by so many metres can have above the table."""
     return min(tilt, math.asin((lift - CLEARANCE) / REACH))
@@ -117,36 +115,29 @@ def sample(rng: np.random.Generator) -> Way:
         f"{1000 * handling.grasp_height:.0f} mm, lift {1000 * lift:.0f} mm, "
         f"tilt {math.degrees(tilt):.0f} deg, back after {runs}"
     )
-    way = Way(
-        name=name, script=comes_again(runs, handling) if runs else handled(handling), done=done
-    )
+    back = {"script": comes_again(runs, handling)} if runs else {}
+    one = way(name, handling, **back)
     if rng.random() < SLOWLY:
-        return replace(way, name=f"{name}, slowly", slowness=2)
+        return replace(one, name=f"{name}, slowly", slowness=2)
     if rng.random() < TREMBLING:
-        return replace(way, name=f"{name}, trembling", tremble=0.01)
-    return way
+        return replace(one, name=f"{name}, trembling", tremble=0.01)
+    return one
 
 
-WAYS = (
-    *(
-        Way(name=name, script=handled(handling), done=done)
-        for name, handling in (
-            ("the other pair of grips", Handling(other_grips=True)),
-            ("tilted by 6 degrees", Handling(tilt=math.radians(6))),
-            ("tilted by 20 degrees", Handling(tilt=math.radians(20))),
-            ("grasped at 26 mm", Handling(grasp_height=0.026)),
-            ("grasped at 40 mm", Handling(grasp_height=0.040)),
-            ("lifted by 30 mm", Handling(lift=0.030, tilt=safe_tilt(1.0, 0.030))),
-            ("lifted by 90 mm", Handling(lift=0.090)),
-        )
-    ),
-    Way(name="the ball rolls back and comes again", script=comes_again(2, Handling()), done=done),
-    Way(
-        name="the ball rolls out of the goal and comes again",
+WAYS: tuple[Way, ...] = (
+    way("the other pair of grips", Handling(other_grips=True)),
+    way("tilted by 6 degrees", Handling(tilt=math.radians(6))),
+    way("tilted by 20 degrees", Handling(tilt=math.radians(20))),
+    way("grasped at 26 mm", Handling(grasp_height=0.026)),
+    way("grasped at 40 mm", Handling(grasp_height=0.040)),
+    way("lifted by 30 mm", Handling(lift=0.030, tilt=safe_tilt(1.0, 0.030))),
+    way("lifted by 90 mm", Handling(lift=0.090)),
+    way("the ball rolls back and comes again", script=comes_again(2, Handling())),
+    way(
+        "the ball rolls out of the goal and comes again",
         script=comes_again(len(MAZES), Handling()),
-        done=done,
     ),
-    Way(name="one hand loosens for a moment", script=loosened(8, 2), done=done),
-    Way(name="the board trembles", script=script, done=done, tremble=0.01),
-    Way(name="at half the speed", script=script, done=done, slowness=2),
+    way("one hand loosens for a moment", script=loosened(8, 2)),
+    way("the board trembles", tremble=0.01),
+    way("at half the speed", slowness=2),
 )

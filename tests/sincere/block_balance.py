@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import chain
 
@@ -14,6 +13,7 @@ from duobench.experts.scripts.block_balance import lay_beam, lower, take_block
 from duobench.sim.simulation import Simulation
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.sincere.sincere import Way, ways_to
+from tests.steps import do
 
 LEFT, RIGHT = SIDES
 BLOCKS = ("left_block", "right_block")
@@ -72,57 +72,49 @@ class Building:
     """The arms that let go together, one group after the other."""
 
 
-def by(way: Building) -> Callable[[Arms], Script]:
+def build(arms: Arms, way: Building) -> Script:
     """One arm lays the beam, both take their blocks, put them down together and let go."""
-
-    def script(arms: Arms) -> Script:
-        yield from lay_beam(arms, way.beam_arm, way.along, way.beam_gap)
-        if way.first is None:
-            takes = [take_block(arms, side, way.heights[side.index]) for side in SIDES]
-            yield from together(*takes)
-        else:
-            for side in (way.first, way.first.other):
-                yield from take_block(arms, side, way.heights[side.index])
-        yield from lower(arms, reach=way.reach, gap=way.gap)
-        yield from wait(way.pause)
-        for sides in way.release:
-            yield from release(arms, *sides)
-        yield from wait(4)
-        yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
-
-    return script
+    yield from lay_beam(arms, way.beam_arm, way.along, way.beam_gap)
+    if way.first is None:
+        takes = [take_block(arms, side, way.heights[side.index]) for side in SIDES]
+        yield from together(*takes)
+    else:
+        for side in (way.first, way.first.other):
+            yield from take_block(arms, side, way.heights[side.index])
+    yield from lower(arms, reach=way.reach, gap=way.gap)
+    yield from wait(way.pause)
+    yield from leave(arms, *way.release)
 
 
-def apart(seconds: float, *, twice: bool = False) -> Callable[[Arms], Script]:
-    """One block comes onto the beam after the other.
+def leave(arms: Arms, *groups: tuple[Side, ...]) -> Script:
+    for sides in groups:
+        yield from release(arms, *sides)
+    yield from wait(4)
+    yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
 
-    Args:
-        seconds: How much later.
-        twice: Whether both are raised and put on again after that, together.
+
+def down_by(arms: Arms, height: float, *sides: Side) -> Script:
+    low = {side: arms.targets[side].moved(z=-height) for side in sides}
+    yield from move(arms, low, speed=0.1)
+
+
+def apart(arms: Arms, seconds: float, *, twice: bool = False) -> Script:
+    """One block comes onto the beam so much later than the other; `twice` both are raised after
+    that, and put on again together.
     """
-
-    def down_by(arms: Arms, height: float, *sides: Side) -> Script:
-        low = {side: arms.targets[side].moved(z=-height) for side in sides}
-        yield from move(arms, low, speed=0.1)
-
-    def script(arms: Arms) -> Script:
-        yield from lay_beam(arms)
-        yield from together(*(take_block(arms, side) for side in SIDES))
-        yield from lower(arms, gap=HOVER)
-        late = chain(wait(round(seconds * CONTROL_HZ)), down_by(arms, HOVER, RIGHT))
-        yield from together(down_by(arms, HOVER, LEFT), late)
-        if twice:
-            yield from down_by(arms, -HOVER, *SIDES)
-            yield from down_by(arms, HOVER, *SIDES)
-        yield from wait(4)
-        yield from release(arms, *SIDES)
-        yield from wait(4)
-        yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
-
-    return script
+    yield from lay_beam(arms)
+    yield from together(*(take_block(arms, side) for side in SIDES))
+    yield from lower(arms, gap=HOVER)
+    late = chain(wait(round(seconds * CONTROL_HZ)), down_by(arms, HOVER, RIGHT))
+    yield from together(down_by(arms, HOVER, LEFT), late)
+    if twice:
+        yield from down_by(arms, -HOVER, *SIDES)
+        yield from down_by(arms, HOVER, *SIDES)
+    yield from wait(4)
+    yield from leave(arms, SIDES)
 
 
-way = ways_to(lambda arms, building: by(building)(arms), done, Building())
+way = ways_to(build, done, Building())
 
 
 WAYS: tuple[Way, ...] = (
@@ -146,10 +138,10 @@ WAYS: tuple[Way, ...] = (
     way("blocks nearer to the middle", Building(reach=0.068)),
     way("blocks at the very ends", Building(reach=0.084)),
     *(
-        way(f"one block {seconds} s after the other", script=apart(seconds))
+        way(f"one block {seconds} s after the other", script=do((apart, seconds)))
         for seconds in (0.5, 1.0)
     ),
-    way("put on, raised, and put on again", script=apart(0.5, twice=True)),
+    way("put on, raised, and put on again", script=do((apart, 0.5, {"twice": True}))),
     way("the left arm lets go first", Building(release=((LEFT,), (RIGHT,)))),
     way("at half the speed", slowness=2),
     way("trembling", tremble=0.01),

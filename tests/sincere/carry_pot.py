@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -85,28 +85,24 @@ def lower_to(arms: Arms, height: float, speed: float) -> Script:
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=height - here), speed=speed)
 
 
-def by(way: Carrying) -> Callable[[Arms], Script]:
+def put(arms: Arms, way: Carrying) -> Script:
     """Both arms take the pot, carry it and put it down."""
-
-    def script(arms: Arms) -> Script:
-        yield from grasp(arms, hold=way.hold)
-        yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=way.lift), speed=0.15)
-        yield from wait(6)
-        if not lifted(arms.sim, way.lift - LAG):
-            return
-        x, y, _ = arms.sim.position("stove")
-        x, y = x + way.place[0], y + way.place[1]
-        yield from carry_over(arms, x, y, height=way.clearance)
-        yield from lower_to(arms, NEARLY, way.speed)
-        yield from lower_to(arms, way.release, way.speed)
-        yield from wait(way.pause)
-        for sides in way.order:
-            yield from let_go(arms, *sides)
-
-    return script
+    yield from grasp(arms, hold=way.hold)
+    yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=way.lift), speed=0.15)
+    yield from wait(6)
+    if not lifted(arms.sim, way.lift - LAG):
+        return
+    x, y, _ = arms.sim.position("stove")
+    x, y = x + way.place[0], y + way.place[1]
+    yield from carry_over(arms, x, y, height=way.clearance)
+    yield from lower_to(arms, NEARLY, way.speed)
+    yield from lower_to(arms, way.release, way.speed)
+    yield from wait(way.pause)
+    for sides in way.order:
+        yield from let_go(arms, *sides)
 
 
-way = ways_to(lambda arms, carrying: by(carrying)(arms), done, Carrying())
+way = ways_to(put, done, Carrying())
 
 
 def _both(**changes: float) -> dict[Side, HandleGrasp]:

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from duobench.experts.handling import LET_GO
-from duobench.experts.motion import Arms, Script, follow, move, release, together, wait
+from duobench.experts.motion import Arms, Script, follow, move, release, together
 from duobench.experts.scripts.hinge_chest import Insertion, fetch, lower, open_lid, under_lid
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.chest import CAVITY, RIM_HEIGHT, WALL
 from duobench.sim.simulation import Simulation
 from duobench.types import Side
 from tests.sincere.sincere import Way, ways_to
+from tests.steps import Act, by, do, pause
 
 OPEN = 0.8
 """Angle in radians from which on the lid counts as open [task definitions]."""
@@ -75,75 +76,44 @@ def retreat(arms: Arms, way: Insertion) -> Script:
     yield from move(arms, {way.side: here.moved(y=way.side.sign * 0.2, z=0.16)}, arrive=False)
 
 
-def put_in(way: Insertion) -> Callable[[Arms], Script]:
+def both(arms: Arms, way: Insertion) -> Script:
+    """One arm opens the lid while the other one fetches the cube."""
+    yield from together(open_lid(arms, way), fetch(arms, way))
+
+
+def put_in(way: Insertion) -> Act:
     """The expert's way with other numbers, and the hand leaves the chest."""
-
-    def script(arms: Arms) -> Script:
-        yield from together(open_lid(arms, way), fetch(arms, way))
-        yield from lower(arms, way)
-        yield from let_go(arms, way)
-
-    return script
+    return do((both, way), (lower, way), (let_go, way))
 
 
-def one_after_the_other(way: Insertion) -> Callable[[Arms], Script]:
+def one_after_the_other(way: Insertion) -> Act:
     """The cube is in hand before the other arm begins to open the lid."""
-
-    def script(arms: Arms) -> Script:
-        yield from fetch(arms, way)
-        yield from open_lid(arms, way)
-        yield from lower(arms, way)
-        yield from let_go(arms, way)
-
-    return script
+    return do((fetch, way), (open_lid, way), (lower, way), (let_go, way))
 
 
-def slipped(way: Insertion, by: float, steps: int) -> Callable[[Arms], Script]:
-    """The lid sinks onto the inserting hand for a moment, and the holder takes it again.
+def sink(arms: Arms, way: Insertion, start: float, end: float) -> Script:
+    """The holder leads the lid from one angle to another."""
+    chest, holder = arms.sim.pose("chest"), way.side.other
+    yield from follow(
+        arms, lambda f: {holder: under_lid(chest, holder, start + f * (end - start))}, 0.4
+    )
 
-    Args:
-        way: How the cube goes in.
-        by: How far the holder's fingers sink, in radians of the lid.
-        steps: Control steps for which they are down.
+
+def slipped(way: Insertion, sunk: float, steps: int) -> Act:
+    """The lid sinks by so many radians onto the inserting hand for some control steps, and the
+    holder takes it again.
     """
-
-    def sink(arms: Arms, start: float, end: float) -> Script:
-        chest, holder = arms.sim.pose("chest"), way.side.other
-
-        def path(fraction: float) -> dict[Side, object]:
-            return {holder: under_lid(chest, holder, start + fraction * (end - start))}
-
-        yield from follow(arms, path, 0.4)
-
-    def script(arms: Arms) -> Script:
-        yield from together(open_lid(arms, way), fetch(arms, way))
-        yield from wait(10)
-        yield from lower(arms, way)
-        yield from sink(arms, way.open_angle, way.open_angle - by)
-        yield from wait(steps)
-        yield from sink(arms, way.open_angle - by, way.open_angle)
-        yield from let_go(arms, way)
-
-    return script
+    high, low = way.open_angle, way.open_angle - sunk
+    down, up = (sink, way, high, low), (sink, way, low, high)
+    return do((both, way), (pause, 10), (lower, way), down, (pause, steps), up, (let_go, way))
 
 
-def along_the_lid(way: Insertion, lean: float) -> Callable[[Arms], Script]:
-    """The hand that has come down leans on the open lid for half a second, and lets go there.
-
-    Args:
-        way: How the cube goes in.
-        lean: How far the hand is led towards the lid, in metres.
+def along_the_lid(way: Insertion, lean: float) -> Act:
+    """The hand that has come down is led so many metres towards the open lid, leans on it for half
+    a second, and lets go there.
     """
-
-    def script(arms: Arms) -> Script:
-        yield from together(open_lid(arms, way), fetch(arms, way))
-        yield from wait(10)
-        yield from lower(arms, way)
-        yield from move(arms, {way.side: arms.targets[way.side].moved(x=lean)}, speed=0.1)
-        yield from wait(15)
-        yield from let_go(arms, way)
-
-    return script
+    on_it = (by, way.side, {"x": lean, "speed": 0.1})
+    return do((both, way), (pause, 10), (lower, way), on_it, (pause, 15), (let_go, way))
 
 
 def _way(name: str, insertion: Insertion, **fields: Any) -> Way:

@@ -23,15 +23,7 @@ from duobench.experts.motion import (
 )
 from duobench.experts.scripts.spring_door import HOLDER, INSERTER
 from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.microwave import (
-    BAR,
-    CAVITY,
-    CAVITY_CENTRE_Y,
-    FLOOR,
-    FRONT,
-    HEIGHT,
-    HINGE,
-)
+from duobench.objects.microwave import BAR, CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, HEIGHT, HINGE
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from tests.sincere.sincere import Way, left_alone, ways_to

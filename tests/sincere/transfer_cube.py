@@ -13,21 +13,11 @@ from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.sim.simulation import Simulation
 from duobench.types import Side
-from tests.sincere.handing import (
-    Meeting,
-    at_rest,
-    hand_over,
-    held,
-    leaning,
-    low_end,
-    put_down,
-    random_grasps,
-    random_tempo,
-)
+from tests.sincere import handing
 from tests.sincere.sincere import Way, ways_to
 from tests.steps import clear_of
 
-EXPERT = Meeting(
+EXPERT = handing.Meeting(
     bar=BAR,
     centre=tuple(MEETING_POINT.tolist()),
     rise=RISE,
@@ -40,7 +30,7 @@ EXPERT = Meeting(
 class Plan:
     """How the block goes into the bowl."""
 
-    meeting: Meeting = EXPERT
+    meeting: handing.Meeting = EXPERT
     lean: float = math.radians(40)
     """Angle in radians from upright at which the block is let go."""
     height: float = 0.0
@@ -50,15 +40,15 @@ class Plan:
     y: float = -0.02
 
     def script(self, arms: Arms) -> Script:
-        yield from hand_over(arms, self.meeting)
+        yield from handing.hand_over(arms, self.meeting)
         giver, side = self.meeting.bar.giver, self.meeting.bar.giver.other
         yield from clear_of(arms, giver)
-        pose = leaning(arms, side, BAR.body, self.lean)
+        pose = handing.leaning(arms, side, BAR.body, self.lean)
         spot = arms.sim.position("bowl") + np.array(
             [self.x, self.y * side.sign, FLOOR + self.height]
         )
-        shift = spot - low_end(pose, LONG_BLOCK, CUBE_EDGE)
-        yield from put_down(
+        shift = spot - handing.low_end(pose, LONG_BLOCK, CUBE_EDGE)
+        yield from handing.put_down(
             arms, side, BAR.body, pose.moved(*shift), low=max(RIM_HEIGHT, FLOOR + self.height)
         )
 
@@ -72,7 +62,7 @@ def done(sim: Simulation) -> bool:
         and sim.contacts.partners("cube") == {"bowl"}
         and "table" in sim.contacts.partners("bowl")
         and sim.rotation("bowl")[2, 2] > math.cos(math.radians(10))
-        and at_rest(sim.speed("cube"))
+        and handing.at_rest(sim.speed("cube"))
     )
 
 
@@ -82,7 +72,7 @@ way = ways_to(lambda arms, plan: plan.script(arms), done, Plan())
 FLAT = replace(EXPERT, slant=math.radians(45), grip_at=0.032)
 DEEP = replace(EXPERT, grip_at=0.012)
 WAYS: tuple[Way, ...] = (
-    way("received deep in the fingers", Plan(meeting=held(DEEP, grip=0.036))),
+    way("received deep in the fingers", Plan(meeting=handing.held(DEEP, grip=0.036))),
     way("received at the fingertips", Plan(meeting=replace(EXPERT, grip_at=0.044))),
     way("received from above, laid down flat", Plan(meeting=FLAT, lean=math.radians(88), y=-0.05)),
     way("put in standing", Plan(lean=0.0, y=0.0)),
@@ -96,25 +86,25 @@ WAYS: tuple[Way, ...] = (
     ),
     way("let go eight millimetres above the floor", Plan(lean=0.3, height=0.008)),
     way("pressed three millimetres into the floor", Plan(height=-0.003)),
-    way("picked up by its middle", Plan(meeting=held(EXPERT, grip=0.010))),
-    way("picked up by its end", Plan(meeting=held(EXPERT, grip=0.036))),
-    way("picked up by the fingertips", Plan(meeting=held(EXPERT, height=0.034))),
-    way("picked up deep", Plan(meeting=held(EXPERT, height=0.018))),
-    way("picked up by a tilted hand", Plan(meeting=held(EXPERT, tilt=0.3))),
+    way("picked up by its middle", Plan(meeting=handing.held(EXPERT, grip=0.010))),
+    way("picked up by its end", Plan(meeting=handing.held(EXPERT, grip=0.036))),
+    way("picked up by the fingertips", Plan(meeting=handing.held(EXPERT, height=0.034))),
+    way("picked up deep", Plan(meeting=handing.held(EXPERT, height=0.018))),
+    way("picked up by a tilted hand", Plan(meeting=handing.held(EXPERT, tilt=0.3))),
     way("handed over upright", Plan(meeting=replace(EXPERT, rise=math.radians(60)))),
     way("half the speed", slowness=2),
     way("trembling", tremble=0.01),
-    way("the left arm gives", Plan(meeting=held(EXPERT, giver=Side.LEFT)), seed=0),
+    way("the left arm gives", Plan(meeting=handing.held(EXPERT, giver=Side.LEFT)), seed=0),
 )
 
 
 def sample(rng: np.random.Generator) -> Way:
     """A way at random."""
     slant = math.radians(rng.uniform(0, 45))
-    bar, grip_at = random_grasps(rng, BAR, 0.044)
+    bar, grip_at = handing.random_grasps(rng, BAR, 0.044)
     if rng.random() < 0.2:
         bar = replace(bar, giver=Side.LEFT)
-    meeting = Meeting(
+    meeting = handing.Meeting(
         bar=bar,
         centre=(rng.uniform(0.45, 0.55), rng.uniform(-0.05, 0.05), rng.uniform(0.28, 0.38)),
         rise=math.radians(rng.uniform(10, 60)),
@@ -128,5 +118,5 @@ def sample(rng: np.random.Generator) -> Way:
         x=rng.uniform(-0.03, 0.03),
         y=rng.uniform(-0.04, 0.01),
     )
-    slowness, tremble = random_tempo(rng)
+    slowness, tremble = handing.random_tempo(rng)
     return way(how=plan, slowness=slowness, tremble=tremble)

@@ -20,16 +20,7 @@ from duobench.experts.scripts.transfer_gate import (
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.gate import MAT_EDGE, MAT_THICKNESS
 from duobench.sim.simulation import Simulation
-from tests.sincere.handing import (
-    Meeting,
-    at_rest,
-    hand_over,
-    leaning,
-    low_end,
-    put_down,
-    random_grasps,
-    random_tempo,
-)
+from tests.sincere import handing
 from tests.sincere.sincere import Way, ways_to
 
 BEFORE = -0.14
@@ -67,7 +58,7 @@ class Plan:
     def script(self, arms: Arms) -> Script:
         bar = replace(BAR, grip=self.bar_grip, height=self.bar_height, tilt=self.tilt)
         x, y, z = ring(arms)
-        meeting = Meeting(
+        meeting = handing.Meeting(
             bar=bar,
             centre=(x + self.aside, y + self.beyond, z),
             rise=self.rise,
@@ -76,18 +67,18 @@ class Plan:
             lean=LEAN,
             before=self.beyond - BEFORE,
         )
-        yield from hand_over(arms, meeting)
+        yield from handing.hand_over(arms, meeting)
         giver, side = bar.giver, bar.giver.other
         yield from leave(arms, giver)
         pulled = arms.targets[side].moved(x=0.06, y=0.12, z=0.03)
         yield from move(arms, {side: pulled}, arrive=False)
-        pose = leaning(arms, side, BAR.body, self.lean)
+        pose = handing.leaning(arms, side, BAR.body, self.lean)
         spot = arms.sim.position("mat") + np.array(
             [self.x, self.y, MAT_THICKNESS / 2 + self.height]
         )
-        shift = spot - low_end(pose, LONG_BLOCK, CUBE_EDGE)
+        shift = spot - handing.low_end(pose, LONG_BLOCK, CUBE_EDGE)
         low = MAT_THICKNESS + max(0.0, self.height)
-        yield from put_down(arms, side, BAR.body, pose.moved(*shift), low=low)
+        yield from handing.put_down(arms, side, BAR.body, pose.moved(*shift), low=low)
 
 
 def done(sim: Simulation) -> bool:
@@ -96,7 +87,7 @@ def done(sim: Simulation) -> bool:
     return (
         max(abs(x), abs(y)) < MAT_EDGE / 2
         and sim.contacts.partners("block") == {"mat"}
-        and at_rest(sim.speed("block"))
+        and handing.at_rest(sim.speed("block"))
     )
 
 
@@ -129,7 +120,7 @@ WAYS: tuple[Way, ...] = (
 
 def sample(rng: np.random.Generator) -> Way:
     """A way at random."""
-    bar, grip_at = random_grasps(rng, BAR, 0.042)
+    bar, grip_at = handing.random_grasps(rng, BAR, 0.042)
     flat = rng.random() < 0.25
     plan = Plan(
         bar_grip=bar.grip,
@@ -145,5 +136,5 @@ def sample(rng: np.random.Generator) -> Way:
         x=rng.uniform(-0.05, 0.05),
         y=rng.uniform(-0.05, 0.02),
     )
-    slowness, tremble = random_tempo(rng)
+    slowness, tremble = handing.random_tempo(rng)
     return way(how=plan, slowness=slowness, tremble=tremble)

@@ -21,20 +21,11 @@ from duobench.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import Side
-from tests.sincere.handing import (
-    SEEN,
-    Meeting,
-    at_rest,
-    check,
-    hand_over,
-    held,
-    random_grasps,
-    random_tempo,
-)
+from tests.sincere import handing
 from tests.sincere.sincere import Way, ways_to
 from tests.steps import clear_of
 
-EXPERT = Meeting(
+EXPERT = handing.Meeting(
     bar=BAR,
     centre=tuple(MEETING_POINT.tolist()),
     rise=RISE,
@@ -48,7 +39,7 @@ DEEP_ENOUGH = 0.015
 class Plan:
     """How the peg goes into the hole."""
 
-    meeting: Meeting = EXPERT
+    meeting: handing.Meeting = EXPERT
     depth: float = 0.024
     """How deep its tip is led into the hole before it is let go, in metres; above it below 0."""
     aside: float = 0.0
@@ -57,7 +48,7 @@ class Plan:
     """Whether the hand is drawn back, or only opened."""
 
     def script(self, arms: Arms) -> Script:
-        yield from hand_over(arms, self.meeting)
+        yield from handing.hand_over(arms, self.meeting)
         giver, side = self.meeting.bar.giver, self.meeting.bar.giver.other
         yield from clear_of(arms, giver)
         hole = arms.sim.pose("board") @ SE3.at(HEXAGON.x, 0.0, BOARD_HEIGHT)
@@ -66,7 +57,9 @@ class Plan:
             if height >= -self.depth:
                 yield from lead(arms, side, goal.moved(x=self.aside, z=height), speed=speed)
         yield from lead(arms, side, goal.moved(x=self.aside, z=-self.depth), speed=0.06)
-        check(arms.sim.min_height(BAR.body) < BOARD_HEIGHT + max(0.0, -self.depth) + SEEN)
+        handing.check(
+            arms.sim.min_height(BAR.body) < BOARD_HEIGHT + max(0.0, -self.depth) + handing.SEEN
+        )
         if self.retreat:
             yield from let_go(arms, side)
         else:
@@ -82,7 +75,7 @@ def done(sim: Simulation) -> bool:
         and abs(sim.rotation("peg")[2, 0]) > math.cos(math.radians(8))
         and sim.min_height("peg") < BOARD_HEIGHT - DEEP_ENOUGH
         and sim.contacts.partners("peg") == {"board"}
-        and at_rest(sim.speed("peg"))
+        and handing.at_rest(sim.speed("peg"))
     )
 
 
@@ -91,7 +84,7 @@ way = ways_to(lambda arms, plan: plan.script(arms), done, Plan())
 
 DEEP = replace(EXPERT, grip_at=0.014)
 WAYS: tuple[Way, ...] = (
-    way("received deep in the fingers", Plan(meeting=held(DEEP, grip=0.036))),
+    way("received deep in the fingers", Plan(meeting=handing.held(DEEP, grip=0.036))),
     way("received at the fingertips", Plan(meeting=replace(EXPERT, grip_at=0.042))),
     way("let go with the tip in the hole", Plan(depth=0.006)),
     *(way(f"let go {high} mm above the hole", Plan(depth=-high / 1000)) for high in (1, 3, 6, 9)),
@@ -99,24 +92,24 @@ WAYS: tuple[Way, ...] = (
     way("let go half-way", Plan(depth=0.012)),
     way("pressed onto the hole's floor", Plan(depth=0.029)),
     way("the hand only opens", Plan(retreat=False)),
-    way("picked up by its middle", Plan(meeting=held(EXPERT, grip=0.016))),
-    way("picked up by its end", Plan(meeting=held(EXPERT, grip=0.038))),
-    way("picked up by the fingertips", Plan(meeting=held(EXPERT, height=0.033))),
-    way("picked up deep", Plan(meeting=held(EXPERT, height=0.019))),
-    way("picked up by a tilted hand", Plan(meeting=held(EXPERT, tilt=0.2))),
+    way("picked up by its middle", Plan(meeting=handing.held(EXPERT, grip=0.016))),
+    way("picked up by its end", Plan(meeting=handing.held(EXPERT, grip=0.038))),
+    way("picked up by the fingertips", Plan(meeting=handing.held(EXPERT, height=0.033))),
+    way("picked up deep", Plan(meeting=handing.held(EXPERT, height=0.019))),
+    way("picked up by a tilted hand", Plan(meeting=handing.held(EXPERT, tilt=0.2))),
     way("handed over nearly level", Plan(meeting=replace(EXPERT, rise=math.radians(30)))),
     way("half the speed", slowness=2),
     way("trembling", tremble=0.01),
-    way("the left arm gives", Plan(meeting=held(EXPERT, giver=Side.LEFT))),
+    way("the left arm gives", Plan(meeting=handing.held(EXPERT, giver=Side.LEFT))),
 )
 
 
 def sample(rng: np.random.Generator) -> Way:
     """A way at random."""
-    bar, grip_at = random_grasps(rng, BAR, 0.042)
+    bar, grip_at = handing.random_grasps(rng, BAR, 0.042)
     if rng.random() < 0.2:
         bar = replace(bar, giver=Side.LEFT)
-    meeting = Meeting(
+    meeting = handing.Meeting(
         bar=bar,
         centre=(rng.uniform(0.47, 0.53), rng.uniform(-0.03, 0.03), rng.uniform(0.36, 0.40)),
         rise=math.radians(rng.uniform(30, 65)),
@@ -124,5 +117,5 @@ def sample(rng: np.random.Generator) -> Way:
         slant=math.radians(rng.uniform(0, 10)),
     )
     plan = Plan(meeting=meeting, depth=rng.uniform(-0.008, 0.028), retreat=bool(rng.random() < 0.7))
-    slowness, tremble = random_tempo(rng)
+    slowness, tremble = handing.random_tempo(rng)
     return way(how=plan, slowness=slowness, tremble=tremble)

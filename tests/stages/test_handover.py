@@ -212,50 +212,41 @@ def test_who_received_on_the_way(
     )
 
 
+IN_BOWL = touching("cube", "bowl")
+ANYWHERE = IN_BOWL | ~IN_BOWL
+
+
 @pytest.mark.parametrize(
-    ("letters", "put"),
+    ("place", "letters", "put"),
     [
-        ("trblif", True),
-        ("trbliff", True),
-        ("trblbrblif", True),  # handed back and over again
-        ("tlbrtrblif", True),
-        ("trblbif", False),  # the giver touches it once more
-        ("trblblif", True),
-        ("trbltlif", True),  # dropped by the receiver and picked up again
-        ("trbltif", False),  # dropped by the receiver and pinched in the bowl
-        ("trblfffif", False),
-        ("trblfff", False),  # dropped from afar
-        ("trblnif", True),
-        ("trblnnnif", False),
-        ("trbltrtlif", False),  # given back by way of the table
-        ("trblbrif", False),  # handed back
-        ("trblrif", False),
-        ("trlif", False),
-        ("trbliftt", False),  # out of the bowl again
-        ("trbliftf", False),
+        (IN_BOWL, "trblif", True),
+        (IN_BOWL, "trbliff", True),
+        (IN_BOWL, "trblbrblif", True),  # handed back and over again
+        (IN_BOWL, "tlbrtrblif", True),
+        (IN_BOWL, "trblbif", False),  # the giver touches it once more
+        (IN_BOWL, "trblblif", True),
+        (IN_BOWL, "trbltlif", True),  # dropped by the receiver and picked up again
+        (IN_BOWL, "trbltif", False),  # dropped by the receiver and pinched in the bowl
+        (IN_BOWL, "trblfffif", False),
+        (IN_BOWL, "trblfff", False),  # dropped from afar
+        (IN_BOWL, "trblnif", True),
+        (IN_BOWL, "trblnnnif", False),
+        (IN_BOWL, "trbltrtlif", False),  # given back by way of the table
+        (IN_BOWL, "trblbrif", False),  # handed back
+        (IN_BOWL, "trblrif", False),
+        (IN_BOWL, "trlif", False),
+        (IN_BOWL, "trbliftt", False),  # out of the bowl again
+        (IN_BOWL, "trbliftf", False),
+        (ANYWHERE, "trblf", True),  # let go a little above it, never touched and in the hand
+        (ANYWHERE, "trblnf", True),
+        (ANYWHERE, "trbf", False),
+        (ANYWHERE, "trbrf", False),
+        (ANYWHERE, "trblif", True),
+        (ANYWHERE, "trblitf", False),  # touched again by the table
+        (ANYWHERE, "trblibf", False),  # and by the other arm
     ],
 )
-def test_what_was_put_there(bench: TaskHarness, moments: Moments, letters: str, put: bool) -> None:
-    in_bowl = touching("cube", "bowl")
-    words = handover("cube", "bowl")
-    assert answer(bench, moments, letters, words.put(in_bowl)) == put
-
-
-def test_what_is_held_over_its_place_is_put_there(bench: TaskHarness, moments: Moments) -> None:
-    """Let go a little above it, without a step at which it was touched and in the hand."""
-    anywhere = touching("cube", "bowl") | ~touching("cube", "bowl")
-    words = handover("cube", "bowl")
-    for letters, put in (("trblf", True), ("trblnf", True), ("trbf", False), ("trbrf", False)):
-        assert answer(bench, moments, letters, words.put(anywhere)) == put, letters
-
-
-@pytest.mark.parametrize(
-    ("letters", "put"), [("trblif", True), ("trblitf", False), ("trblibf", False)]
-)
-def test_what_was_put_there_is_not_touched_again(
-    bench: TaskHarness, moments: Moments, letters: str, put: bool
+def test_what_was_put_there(
+    bench: TaskHarness, moments: Moments, place: Predicate, letters: str, put: bool
 ) -> None:
-    """By the other arm, or by the table."""
-    anywhere = touching("cube", "bowl") | ~touching("cube", "bowl")
-    words = handover("cube", "bowl")
-    assert answer(bench, moments, letters, words.put(anywhere)) == put
+    assert answer(bench, moments, letters, handover("cube", "bowl").put(place)) == put

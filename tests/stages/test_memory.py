@@ -77,14 +77,6 @@ def test_a_memory_with_and_one_without_an_end_are_two() -> None:
     assert sequence.ask(("p", "", "q", ""), question) == [False, False, False, True]
 
 
-def test_it_goes_on_without_end() -> None:
-    sequence = Sequence()
-    given, dropped = sequence.letter("g"), sequence.letter("d")
-    question = since(given, reset=dropped)
-    assert sequence.ask(tuple("gd" * 50 + "g-"), question)[-1]
-    assert not sequence.ask(tuple("gd" * 50 + "-"), question)[-1]
-
-
 def test_time_is_summed_up_over_breaks_until_it_is_reset() -> None:
     sequence = Sequence()
     a, r = sequence.letter("a"), sequence.letter("r")

@@ -12,9 +12,11 @@ from duobench.stages.progress import Progress, Stage
 from duobench.types import CONTROL_HZ
 from tests.stages.bench import Bench
 
+Facts = dict[str, Predicate]
+
 
 @pytest.fixture
-def facts(bench: Bench) -> dict[str, Predicate]:
+def facts(bench: Bench) -> Facts:
     """Letters that say what is so where they do not hold."""
     return {
         letter: Predicate(letter, bench.fact(letter).test, otherwise=lambda _s, n=letter: f"no {n}")
@@ -33,18 +35,14 @@ def why(bench: Bench, constraint: Predicate, *steps: str, **variants: str) -> tu
 # --- logic ---------------------------------------------------------------------------------------
 
 
-def test_a_conjunction_names_only_what_does_not_hold(
-    bench: Bench, facts: dict[str, Predicate]
-) -> None:
+def test_a_conjunction_names_only_what_does_not_hold(bench: Bench, facts: Facts) -> None:
     a, b, c = (facts[letter] for letter in "abc")
     assert why(bench, (a & b).called("both") & (b & c), "c") == ("no a", "no b")
     assert why(bench, a & ~b & ~(b & c), "abc") == ("b", "(b and c)")
     assert why(bench, a & b, "ab") == ()
 
 
-def test_a_disjunction_says_that_none_holds_and_what_all_lack(
-    bench: Bench, facts: dict[str, Predicate]
-) -> None:
+def test_a_disjunction_says_that_none_holds_and_what_all_lack(bench: Bench, facts: Facts) -> None:
     a, b, c, d = (facts[letter] for letter in "abcd")
     assert why(bench, a | (b | c), "") == ("neither a nor b nor c",)
     either = (a & b).called("left") | (a & c).called("right")
@@ -54,9 +52,7 @@ def test_a_disjunction_says_that_none_holds_and_what_all_lack(
     assert why(bench, ~(a | b), "b") == ("b",)
 
 
-def test_what_the_layout_rules_out_is_no_alternative(
-    bench: Bench, facts: dict[str, Predicate]
-) -> None:
+def test_what_the_layout_rules_out_is_no_alternative(bench: Bench, facts: Facts) -> None:
     chosen = any_of(variant("full", "left") & facts["a"], variant("full", "right") & facts["b"])
     assert why(bench, chosen, "", full="right") == ("no b",)
     assert why(bench, variant("full", "left"), "", full="right") == ("full is right, not left",)
@@ -71,18 +67,14 @@ def test_a_predicate_without_words_of_its_own_is_named(bench: Bench) -> None:
 # --- memory --------------------------------------------------------------------------------------
 
 
-def test_held_for_says_what_is_missing_or_for_how_long_it_held(
-    bench: Bench, facts: dict[str, Predicate]
-) -> None:
+def test_held_for_says_what_is_missing_or_for_how_long_it_held(bench: Bench, facts: Facts) -> None:
     lasting = held_for(facts["a"], 0.5)
     assert why(bench, lasting, "a", "") == ("no a",)
     steps = ["", *["a"] * 6]
     assert why(bench, lasting, *steps) == (f"only for {6 / CONTROL_HZ:.2f} s, not for 0.5 s: a",)
 
 
-def test_since_says_what_was_never_so_or_what_undid_it(
-    bench: Bench, facts: dict[str, Predicate]
-) -> None:
+def test_since_says_what_was_never_so_or_what_undid_it(bench: Bench, facts: Facts) -> None:
     kept = facts["d"] & since(facts["a"], reset=facts["b"])
     assert why(bench, kept, "d", "d") == ("not so far: a",)
     assert why(bench, kept, "a", "b", "d") == ("undone: a (b)",)
@@ -91,9 +83,7 @@ def test_since_says_what_was_never_so_or_what_undid_it(
     assert why(bench, undone_by_loss & facts["d"], "ac", "", "d") == ("undone: a (no c)",)
 
 
-def test_since_tells_of_the_last_step_at_which_something_held(
-    bench: Bench, facts: dict[str, Predicate]
-) -> None:
+def test_since_tells_of_the_last_step_at_which_something_held(bench: Bench, facts: Facts) -> None:
     hand, low, _, done = facts.values()
     put = since((hand & low).called("put"), reset=~low).told_of("when let go", hand)
     assert why(bench, done & put, "a", "a", "b", "bd") == ("when let go: no b",)
@@ -103,9 +93,7 @@ def test_since_tells_of_the_last_step_at_which_something_held(
     assert why(bench, done & put, "ab", "b", "b") == ("no d",)
 
 
-def test_of_several_alternatives_those_that_were_tried_speak(
-    bench: Bench, facts: dict[str, Predicate]
-) -> None:
+def test_of_several_alternatives_those_that_were_tried_speak(bench: Bench, facts: Facts) -> None:
     a, b, low, _ = facts.values()
     by = [since(one & low, reset=~low).told_of(f"when {one} let go", one) for one in (a, b)]
     assert why(bench, by[0] | by[1], "a", "") == ("when a let go: no c",)
@@ -128,9 +116,7 @@ def test_it_is_about_the_next_stage_and_ends_with_success(bench: Bench) -> None:
     assert said == [("it is not so that a",), *[("it is not so that b",)] * 2, ()]
 
 
-def test_a_reset_and_another_state_forget_what_was_said(
-    bench: Bench, facts: dict[str, Predicate]
-) -> None:
+def test_a_reset_and_another_state_forget_what_was_said(bench: Bench, facts: Facts) -> None:
     progress = bench.begin(facts["d"] & since(facts["a"], reset=facts["b"]))
     progress.explain()
     bench.play(progress, "a", "b")
@@ -165,12 +151,12 @@ def test_nothing_is_asked_unless_somebody_wants_to_know(bench: Bench) -> None:
 
 def test_a_number_that_was_missed_is_in_millimetres(sim: Simulation) -> None:
     progress = Progress((Stage(name="up", instruction="up", holds=raised("cube", 0.03)),))
-    progress.explain()
     sim.reset_data()
+    sim.place("cube", SE3.at(0.5, 0.0, 0.016))
+    sim.forward()
+    progress.reset(sim, {})
+    progress.explain()
     for height, text in ((0.016, "0 mm"), (0.0202, "4.2 mm"), (0.01598, "0 mm")):
-        sim.place("cube", SE3.at(0.5, 0.0, 0.016))
-        sim.forward()
-        progress.reset(sim, {})
         sim.place("cube", SE3.at(0.5, 0.0, height))
         sim.forward()
         progress.update(sim)

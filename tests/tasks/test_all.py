@@ -56,9 +56,6 @@ def sim(env: gym.Env) -> Simulation:
     return sim_of(env).simulation
 
 
-# --- the declaration -----------------------------------------------------------------------------
-
-
 def test_a_task_says_what_it_is(task: Task) -> None:
     docstring = inspect.getdoc(import_module(f"duobench.tasks.{task.id}")) or ""
     places = [docstring.find(f"\n{heading}\n    ") for heading in HEADINGS]
@@ -116,9 +113,6 @@ def test_the_stages_name_every_object_and_a_misspelt_one_is_an_error(task: Task)
             check_names(task.stages, Simulation(props), variants, {})
 
 
-# --- resets --------------------------------------------------------------------------------------
-
-
 def test_a_reset_leaves_everything_apart_within_reach_and_at_rest(
     env: gym.Env, sim: Simulation, task: Task
 ) -> None:
@@ -158,6 +152,3 @@ def test_a_given_layout_begins_the_same_episode(env: gym.Env) -> None:
         assert again["seed"] is None
         assert again["layout"] == info["layout"]
         assert again["instruction"] == info["instruction"]
-
-
-# --- episodes ------------------------------------------------------------------------------------

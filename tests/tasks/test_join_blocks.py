@@ -8,9 +8,7 @@ import pytest
 
 from duobench.experts.scripts.join_blocks import script
 from duobench.objects import joint_blocks as bars
-from duobench.objects.solid import (
-    manifold_of,
-)
+from duobench.objects.solid import manifold_of
 from duobench.spatial import SE3
 from duobench.stages.joining import LOST_SECONDS
 from duobench.stages.placing import REST_SECONDS
@@ -76,34 +74,26 @@ def both_grasped(bench: TaskHarness) -> bool:
 # --- joined: what counts, and what must not ----------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("depth", "stage"), [(-0.001, 1), (0.009, 1), (0.011, 2), (bars.PEG_LENGTH, 2)]
-)
-def test_the_blocks_are_joined_from_ten_millimetres_on(
-    bench: TaskHarness, depth: float, stage: int
-) -> None:
-    dark = plugging_in(bench)
-    bench.put(light_block=joined(dark, depth))
-    assert both_grasped(bench)
-    assert bench.stage == stage
-
-
-@pytest.mark.parametrize(("beside", "stage"), [(0.0035, 2), (0.0045, 1)])
-def test_a_peg_beside_its_socket_does_not_count(
-    bench: TaskHarness, beside: float, stage: int
-) -> None:
-    dark = plugging_in(bench)
-    bench.put(light_block=joined(dark, 0.015).moved(z=beside))
-    assert both_grasped(bench)
-    assert bench.stage == stage
-
-
-@pytest.mark.parametrize(("degrees", "stage"), [(8.0, 2), (12.0, 1)])
-def test_a_peg_askew_does_not_count(bench: TaskHarness, degrees: float, stage: int) -> None:
-    dark = plugging_in(bench)
+def askew(degrees: float) -> SE3:
+    """A turn about the middle of the light block's tip."""
     tip = SE3(np.eye(3), bars.LIGHT_TIP.translation)
-    turn = tip @ SE3.about((0, 1, 0), math.radians(degrees)) @ tip.inverse()
-    bench.put(light_block=joined(dark, 0.012) @ turn)
+    return tip @ SE3.about((0, 1, 0), math.radians(degrees)) @ tip.inverse()
+
+
+@pytest.mark.parametrize(
+    ("depth", "off", "stage"),
+    [
+        *((-0.001, SE3(), 1), (0.009, SE3(), 1), (0.011, SE3(), 2), (bars.PEG_LENGTH, SE3(), 2)),
+        *((0.015, SE3.at(z=0.0035), 2), (0.015, SE3.at(z=0.0045), 1)),
+        *((0.012, askew(8.0), 2), (0.012, askew(12.0), 1)),
+    ],
+    ids=["out", "9 mm", "11 mm", "full", "aside", "too far aside", "askew", "too askew"],
+)
+def test_the_blocks_are_joined_from_ten_millimetres_on_straight_and_in_the_socket(
+    bench: TaskHarness, depth: float, off: SE3, stage: int
+) -> None:
+    dark = plugging_in(bench)
+    bench.put(light_block=joined(dark, depth) @ off)
     assert both_grasped(bench)
     assert bench.stage == stage
 
@@ -218,30 +208,27 @@ def test_a_moving_pair_does_not_count(bench: TaskHarness, block: str) -> None:
     assert bench.rest(REST_STEPS) == 3
 
 
-@pytest.mark.parametrize(("depth", "stage"), [(0.004, 3), (0.002, 2)])
-def test_blocks_that_came_apart_are_joined_again(
-    bench: TaskHarness, depth: float, stage: int
-) -> None:
-    dark = on_the_wall(bench)
-    bench.put(dark_block=dark, light_block=joined(dark, depth))
-    bench.put(light_block=joined(dark))
-    assert bench.rest(2 * REST_STEPS) == stage
-
-
-@pytest.mark.parametrize(("in_hand", "stage"), [(0.001, 3), (-0.002, 2)])
-def test_a_hand_brings_the_pair_onto_the_tip_of_the_peg(
-    bench: TaskHarness, in_hand: float, stage: int
+@pytest.mark.parametrize(
+    ("in_hand", "apart", "left", "stage"),
+    [
+        (0.001, None, False, 3),
+        (-0.002, None, False, 2),
+        (0.005, 0.004, False, 3),
+        (0.005, 0.002, False, 2),
+        (0.005, None, True, 2),
+    ],
+    ids=["onto the tip", "not onto it", "nearly apart", "apart", "left the wall"],
+)
+def test_a_hand_brings_the_pair_onto_the_peg_and_it_stays_there(
+    bench: TaskHarness, in_hand: float, apart: float | None, left: bool, stage: int
 ) -> None:
     dark = on_the_wall(bench, in_hand)
+    if apart is not None:
+        bench.put(dark_block=dark, light_block=joined(dark, apart))
+    if left:
+        bench.put(dark_block=AIR, light_block=joined(AIR))
     bench.put(dark_block=dark, light_block=joined(dark))
     assert bench.rest(2 * REST_STEPS) == stage
-
-
-def test_a_pair_that_left_the_wall_is_brought_there_again(bench: TaskHarness) -> None:
-    dark = on_the_wall(bench)
-    bench.put(dark_block=AIR, light_block=joined(AIR))
-    bench.put(dark_block=dark, light_block=joined(dark))
-    assert bench.rest(2 * REST_STEPS) == 2
 
 
 def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
@@ -253,9 +240,6 @@ def test_the_dark_block_on_the_wall_without_the_light_one_does_not_count(
     # Nor with the light one where it would be without a dark one between.
     bench.put(dark_block=AIR, light_block=joined(dark).moved(x=LENGTH))
     assert bench.rest(REST_STEPS) == 2
-
-
-# --- physics -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("short", [0.0005, 0.003])
@@ -278,9 +262,6 @@ def test_a_peg_does_not_pass_through_a_bar(bench: TaskHarness) -> None:
     bench.start(0)
     bench.put(dark_block=AIR, light_block=joined(AIR).moved(y=0.008))
     assert bench.sim.contacts.between("dark_block", "light_block")
-
-
-# --- objects -----------------------------------------------------------------------------------
 
 
 def test_a_peg_fits_its_socket_with_a_printers_play() -> None:

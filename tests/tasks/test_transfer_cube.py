@@ -19,20 +19,12 @@ LEFT, RIGHT = Side.LEFT, Side.RIGHT
 BOWL = np.array([0.55, 0.15, 0.0])
 """Where both arms reach into the bowl."""
 LOW_IN_BOWL = np.array([0.55, 0.15, 0.033])
-BOTH_REACH = Layout(
-    poses={"cube": SE3.at(0.45, -0.18, CUBE_EDGE / 2, yaw=0.3), "bowl": SE3.at(*BOWL)}
-)
+LAYOUT = Layout(poses={"cube": SE3.at(0.45, -0.18, CUBE_EDGE / 2, yaw=0.3), "bowl": SE3.at(*BOWL)})
 LYING = SE3.at(z=FLOOR + CUBE_EDGE / 2)
 BESIDE = SE3.at(x=-RADIUS - 0.0155, z=LONG_BLOCK / 2) @ SE3.about((0, 1, 0), math.pi / 2)
 """Standing on the table, against the rim."""
 ON_RIM = SE3.at(x=RADIUS - 0.001, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0005)
 TOO_HIGH = SE3.at(z=RIM_HEIGHT + PUT_HEIGHT + CUBE_EDGE / 2 + 0.001)
-
-
-@pytest.fixture
-def table(bench: TaskHarness) -> TaskHarness:
-    bench.start(layout=BOTH_REACH)
-    return bench
 
 
 def hand_over_and_bring(arms: Arms) -> Script:

@@ -4,20 +4,9 @@ import pytest
 
 from duobench.experts.handover import pick_bar
 from duobench.experts.motion import Arms, Script, down, grip, move, wait
-from duobench.experts.scripts.transfer_gate import (
-    BAR,
-    lower_onto_mat,
-)
+from duobench.experts.scripts.transfer_gate import BAR, lower_onto_mat
+from duobench.objects import gate as gates
 from duobench.objects.blocks import CUBE_EDGE
-from duobench.objects.gate import (
-    BASE,
-    MAT_EDGE,
-    MAT_THICKNESS,
-    RING_HEIGHT,
-    RING_RADIUS,
-    RING_THICKNESS,
-    gate,
-)
 from duobench.objects.shapes import cylinder
 from duobench.objects.solid import manifold_of
 from duobench.sim import placement
@@ -30,10 +19,10 @@ from tests.steps import drop
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
-MAT = np.array([0.5, 0.22, MAT_THICKNESS / 2])
+MAT = np.array([0.5, 0.22, gates.MAT_THICKNESS / 2])
 """Where both arms reach the mat."""
-HALF_MAT = MAT_EDGE / 2
-LYING_HEIGHT = MAT_THICKNESS + CUBE_EDGE / 2
+HALF_MAT = gates.MAT_EDGE / 2
+LYING_HEIGHT = gates.MAT_THICKNESS + CUBE_EDGE / 2
 LAYOUT = Layout(
     poses={
         "block": SE3.at(0.5, -0.25, CUBE_EDGE / 2, yaw=0.3),
@@ -43,17 +32,11 @@ LAYOUT = Layout(
 )
 
 
-@pytest.fixture
-def table(bench: TaskHarness) -> TaskHarness:
-    bench.start(layout=LAYOUT)
-    return bench
-
-
 def slide_gate_over_block(bench: TaskHarness, *, aside: float = 0.0) -> None:
     """Let the block cross the ring, in whatever hand, by moving the ring."""
     x, y, z = bench.sim.position("block")
     for beyond in (-0.02, 0.02):
-        bench.put(gate=SE3.at(x - aside, y - beyond, z - RING_HEIGHT))
+        bench.put(gate=SE3.at(x - aside, y - beyond, z - gates.RING_HEIGHT))
 
 
 def on_mat(bench: TaskHarness) -> bool:
@@ -126,11 +109,11 @@ def test_only_a_block_that_rests_on_the_mat_counts(table: TaskHarness) -> None:
 
 
 def test_the_ring_is_as_wide_as_the_task_says() -> None:
-    axis = SE3.at(z=RING_HEIGHT) @ SE3.about((1, 0, 0), np.pi / 2)
-    ring_on_stand = sum((manifold_of(shape) for shape in gate().shapes), manifold3d.Manifold())
+    axis = SE3.at(z=gates.RING_HEIGHT) @ SE3.about((1, 0, 0), np.pi / 2)
+    ring_on_stand = sum(map(manifold_of, gates.gate().shapes), manifold3d.Manifold())
     overlap = [
         (ring_on_stand ^ manifold_of(cylinder(radius, 0.1, at=axis))).volume()
-        for radius in (RING_RADIUS, RING_RADIUS + RING_THICKNESS / 2)
+        for radius in (gates.RING_RADIUS, gates.RING_RADIUS + gates.RING_THICKNESS / 2)
     ]
     assert overlap[0] < 1e-12
     assert overlap[1] > 1e-6
@@ -155,4 +138,4 @@ def test_a_bad_place_for_the_fixed_ring_is_found(
 def test_ring_and_mat_stay_apart() -> None:
     """What is fixed does not collide with what is fixed: only the ranges keep them apart."""
     ring, mat = TASK.placements["gate"].y, TASK.placements["mat"].y
-    assert ring.high + BASE[1] / 2 <= mat.low - MAT_EDGE / 2 + 1e-9
+    assert ring.high + gates.BASE[1] / 2 <= mat.low - gates.MAT_EDGE / 2 + 1e-9

@@ -51,12 +51,6 @@ finds the wide one, and slides off the narrow one."""
 UPRIGHT = SE3.about((0, 1, 0), math.pi / 2)
 
 
-@pytest.fixture
-def table(bench: TaskHarness) -> TaskHarness:
-    bench.start(layout=LAYOUT)
-    return bench
-
-
 @pytest.fixture(scope="module")
 def moments(bench: TaskHarness) -> dict[str, np.ndarray]:
     """States by letter: held by (r)ight, (b)oth, (l)eft alone, by left (i)n the hole, by left with
@@ -109,7 +103,7 @@ class Replay:
 
 @pytest.fixture
 def replay(table: TaskHarness, moments: dict[str, np.ndarray]) -> Replay:
-    table.start(layout=LAYOUT)
+    table.start(layout=LAYOUT)  # once more: `moments` may have been played in between
     return Replay(table, moments)
 
 
