@@ -199,10 +199,7 @@ class EpisodeRunner:
 
         Whatever the policy raises, `sys.exit` included, and whatever its actions make the
         environment raise, makes the episode a failed one; after its horizon, it ends the overtime.
-
-        Raises:
-            MachineryError: If the episode could not be played through no fault of the policy.
-            DuoBenchError: If environment and policy cannot be made, or do not fit.
+        A `MachineryError` is no fault of the policy, and other errors mean that it does not fit.
         """
         watch = Stopwatch()
         env, policy = self._prepare(episode)
@@ -212,10 +209,8 @@ class EpisodeRunner:
         recorder = EpisodeRecorder(
             episode, lambda: self._tell(recorder.record(self.run, self.versions))
         )
-        watchers: list[Watcher] = [recorder]
         video = self._video_recorder(env, episode.task) if episode.has_video else None
-        if video is not None:
-            watchers.append(video)
+        watchers: list[Watcher] = [recorder] if video is None else [recorder, video]
 
         def busy() -> AbstractContextManager[None]:
             return watch.policy(self._clock.timed(self._limits, recorder.steps))
