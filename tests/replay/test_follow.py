@@ -1,5 +1,7 @@
 """Following a run: what its records add up to while it is played, and its report at the end."""
 
+import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -102,3 +104,17 @@ def test_a_viewer_shows_what_comes(play: Play, server: PageServer, tmp_path: Pat
     viewer.run()
     assert server._latest["status"]
     assert '"report"' in str(server._latest["status"])
+
+
+def test_a_break_of_a_run_is_no_time_that_it_took(play: Play, server: PageServer) -> None:
+    folder, results = play("random", episodes=2)
+    keys = [record.key for task in results.tasks for record in task.records]
+    folder.discard(keys.pop())
+    end = time.time()
+    days = 3 * 86400.0
+    moments = [end - days - 20.0, end - days - 10.0, end - days, end]  # gone on with days later
+    for path, moment in zip([folder.description, *map(folder.record, keys)], moments, strict=True):
+        os.utime(path, (moment, moment))
+    found = followed(folder, server).refresh()["run"]
+    assert found["elapsed_s"] == pytest.approx(20.0, abs=5.0)
+    assert found["left_s"] == pytest.approx(10.0, abs=0.1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from duobench.errors import DuoBenchError
@@ -21,6 +22,8 @@ FAILURES = 5
 """Failures that are listed, the latest first."""
 _LATEST = 20
 """Finished episodes from whose times the remaining time is estimated."""
+_BREAK_S = 3600.0
+"""Seconds without a finished episode that are a break of the run, which counts nowhere."""
 _LEAVING_S, _LOADING_S, _LOOK_S = 10.0, 2.0, 0.1
 """Seconds that visitors have to open the report and then to load it, and between two looks."""
 
@@ -104,6 +107,7 @@ class FollowedRun:
             if name not in self._finished_at:
                 self._finished_at[name] = self._folder.record(record.key).stat().st_mtime
         times = sorted(self._finished_at[name] for name in source.records)
+        began, is_whole = self._folder.description.stat().st_mtime, len(times) == source.run.size
         parts = group_by_condition(source.run, source.records.values())
         rows = [
             {
@@ -120,7 +124,7 @@ class FollowedRun:
         return {
             "finished": len(times),
             "of": source.run.size,
-            "elapsed_s": max(0.0, time.time() - self._folder.description.stat().st_mtime),
+            "elapsed_s": sum(_gaps([began, *times, *([] if is_whole else [time.time()])])),
             "left_s": _left_s(times, source.run.size),
             "rows": rows,
             "failures": [{"id": each.id, "title": each.title} for each in failed],
@@ -134,9 +138,14 @@ class FollowedRun:
         return self._folder.page.stat().st_mtime >= max(self._finished_at.values(), default=0.0)
 
 
+def _gaps(moments: Sequence[float]) -> list[float]:
+    """Seconds between moments, one after the other, without breaks."""
+    return [gap for a, b in pairwise(moments) if 0.0 <= (gap := b - a) <= _BREAK_S]
+
+
 def _left_s(times: Sequence[float], size: int) -> float | None:
     """Seconds until the rest is finished at the pace of the latest episodes; None if unknown."""
-    latest = times[-_LATEST:]
-    if len(latest) < 2:  # noqa: PLR2004 - a pace needs two
+    gaps = _gaps(times[-_LATEST:])
+    if not gaps:
         return 0.0 if len(times) == size else None
-    return (size - len(times)) * (latest[-1] - latest[0]) / (len(latest) - 1)
+    return (size - len(times)) * sum(gaps) / len(gaps)
