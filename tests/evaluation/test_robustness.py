@@ -113,5 +113,5 @@ def test_the_command_plays_two_levels_of_a_few_axes(
     ):
         with pytest.raises(SystemExit, match=message):
             main(["eval", "--policy", "hold", *words, *extra])
-    with pytest.raises(SystemExit, match="go with --suite robust"):
+    with pytest.raises(SystemExit, match="are chosen of the suite robust"):
         main(["eval", "--policy", "hold", "--out", out, "--levels", "1"])
