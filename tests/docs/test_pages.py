@@ -209,7 +209,7 @@ def test_the_table_of_metadata_names_its_fields() -> None:
 
 @pytest.mark.parametrize("page", [ROOT / "README.md", EVALUATION, POLICIES], ids=lambda p: p.name)
 def test_options_of_the_command_line_exist(page: Path) -> None:
-    known = set[str]().union(*map(options, ("eval", "record", "replay", "report", "train")))
+    known = set[str]().union(*map(options, ("eval", "record", "replay", "report", "train", "view")))
     pattern = r"`--([a-z-]+)|duobench eval[^\n]* --([a-z-]+)"
     named = {first or second for first, second in re.findall(pattern, text_of(page))}
     assert named
