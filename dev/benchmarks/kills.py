@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -184,15 +184,20 @@ def disturb(folder: Path, kills: int, seed: int, port: int) -> Iterator[tuple[st
         number += 1
 
 
+def report(disturbed: Iterable[tuple[str, Counter[str]]]) -> None:
+    """Print what was killed in each run, and in all of them."""
+    total = Counter[str]()
+    for policy, counts in disturbed:
+        total += counts
+        print(f"{policy}: the same after {dict(counts)}", flush=True)
+    print(f"All the same after {total.total()} kills: {dict(total)}")
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--port", type=int, default=8765)
     asked = parser.parse_args()
-    total = Counter[str]()
     with tempfile.TemporaryDirectory() as name:
-        for policy, counts in disturb(Path(name), asked.kills, asked.seed, asked.port):
-            total += counts
-            print(f"{policy}: the same after {dict(counts)}", flush=True)
-    print(f"All the same after {total.total()} kills: {dict(total)}")
+        report(disturb(Path(name), asked.kills, asked.seed, asked.port))

@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from dev.benchmarks.kills import ROOT, contents
+from dev.benchmarks.kills import ROOT, contents, report
 from dev.benchmarks.ray_cluster import LocalCluster, local_cluster
 
 TASKS, EPISODES, WORKERS = ("carry_pot", "bin_sort"), 3, 2
@@ -148,9 +148,5 @@ if __name__ == "__main__":
     parser.add_argument("--kills", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    total = Counter[str]()
     with tempfile.TemporaryDirectory() as name, local_cluster() as there:
-        for played, who in disturb(Path(name), there, asked.kills, asked.seed):
-            total += who
-            print(f"{played}: the same after {dict(who)}", flush=True)
-    print(f"All the same after {total.total()} kills: {dict(total)}")
+        report(disturb(Path(name), there, asked.kills, asked.seed))

@@ -5,8 +5,6 @@ The environment judges, and says when the task is solved.
 
 from __future__ import annotations
 
-import threading
-from collections import deque
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -24,7 +22,7 @@ from duobench.randomness import TRAIN, episode_seed
 from duobench.tasks.task import Task
 from duobench.teleop.hands import KEEP, ButtonPresses
 from duobench.teleop.intent import Device, Intent
-from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, read
+from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, read
 from duobench.types import CONTROL_HZ, SIDES, DuoState, Side
 
 if TYPE_CHECKING:
@@ -36,8 +34,6 @@ as an expert, and as the horizon of an evaluation."""
 TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 """Strength, 0 to 1, and length in ms of the pulse when fingers touch something, when an arm is kept
 from where its hand wants it, and when a hand lets go, or is lost."""
-LONGEST_QUEUE = 1024
-"""Messages that may wait for the next control step; beyond, the oldest are forgotten."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
 AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
@@ -107,8 +103,7 @@ class Teleoperation:
         self._is_paused = False
         self._wanted = episodes
         self._instruction = instruction
-        self._messages: deque[tuple[Message | None, float]] = deque(maxlen=LONGEST_QUEUE)
-        self._has_message = threading.Event()
+        self._inbox = Inbox()
         self._presses = ButtonPresses()
         self._is_kept = False
         self._info: Info = {}
@@ -131,21 +126,17 @@ class Teleoperation:
         Raises:
             MessageError: It is refused; the session goes on as if it had not come.
         """
-        self._messages.append((read(data), now_s))
-        self._has_message.set()
+        self._inbox.put(read(data), now_s)
 
     def leave(self, now_s: float) -> None:
         """The operator has gone, or the connection is lost: both hands let go, and time stops."""
-        self._messages.append((None, now_s))  # nobody is there
-        self._has_message.set()
+        self._inbox.put(None, now_s)
 
     # --- from the session's own thread ---------------------------------------------------------
 
     def wait(self, timeout_s: float) -> None:
         """Wait for a message, or for so many seconds."""
-        if not self._messages:
-            self._has_message.wait(timeout_s)
-        self._has_message.clear()
+        self._inbox.wait(timeout_s)
 
     def advance(self, now_s: float) -> bool:
         """Do what the messages say, and a control step if an episode runs.
@@ -225,8 +216,7 @@ class Teleoperation:
 
     def _handle(self) -> bool:
         """Do what the messages say; in lockstep, those up to the first one of hands."""
-        while self._messages:
-            message, arrival_s = self._messages.popleft()
+        for message, arrival_s in self._inbox:
             if message is None:
                 self.device.lose()
                 continue

@@ -7,6 +7,9 @@ sentence, and changes nothing.
 from __future__ import annotations
 
 import math
+import threading
+from collections import deque
+from collections.abc import Iterator
 from typing import Annotated
 
 import msgspec
@@ -22,6 +25,8 @@ LONGEST_INSTRUCTION = 300
 """Characters of an instruction that an operator types."""
 LONGEST_MESSAGE = 4096
 """Bytes of a message."""
+LONGEST_QUEUE = 1024
+"""Messages that may wait; beyond, the oldest are forgotten."""
 
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 """How far something is pressed, 0 to 1."""
@@ -134,3 +139,27 @@ def read(data: bytes | str) -> Message:
         return _decoder.decode(data)
     except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
         raise MessageError(f"This message is refused: {error}.".replace("`$.", "`")) from error
+
+
+class Inbox:
+    """Messages of an operator that wait to be followed; any thread may put one in."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[Message | None, float]] = deque(maxlen=LONGEST_QUEUE)
+        self._is_fuller = threading.Event()
+
+    def put(self, message: Message | None, now_s: float) -> None:
+        """Let a message wait, with when it arrived; None says that the operator has gone."""
+        self._waiting.append((message, now_s))
+        self._is_fuller.set()
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait for a message, or for so many seconds."""
+        if not self._waiting:
+            self._is_fuller.wait(timeout_s)
+        self._is_fuller.clear()
+
+    def __iter__(self) -> Iterator[tuple[Message | None, float]]:
+        """Take messages out, the oldest first; those that are not asked for wait on."""
+        while self._waiting:
+            yield self._waiting.popleft()

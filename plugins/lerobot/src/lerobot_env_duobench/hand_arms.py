@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-from collections import deque
-
 import numpy as np
 
 from duobench.errors import MessageError
@@ -12,11 +9,9 @@ from duobench.kinematics.inverse import Kinematics
 from duobench.robot.joints import HOME_JOINTS
 from duobench.spatial import SE3
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses, HandDevice
-from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, read
+from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, read
 from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, DuoCommand, DuoState
 
-LONGEST_QUEUE = 1024
-"""Messages that may wait for the next control step; beyond, the oldest are forgotten."""
 OPEN_HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES)))
 """Where the arms are at first: at home, both grippers open."""
 NO_WORDING = "The instruction is said where the recording was started."
@@ -42,8 +37,7 @@ class HandArms:
         self._lockstep = lockstep
         self._kinematics = Kinematics()
         self._presses = ButtonPresses()
-        self._messages: deque[tuple[Message | None, float]] = deque(maxlen=LONGEST_QUEUE)
-        self._has_message = threading.Event()
+        self._inbox = Inbox()
         self._decision: str | None = None
         self.place(OPEN_HOME)
 
@@ -62,21 +56,17 @@ class HandArms:
         message = read(data)
         if isinstance(message, Instruction):
             raise MessageError(NO_WORDING)
-        self._messages.append((message, now_s))
-        self._has_message.set()
+        self._inbox.put(message, now_s)
 
     def leave(self, now_s: float) -> None:
         """The operator has gone, or the connection is lost: both hands let go."""
-        self._messages.append((None, now_s))
-        self._has_message.set()
+        self._inbox.put(None, now_s)
 
     # --- from one thread ---------------------------------------------------------------------
 
     def wait(self, timeout_s: float) -> None:
         """Wait for a message, or for so many seconds."""
-        if not self._messages:
-            self._has_message.wait(timeout_s)
-        self._has_message.clear()
+        self._inbox.wait(timeout_s)
 
     def place(self, command: DuoCommand) -> None:
         """Say where the arms are; they stay there until the operator opens the hands and begins."""
@@ -132,8 +122,7 @@ class HandArms:
 
     def _handle(self) -> bool:
         """Do what the messages say; in lockstep, those up to the first one of hands."""
-        while self._messages:
-            message, arrival_s = self._messages.popleft()
+        for message, arrival_s in self._inbox:
             if message is None:
                 self.device.lose()
                 continue
