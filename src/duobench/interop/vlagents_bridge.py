@@ -52,9 +52,6 @@ class VLAgentsPolicy:
 
     The server has no word for the start of an episode, so an agent that remembers something goes
     on with it. An observation is sent once: VLAgents' client would send it again after any error.
-
-    Raises:
-        DuoBenchError: If there is no such server or agent, or the format is one for others.
     """
 
     def __init__(self) -> None:

@@ -72,10 +72,6 @@ class PolicyName:
         Args:
             text: A word, `expert:VARIETY`, `lerobot:PATH_OR_ID`, or `module:attribute`.
             words: What a word may be, and what it names.
-
-        Raises:
-            UnknownNameError: There is none of that name.
-            PolicyError: It is no text that can be written down.
         """
         if not text.isprintable():
             raise PolicyError(f"The name of a policy is printable text, got {text!a}.")
@@ -172,15 +168,13 @@ def make_batched(
 
     Args:
         name: That of a policy that is not scripted.
-        batching: How many observations a `BatchPolicy` answers together; None takes the default.
+        batching: How many observations a `BatchPolicy` answers together; None takes the default,
+            and anything else is an error for one object of a plain policy.
         objects: How many episodes a plain policy may play side by side, with an object for each.
 
     Returns:
         The policy; its metadata, with the hash of its source where it has no version; and how many
         observations it answers together, None for a plain policy.
-
-    Raises:
-        PolicyError: Also if batches are asked of one object of a plain policy.
     """
     policy = make_any(name)
     metadata = policy.metadata
@@ -203,11 +197,7 @@ def no_batches(name: PolicyName) -> PolicyError:
 
 
 def source_version(*modules: str) -> str | None:
-    """A version made of the source files of modules; None if one of them has no file.
-
-    Args:
-        modules: Names of imported modules, in any order.
-    """
+    """A version made of the source files of imported modules; None if one of them has no file."""
     digest = hashlib.sha256()
     for name in sorted(set(modules)):
         file = getattr(sys.modules.get(name), "__file__", None)
