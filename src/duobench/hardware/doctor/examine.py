@@ -168,9 +168,7 @@ def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> I
     lost = frames[-1][0] - frames[0][0] + 1 - len(frames) if frames else 0
     value = f"{rate:.1f} images a second of {config.fps}, {lost} lost"
     is_slow = rate < LEAST_RATE * config.fps - 1.0 / max(measured.seconds, 0.1)
-    facts = getattr(camera, "facts", None)
-    usb = "" if facts is None else facts.usb
-    if usb:
+    if usb := getattr(camera, "usb", ""):
         value += f", USB {usb}"
     is_old = bool(usb) and float(usb.split()[0]) < 3.0  # noqa: PLR2004 - USB 3
     if is_slow or is_old:
