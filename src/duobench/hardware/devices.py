@@ -27,6 +27,10 @@ class FaultKind(StrEnum):
     DEVICE = "device"
     """Anything else that a device reports; the trial is invalid."""
 
+    def fault(self, text: str) -> Fault:
+        """A fault of this sort, in words for people."""
+        return Fault(kind=self, text=text)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Fault:

@@ -35,14 +35,7 @@ MAX_FREEZE_S = 0.2
 class Watchdog:
     """Holds both arms where a device is not well, and stops arms that get no commands.
 
-    Args:
-        arms: Both arms.
-        grippers: Both grippers.
-        cameras: Cameras by name.
-        controller: What the arms are told.
-        supervisor: What the rig is doing.
-        clock: Calls the watchdog.
-        hold: Holds both arms, for a reason and a fault if there is one.
+    `hold` holds both arms, for a reason and a fault if there is one.
     """
 
     def __init__(
@@ -69,9 +62,8 @@ class Watchdog:
 
     def stop(self) -> None:
         """Watch no more; stopping twice is harmless."""
-        ticker, self._ticker = self._ticker, None
-        if ticker is not None:
-            ticker.stop()
+        if self._ticker is not None:
+            self._ticker.stop()
 
     def feed(self) -> None:
         """Take note of a command."""
@@ -94,7 +86,7 @@ class Watchdog:
         except Exception as error:  # noqa: BLE001 - whatever it is, nobody watches the arms then
             _log.exception("The watch failed.")
             text = f"What is wrong cannot be told: {escaped(repr(error))}"
-            self._hold(text, Fault(kind=FaultKind.DEVICE, text=text))
+            self._hold(text, FaultKind.DEVICE.fault(text))
         now, state = self._clock.now(), self._supervisor.state
         if not self._controller.is_engaged or state in {State.HOMING, State.READY}:
             return
@@ -114,8 +106,9 @@ class Watchdog:
             if not self._controller.is_engaged:
                 continue
             if not reading.is_tracking:
-                text = f"The {side} arm follows no more commands, and says nothing about why."
-                return Fault(kind=FaultKind.DEVICE, text=text)
+                return FaultKind.DEVICE.fault(
+                    f"The {side} arm follows no more commands, and says nothing about why."
+                )
             if (late := streamer.take_lateness()) > MAX_FREEZE_S:
                 return _lost(f"This computer stood still for {late:.2f} s.")
             if streamer.error is not None:
@@ -148,8 +141,7 @@ class Watchdog:
 
 
 def _named(device: str, fault: Fault) -> Fault:
-    return Fault(kind=fault.kind, text=f"{device}: {fault.text}")
+    return fault.kind.fault(f"{device}: {fault.text}")
 
 
-def _lost(text: str) -> Fault:
-    return Fault(kind=FaultKind.COMMUNICATION, text=text)
+_lost = FaultKind.COMMUNICATION.fault

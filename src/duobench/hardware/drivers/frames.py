@@ -61,8 +61,9 @@ class LatestFrame:
         if age <= self.stale_s:
             return None
         why = f": {self.trouble}" if self.trouble else ""
-        text = f"The camera {self.name} has given no image for {age:.1f} s{why}."
-        return Fault(kind=FaultKind.COMMUNICATION, text=text)
+        return FaultKind.COMMUNICATION.fault(
+            f"The camera {self.name} has given no image for {age:.1f} s{why}."
+        )
 
     def begin(self) -> None:
         """Have a missing frame be a fault from now on, and forget earlier ones."""
