@@ -74,7 +74,7 @@ class ArmsController:
         configs: Mapping[Side, ArmConfig],
         clock: Clock,
     ) -> None:
-        self._arms, self._grippers, self._configs = arms, grippers, configs
+        self.arms, self.grippers, self._configs = arms, grippers, configs
         self.streamers: dict[Side, ReferenceStreamer] = {}
         for side in SIDES:
             follower = Follower(HOME_JOINTS[side.index], configs[side])
@@ -90,7 +90,7 @@ class ArmsController:
         """
         started: list[Arm] = []
         try:
-            for side, arm in self._arms.items():
+            for side, arm in self.arms.items():
                 started.append(arm)
                 arm.start()
                 self.streamers[side].start(arm.read().joints)
@@ -103,7 +103,7 @@ class ArmsController:
         """Have both arms stop, damped; twice is harmless."""
         if self.is_engaged:
             self.is_engaged = False
-            self._stop([*self._arms.values()])
+            self._stop([*self.arms.values()])
 
     def _stop(self, arms: list[Arm]) -> None:
         for streamer in self.streamers.values():
@@ -130,7 +130,7 @@ class ArmsController:
     def send(self, command: DuoCommand) -> None:
         """Lead both arms towards a command, and tell the grippers."""
         self.aim(command.joints)
-        for side, gripper in self._grippers.items():
+        for side, gripper in self.grippers.items():
             gripper.command(float(command.openings[side.index]))
 
     def hold(self) -> None:
@@ -138,7 +138,7 @@ class ArmsController:
         for streamer in self.streamers.values():
             with streamer.lock:
                 streamer.follower.hold()
-        for gripper in self._grippers.values():
+        for gripper in self.grippers.values():
             gripper.hold()
 
     @property

@@ -7,6 +7,7 @@ latest reading with the time at which it was taken. What goes wrong is part of a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -168,13 +169,7 @@ class Camera(Device, Protocol):
         """What is wrong with it, if anything."""
 
 
-def latest_frames(cameras: Mapping[str, Camera]) -> dict[str, Frame]:
-    """The latest frame of each camera that has one, as it came from it."""
-    latest = {name: camera.latest() for name, camera in cameras.items()}
-    return {name: frame for name, frame in latest.items() if frame is not None}
-
-
 def image_ages(cameras: Mapping[str, Camera], now: float) -> dict[str, float]:
     """Seconds since the latest image of each camera was taken; infinite without one."""
-    latest = latest_frames(cameras)
-    return {name: now - latest[name].time_s if name in latest else float("inf") for name in cameras}
+    latest = {name: camera.latest() for name, camera in cameras.items()}
+    return {name: now - frame.time_s if frame else math.inf for name, frame in latest.items()}

@@ -24,7 +24,6 @@ from duobench.hardware.devices import (
     Gripper,
     GripperReading,
     image_ages,
-    latest_frames,
 )
 from duobench.hardware.follower import PERIOD
 from duobench.hardware.guard import Guard
@@ -72,17 +71,9 @@ class FrankaDuo:
     ) -> None:
         self.rig, self.clock, self.guard = rig, clock, guard
         self.arms, self.grippers, self.cameras = dict(arms), dict(grippers), dict(cameras)
-        self.supervisor = Supervisor(clock.now, self._recover)
+        self.supervisor = Supervisor(self._recover)
         self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
-        self._watchdog = Watchdog(
-            self.arms,
-            self.grippers,
-            self.cameras,
-            controller=self._controller,
-            supervisor=self.supervisor,
-            clock=clock,
-            hold=self.hold,
-        )
+        self._watchdog = Watchdog(self._controller, self.cameras, self.supervisor, clock, self.hold)
         self._motion = threading.RLock()  # between who moves the arms and who holds them
         left, right = (rig.arms[side] for side in SIDES)
         self.limits = duo_limits()
@@ -378,7 +369,8 @@ class FrankaDuo:
 
     def frames(self) -> dict[str, Frame]:
         """The latest frame of each camera that has one, as it came from it."""
-        return latest_frames(self.cameras)
+        latest = {name: camera.latest() for name, camera in self.cameras.items()}
+        return {name: frame for name, frame in latest.items() if frame is not None}
 
     def image_ages(self) -> dict[str, float]:
         """Seconds since the latest image of each camera was taken; infinite without one."""

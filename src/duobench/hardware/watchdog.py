@@ -14,9 +14,8 @@ from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.errors import escaped
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.controller import ArmsController
-from duobench.hardware.devices import Arm, Camera, Fault, FaultKind, Gripper, image_ages
+from duobench.hardware.devices import Camera, Fault, FaultKind, image_ages
 from duobench.hardware.supervisor import State, Supervisor
-from duobench.types import Side
 
 _log = logging.getLogger(__name__)
 
@@ -40,18 +39,14 @@ class Watchdog:
 
     def __init__(
         self,
-        arms: Mapping[Side, Arm],
-        grippers: Mapping[Side, Gripper],
-        cameras: Mapping[str, Camera],
-        *,
         controller: ArmsController,
+        cameras: Mapping[str, Camera],
         supervisor: Supervisor,
         clock: Clock,
         hold: Callable[[str, Fault | None], None],
     ) -> None:
-        self._arms, self._grippers, self._cameras = arms, grippers, cameras
-        self._controller, self._supervisor = controller, supervisor
-        self._clock, self._hold = clock, hold
+        self._controller, self._cameras = controller, cameras
+        self._supervisor, self._clock, self._hold = supervisor, clock, hold
         self._ticker: Ticker | None = None
         self._fed = 0.0
 
@@ -97,7 +92,7 @@ class Watchdog:
             self._controller.disengage()
 
     def _arm_fault(self) -> Fault | None:
-        for side, arm in self._arms.items():
+        for side, arm in self._controller.arms.items():
             reading, streamer = arm.read(), self._controller.streamers[side]
             if reading.fault is not None:
                 return _named(f"The {side} arm", reading.fault)
@@ -116,7 +111,7 @@ class Watchdog:
         return None
 
     def _gripper_fault(self) -> Fault | None:
-        for side, gripper in self._grippers.items():
+        for side, gripper in self._controller.grippers.items():
             reading = gripper.read()
             if reading.fault is not None:
                 return _named(f"The {side} gripper", reading.fault)

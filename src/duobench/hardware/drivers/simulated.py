@@ -47,8 +47,6 @@ class SimulatedArm:
         self._last: ArmReading | None = None
         self.is_silent = False
         """Whether it gives no new readings, as an arm whose cable is out."""
-        self.is_stubborn = False
-        """Whether a fault stays when a person wants to clear it."""
         self.is_reachable = True
         self.commands: int = 0
         """How often it was told where to be."""
@@ -96,8 +94,6 @@ class SimulatedArm:
 
     def recover(self) -> None:
         """Clear a fault."""
-        if self._fault is not None and self.is_stubborn:
-            raise BackendError(f"The fault stays: {self._fault.text}")
         self._fault = None
 
     def close(self) -> None:
