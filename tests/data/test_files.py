@@ -321,7 +321,7 @@ def test_no_recording_overwrites_what_was_put_in_its_place(
 def test_a_hostile_head_is_named(tmp_path: Path, head: bytes) -> None:
     path = tmp_path / "x.part"
     path.write_bytes(head + b"\0" * 1000)
-    for read in (recover, stream.read_info):
+    for read in (recover, stream.read_left):
         with pytest.raises(DataError, match=r"x\.part"):
             read(path)
 

@@ -15,8 +15,7 @@ from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.data.arrange import merge, split
 from duobench.data.check import find_problems
 from duobench.data.page import write_page
-from duobench.data.smoothness import Smoothness
-from duobench.data.summary import summarize
+from duobench.data.summary import Smoothness, summarize
 from duobench.errors import DataError, OutputError, UnknownNameError
 from duobench.files import locked
 from duobench.tasks import catalog
