@@ -119,16 +119,15 @@ class Recording:
             return _from_table(pq.read_table(path, page_checksum_verification=True))
 
     @staticmethod
-    def read_info(path: Path) -> EpisodeInfo:
-        """Read only what is said about the episode as a whole; fast, with the errors of `read`."""
-        with _reading(path):
-            return _info_of(pq.read_schema(path))
+    def read_info(file: Path | bytes) -> EpisodeInfo:
+        """Read only what a file, or its content, says about the episode as a whole; fast.
 
-    @staticmethod
-    def info_of(content: bytes) -> EpisodeInfo:
-        """The same from the content of a file."""
-        with _reading("a recording"):
-            return _info_of(pq.read_schema(pa.BufferReader(content)))
+        Raises:
+            DataError: See `read`.
+        """
+        is_path = isinstance(file, Path)
+        with _reading(file if is_path else "a recording"):
+            return _info_of(pq.read_schema(file if is_path else pa.BufferReader(file)))
 
     @staticmethod
     def read_length(path: Path) -> int:

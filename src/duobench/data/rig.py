@@ -27,17 +27,21 @@ class RigState(Protocol):
     @property
     def rig(self) -> Any:
         """The rig, with `name`, `hash`, `arms`, `grippers` and `cameras`."""
+        ...
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
         """The cameras by name."""
+        ...
 
     @property
     def clock(self) -> Any:
         """The clock of the rig, whose `now` gives seconds."""
+        ...
 
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""
+        ...
 
     def readings(self) -> Mapping[Side, Any]:
         """What each arm says at this moment.
@@ -45,9 +49,11 @@ class RigState(Protocol):
         That is `time_s`, `joints`, `velocities`, `torques`, and its driver's full robot `state` by
         the names of its library.
         """
+        ...
 
     def gripper_readings(self) -> Mapping[Side, Any]:
         """What each gripper says at this moment, with its `opening`."""
+        ...
 
 
 class RigRecorder:
