@@ -1,4 +1,4 @@
-"""Data sets as a whole: checked, merged, split, summed up and, of both domains, exported."""
+"""Data sets as a whole: checked, merged, split and summed up, in Python and by their commands."""
 
 import re
 import shutil
@@ -9,46 +9,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from duobench.cli import main
-from duobench.data import Actor, ActorKind, DataSet, ExportOptions, Recording, export_lerobot
+from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.data.arrange import merge, split
 from duobench.data.check import find_problems
-from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.page import write_page
-from duobench.data.schema import Domain, video_path
+from duobench.data.schema import video_path
 from duobench.data.summary import Smoothness, summarize
-from duobench.data.views import plain_view, resized
 from duobench.errors import DataError, NamesTakenError, OutputError, UnknownNameError
 from duobench.files import locked
-from duobench.rig_sessions.cameras import view_of
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS
-from tests.data.conftest import EPISODES
+from tests.data.conftest import EPISODES, LENGTHS
 from tests.data.real.number_duo import (
-    SIZE,
-    NumberDuo,
-    image_of,
     numbers_in,
     play_real,
     real_recorder,
 )
 from tests.data.tools import HORIZON, TASK, ended, recorded
-
-LENGTHS = (12, 9, 15)
-
-
-@pytest.fixture(scope="module")
-def real(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
-    """Episodes of a rig, with their videos; to read only."""
-    folder = tmp_path_factory.mktemp("data") / "real"
-    for length in LENGTHS:
-        env, _ = real_recorder(folder, horizon=length)
-        play_real(env, length)
-        env.close()
-    return DataSet.open(folder)
 
 
 @pytest.fixture
@@ -394,66 +374,3 @@ def test_an_episode_without_actions_adds_up_to_nothing_and_no_episode_is_no_page
     DataSet.open(tmp_path / "empty")
     with pytest.raises(SystemExit, match="holds no episode"):
         main(["data", "info", str(tmp_path / "empty")])
-
-
-# --- export of both domains ----------------------------------------------------------------------
-
-
-def test_both_domains_are_exported_together(
-    original: DataSet, real: DataSet, tmp_path: Path
-) -> None:
-    options = ExportOptions(size=SIZE)
-    done = export_lerobot([original, real], tmp_path / "mixed", options, workers=0)
-    assert (done.episodes, done.frames) == (6, EPISODES * HORIZON + sum(LENGTHS))
-    folder = ExportFolder(tmp_path / "mixed")
-    tables = [pq.read_table(folder.data(index)) for index in range(6)]
-    assert [set(table["domain"].to_pylist()) for table in tables] == 3 * [{0}] + 3 * [{1}]
-    assert tables[5]["index"][0].as_py() == EPISODES * HORIZON + sum(LENGTHS[:2])
-    for index, recording in enumerate(real.recordings(), start=EPISODES):
-        for place, camera in enumerate(POLICY_CAMERAS):
-            shown = numbers_in(folder.video(camera, index))
-            assert shown == recording.frame_number[:-1, place].tolist()
-    export_lerobot([original, real], tmp_path / "again", options, workers=2)
-    for path in folder.path.rglob("*.mp4"):
-        other = tmp_path / "again" / path.relative_to(folder.path)
-        assert other.read_bytes() == path.read_bytes()
-
-
-def test_one_domain_of_a_mixed_data_set_is_exported_alone(
-    original: DataSet, real: DataSet, tmp_path: Path
-) -> None:
-    merge([original, real], tmp_path / "all", rename=True)
-    data = DataSet.open(tmp_path / "all")
-    assert len(data.episodes()) == 6
-    for domain in Domain:
-        options = ExportOptions(size=SIZE, cameras=("head",), domains=(domain,))
-        done = export_lerobot(data, tmp_path / domain, options, workers=0)
-        assert (done.episodes, done.left_out) == (3, 3)
-        tables = (pq.read_table(path) for path in (tmp_path / domain / "data").rglob("*.parquet"))
-        assert {row for table in tables for row in table["domain"].to_pylist()} == {
-            domain is Domain.REAL
-        }
-
-
-def test_a_camera_that_a_rig_lacks_is_named(tmp_path: Path) -> None:
-    env, _ = real_recorder(tmp_path / "data", NumberDuo(cameras=("head",)), horizon=5)
-    play_real(env, 5)
-    env.close()
-    with pytest.raises(DataError, match="no video of the camera left_wrist; it has head"):
-        export_lerobot(DataSet.open(tmp_path / "data"), tmp_path / "out", workers=0)
-
-
-def test_views_resize_by_mean_and_straighten_what_was_measured() -> None:
-    image = image_of(5)
-    assert (resized(image, (4, 8))[0, :, 0] == image[0, ::6, 0]).all()
-    about = {"driver": "simulated", "size": list(SIZE), "calibration": None}
-    np.testing.assert_array_equal(view_of("head", about)(image, (4, 8)), resized(image, (4, 8)))
-    lens = {"fx": 700.0, "fy": 700.0, "cx": 640.0, "cy": 360.0, "pose": [0, 0, 0, 0, 0, 0, 1]}
-    about |= {"calibration": lens, "size": [720, 1280]}
-    native = image_of(5, (720, 1280))
-    shown = view_of("head", about)(native, (72, 128))
-    assert (shown != resized(native, (72, 128))).any()
-    with pytest.raises(DataError, match="lens of its own"):
-        plain_view("head", about)
-    with pytest.raises(DataError, match="camera head is invalid"):
-        view_of("head", {"driver": "kinect"})
