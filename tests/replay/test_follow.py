@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from duobench.replay.follow import FollowedRun
+from duobench.replay.sources import FollowedRun
 from duobench.replay.viewer import Viewer
 from duobench.results.folder import RunFolder, RunReader
 from duobench.results.scores import wilson_interval

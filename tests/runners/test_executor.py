@@ -12,8 +12,7 @@ from duobench.errors import MachineryError, RenderingError, UnplayedError
 from duobench.results.journal import Ended
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
-from duobench.runners import process
-from duobench.runners import process_executor as executor
+from duobench.runners import executor, process
 from duobench.runners.process import Channel
 from duobench.runners.worker import EpisodeError, Report, Request
 from tests.evaluation import toy_tasks

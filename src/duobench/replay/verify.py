@@ -7,6 +7,7 @@ file was changed, not that somebody computed a new one.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -27,7 +28,7 @@ from duobench.errors import (
 )
 from duobench.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.folder import RunReader
-from duobench.results.records import EpisodeRecord, Key, StateHashes
+from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
 from duobench.versions import differing_arithmetic
 
@@ -37,7 +38,7 @@ LONGEST_CLAIM = 120
 """Characters of a claim that are shown."""
 _OUTCOME = (
     *("seed", "horizon", "max_stage", "steps", "stage_changes", "final_stage", "success"),
-    *("success_at_end", "terminated", "truncated"),
+    *("success_at_end", "terminated", "truncated", "instruction"),
 )
 
 
@@ -61,7 +62,6 @@ class Finding:
     """What was found out about one record."""
 
     key: Key
-    """Which."""
     verdict: Verdict
     reason: str = ""
     """Why it is not verifiable or not equal to the bit, or what the record says and what its
@@ -215,16 +215,10 @@ def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
 
     The replay has the same error. What both say is one phrase each.
     """
-    claimed, shown = _outcome(record), _outcome(replay)
-    found = _different(claimed, shown)
-    poses, starts = _poses(record), _poses(replay)
-    found += [
-        _phrase(name, pose, starts.get(name))
-        for name, pose in poses.items()
-        if name not in starts or not np.allclose(pose, starts[name], rtol=0, atol=TOLERANCE)
-    ]
-    found += [_phrase(name, None, starts[name]) for name in starts.keys() - poses.keys()]
-    if record.error is None and record.steps == replay.steps and not _is_over(replay):
+    found = _different(_outcome(record), _outcome(replay))
+    found += _different(_poses(record), _poses(replay), _is_close)
+    is_over = replay.terminated or replay.truncated
+    if record.error is None and record.steps == replay.steps and not is_over:
         found.append(f"the episode is not over after {record.steps} steps")
     return found
 
@@ -239,15 +233,12 @@ def differing_bits(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
     return _different(_bits(record), _bits(replay))
 
 
-def _is_over(record: EpisodeRecord) -> bool:
-    return record.terminated or record.truncated
-
-
 def _outcome(record: EpisodeRecord) -> dict[str, Any]:
-    claims = {name: getattr(record, name) for name in _OUTCOME}
-    claims["instruction"] = record.instruction
     variants = record.layout.get("variants", {})
-    return claims | {f"variant {name}": value for name, value in variants.items()}
+    return {
+        **{name: getattr(record, name) for name in _OUTCOME},
+        **{f"variant {name}": value for name, value in variants.items()},
+    }
 
 
 def _poses(record: EpisodeRecord) -> dict[str, Any]:
@@ -255,35 +246,36 @@ def _poses(record: EpisodeRecord) -> dict[str, Any]:
 
 
 def _bits(record: EpisodeRecord) -> dict[str, Any]:
-    claims = {
-        **_poses(record),
-        **_hashes("start", record.start),
-        **_hashes("end", record.end),
-        "unmet": record.unmet,
-    }
     # What relative Cartesian actions add up to is part of it, and not of what was sent.
-    if record.config.action_mode != action_modes.CARTESIAN_RELATIVE.name:
-        claims["state_hash"] = record.state_hash
-    return claims
-
-
-def _hashes(moment: str, hashes: StateHashes | None) -> dict[str, Any]:
+    is_relative = record.config.action_mode == action_modes.CARTESIAN_RELATIVE.name
+    start, end = record.start, record.end
     return {
-        f"physics at the {moment}": hashes and hashes.physics,
-        f"stages at the {moment}": hashes and hashes.stages,
+        **_poses(record),
+        "physics at the start": start and start.physics,
+        "stages at the start": start and start.stages,
+        "physics at the end": end and end.physics,
+        "stages at the end": end and end.stages,
+        "unmet": record.unmet,
+        "state_hash": None if is_relative else record.state_hash,
     }
 
 
-def _different(claimed: Mapping[str, Any], shown: Mapping[str, Any]) -> list[str]:
+def _is_close(claimed: Any, shown: Any) -> bool:
+    if claimed is None or shown is None:
+        return False
+    return np.allclose(claimed, shown, rtol=0, atol=TOLERANCE)
+
+
+def _different(
+    claimed: Mapping[str, Any],
+    shown: Mapping[str, Any],
+    is_same: Callable[[Any, Any], bool] = operator.eq,
+) -> list[str]:
     return [
-        _phrase(name, claimed.get(name), shown.get(name))
+        f"{name} is {_short(claimed.get(name))}, the replay gives {_short(shown.get(name))}"
         for name in {**claimed, **shown}
-        if claimed.get(name) != shown.get(name)
+        if not is_same(claimed.get(name), shown.get(name))
     ]
-
-
-def _phrase(name: str, claimed: object, shown: object) -> str:
-    return f"{name} is {_short(claimed)}, the replay gives {_short(shown)}"
 
 
 def _short(claim: object) -> str:

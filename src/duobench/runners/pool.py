@@ -67,6 +67,9 @@ class LocalLauncher:
     def open(self) -> None:
         """Do nothing."""
 
+    def close(self) -> None:
+        """Do nothing."""
+
     def start_policy(self) -> Transport:
         """Start a process that makes a policy."""
         return WorkerProcess(POLICY, Answering | ProcessFailed)
@@ -78,9 +81,6 @@ class LocalLauncher:
     def wait(self, processes: Sequence[Any], seconds: float) -> Sequence[Any]:
         """Wait until processes have said something, or the time is over; those that have."""
         return wait(processes, seconds)
-
-    def close(self) -> None:
-        """Do nothing."""
 
 
 class RunningPolicy:
@@ -106,9 +106,7 @@ class Worker:
     """
 
     def __init__(self, process: Transport, policy: RunningPolicy | None) -> None:
-        self.process, self.policy = process, policy
-        self.is_ready = False
-        """Whether it can play."""
+        self.process, self.policy, self.is_ready = process, policy, False
         self.episode: Episode | None = None
         """What it is playing."""
         self.progress: EpisodeRecord | None = None
@@ -156,13 +154,10 @@ class WorkerPool:
 
     def start(self, wanted: int) -> None:
         """Start processes until so many workers are there, or will be."""
-        if not self._job.policy.has_process:
+        if not self._job.policy.has_process or (self._is_shared and self._policies):
+            shared = self._policies[0] if self._policies else None
             for _ in range(wanted - len(self.workers)):
-                self._start_worker(None)
-            return
-        if self._is_shared and self._policies:
-            for _ in range(wanted - len(self.workers)):
-                self._start_worker(self._policies[0])
+                self._start_worker(shared)
             return
         for policy in self._policies:  # of workers that died
             has_worker = any(worker.policy is policy for worker in self.workers)
@@ -214,11 +209,12 @@ class WorkerPool:
         return [member for member in self.members if member.process in said]
 
     def _start_policy(self) -> RunningPolicy:
-        choice = self._job.policy
+        job = self._job
         policy = RunningPolicy(self._launcher.start_policy())
         self._policies.append(policy)
-        limits = self._job.limits
-        policy.process.send(MakePolicy(name=choice.name, batching=choice.batching, limits=limits))
+        policy.process.send(
+            MakePolicy(name=job.policy.name, batching=job.policy.batching, limits=job.limits)
+        )
         return policy
 
     def _start_worker(self, policy: RunningPolicy | None) -> None:

@@ -256,15 +256,22 @@ class Parent(Channel[Any]):
             end_group()
 
 
-def run_child(connection: int, kind: Any, do: Callable[[Parent, Requests], None]) -> NoReturn:
-    """Do what a process is for until it is done, or its parent is gone; see `WorkerProcess`."""
+def run_child(connection: int, kind: Any, do: Callable[[Any, Parent, Requests], None]) -> NoReturn:
+    """Do what a process is for until it is done, or its parent is gone; see `WorkerProcess`.
+
+    Args:
+        connection: Descriptor of the socket to the parent.
+        kind: Type of the requests of the parent, or a union of such types.
+        do: Does the first request, unless that is to stop; it gets the queue of the others.
+    """
     signal.signal(signal.SIGINT, lambda _number, _frame: None)  # the parent's to handle
     parent = Parent(socket.socket(fileno=connection), kind)
     requests: Requests = queue.SimpleQueue()
     watch_parent(os.getppid(), end_group)
     threading.Thread(target=_listen, args=(parent, requests), daemon=True).start()
     try:
-        do(parent, requests)
+        if not isinstance(job := requests.get(), Stop):
+            do(job, parent, requests)
     except DuoBenchError as error:
         parent.report(ProcessFailed(error=type(error).__name__, message=escaped(str(error))))
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
