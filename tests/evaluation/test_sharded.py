@@ -4,7 +4,6 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -43,12 +42,12 @@ def contents(folder: RunFolder) -> dict[str, bytes]:
 @pytest.mark.parametrize(
     "text", ["0/4", "5/4", "1/0", "1", "1/2/3", "a/b", "-1/4", "1/99999", " 1/4", ""]
 )
-def test_shard_that_does_not_exist_is_refused(text: str) -> None:
+def test_shard_that_does_not_exist_is_refused(text):
     with pytest.raises(EvaluationError):
         Shard.parse(text)
 
 
-def test_shards_deal_every_episode_once_and_never_move_one() -> None:
+def test_shards_deal_every_episode_once_and_never_move_one():
     for count in (1, 2, 3, 7, 40):
         shards = [Shard(number=number, count=count) for number in range(1, count + 1)]
         before: dict[Shard, set] = {shard: set() for shard in shards}
@@ -68,9 +67,7 @@ def test_shards_deal_every_episode_once_and_never_move_one() -> None:
             assert one.overlaps(other) or not shared
 
 
-def test_four_shards_one_process_and_two_workers_give_the_same_summary(
-    tmp_path: Path, reference: dict[str, bytes]
-) -> None:
+def test_four_shards_one_process_and_two_workers_give_the_same_summary(tmp_path, reference):
     folder = RunFolder(tmp_path / "run")
     for shard in QUARTERS:
         assert not folder.page.exists()
@@ -82,7 +79,7 @@ def test_four_shards_one_process_and_two_workers_give_the_same_summary(
     assert verify(folder, import_tasks=True).is_verified
 
 
-def test_shard_without_an_episode_is_no_error(tmp_path: Path) -> None:
+def test_shard_without_an_episode_is_no_error(tmp_path):
     folder = RunFolder(tmp_path)
     for number in (1, 2, 3):
         shard = Shard(number=number, count=3)
@@ -90,9 +87,7 @@ def test_shard_without_an_episode_is_no_error(tmp_path: Path) -> None:
     assert len(folder.read_records(folder.read_run())) == 2
 
 
-def test_folders_of_two_machines_are_merged_by_copying(
-    tmp_path: Path, reference: dict[str, bytes]
-) -> None:
+def test_folders_of_two_machines_are_merged_by_copying(tmp_path, reference):
     machines = [RunFolder(tmp_path / name) for name in ("one", "two")]
     for shard in QUARTERS:
         evaluate("random", small_suite(), machines[shard.number % 2], workers=0, shard=shard)
@@ -110,7 +105,7 @@ def test_folders_of_two_machines_are_merged_by_copying(
     assert compared(machines[0]) == reference
 
 
-def test_run_under_every_shift_is_the_same_in_shards_and_on_two_machines(tmp_path: Path) -> None:
+def test_run_under_every_shift_is_the_same_in_shards_and_on_two_machines(tmp_path):
     suite = small_suite(tasks=small_suite().tasks[:1], episodes=2, shifts=tuple(every_shift()))
     whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
     evaluate("hold", suite, whole, workers=0)
@@ -142,9 +137,7 @@ evaluate("random", small_suite(), RunFolder(Path(sys.argv[1])), workers=1,
 """
 
 
-def test_writers_side_by_side_that_are_killed_and_go_on_give_the_same_bytes(
-    tmp_path: Path, reference: dict[str, bytes]
-) -> None:
+def test_writers_side_by_side_that_are_killed_and_go_on_give_the_same_bytes(tmp_path, reference):
     folder = RunFolder(tmp_path / "run")
     words = [sys.executable, "-c", WRITER, str(folder.path)]
     writers = [subprocess.Popen([*words, str(shard)]) for shard in QUARTERS]
@@ -159,7 +152,7 @@ def test_writers_side_by_side_that_are_killed_and_go_on_give_the_same_bytes(
 
 
 @pytest.mark.parametrize("other", [Shard(number=2, count=4), WHOLE, Shard(number=2, count=6)])
-def test_a_second_writer_of_the_same_episodes_is_kept_out(tmp_path: Path, other: Shard) -> None:
+def test_a_second_writer_of_the_same_episodes_is_kept_out(tmp_path, other):
     folder = RunFolder(tmp_path)
     with folder.writer(QUARTERS[1]):
         with pytest.raises(LockedError, match=r"Another process is writing into .*2-of-4\.jsonl"):
@@ -170,7 +163,7 @@ def test_a_second_writer_of_the_same_episodes_is_kept_out(tmp_path: Path, other:
         pass
 
 
-def test_files_of_somebody_are_left_alone(tmp_path: Path) -> None:
+def test_files_of_somebody_are_left_alone(tmp_path):
     (tmp_path / "thesis.tex").write_text("precious")
     with pytest.raises(OtherRunError, match="not empty and holds no evaluation"):
         evaluate("random", small_suite(), RunFolder(tmp_path), workers=0, fresh=True)
@@ -190,7 +183,7 @@ def run_in(folder: RunFolder, run: Run, *, shard: Shard = WHOLE) -> None:
                 folder.write(record)
 
 
-def test_run_grows_by_whichever_writer_and_never_shrinks(tmp_path: Path) -> None:
+def test_run_grows_by_whichever_writer_and_never_shrinks(tmp_path):
     folder, shifts = RunFolder(tmp_path), list(every_shift())
     run_in(folder, sample_run(episodes=2), shard=QUARTERS[0])
     run_in(folder, sample_run(episodes=3, shifts=(shifts[7],)), shard=QUARTERS[1])
@@ -200,7 +193,7 @@ def test_run_grows_by_whichever_writer_and_never_shrinks(tmp_path: Path) -> None
         folder.begin(sample_run(episodes=2), QUARTERS[0])
 
 
-def test_another_run_gives_way_only_while_nobody_writes_it(tmp_path: Path) -> None:
+def test_another_run_gives_way_only_while_nobody_writes_it(tmp_path):
     folder, run, other = RunFolder(tmp_path), sample_run(), sample_run(policy="other")
     with folder.writer(QUARTERS[0]):
         folder.begin(run, QUARTERS[0])
@@ -214,7 +207,7 @@ def test_another_run_gives_way_only_while_nobody_writes_it(tmp_path: Path) -> No
     assert folder.read_run() == other
 
 
-def test_fresh_shard_removes_what_is_its_own_and_the_whole_run_everything(tmp_path: Path) -> None:
+def test_fresh_shard_removes_what_is_its_own_and_the_whole_run_everything(tmp_path):
     folder, run = RunFolder(tmp_path), sample_run()
     run_in(folder, run)
     folder.clear(run, QUARTERS[0])
@@ -228,7 +221,7 @@ def test_fresh_shard_removes_what_is_its_own_and_the_whole_run_everything(tmp_pa
     assert sorted(path.name for path in tmp_path.iterdir()) == ["attempts", "run.json"]
 
 
-def test_every_reader_refuses_a_folder_of_two_runs(tmp_path: Path) -> None:
+def test_every_reader_refuses_a_folder_of_two_runs(tmp_path):
     """Of the same policy in another version, so that not even a name is different."""
     runs = [
         sample_run(tasks=(SORT,), metadata=PolicyMetadata(name="mine", version=version))
@@ -254,7 +247,7 @@ def test_every_reader_refuses_a_folder_of_two_runs(tmp_path: Path) -> None:
         open_source(path).read_records(replace(runs[0]))
 
 
-def test_record_beyond_the_run_is_no_silent_part_of_it(tmp_path: Path) -> None:
+def test_record_beyond_the_run_is_no_silent_part_of_it(tmp_path):
     """As where the description of a smaller part was copied over that of a larger one."""
     run = sample_run()
     folder = sample_folder(tmp_path, run, sample_records(run))
@@ -264,7 +257,7 @@ def test_record_beyond_the_run_is_no_silent_part_of_it(tmp_path: Path) -> None:
         read_source(folder.path)
 
 
-def test_fresh_and_retry_work_in_shards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fresh_and_retry_work_in_shards(tmp_path, monkeypatch):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
     policy, folder = f"{toy_tasks.__name__}:BreaksOnce", RunFolder(tmp_path / "run")
     errors = [

@@ -1,27 +1,23 @@
 """A policy is apart from the simulator, and is asked once before anything is played or written."""
 
-from pathlib import Path
-
 import pytest
 
 from duobench.errors import OtherRunError, PolicyError
 from duobench.policy import Batching
 from duobench.results.journal import Ended
 from tests.evaluation import toy_batches, toy_tasks
-from tests.evaluation.conftest import Play, assert_same_episodes, compared
+from tests.evaluation.conftest import assert_same_episodes, compared
 from tests.runners.test_batches import episodes, named
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_policy_that_searches_its_process_finds_no_simulator(
-    play: Play, reference: dict[str, bytes], workers: int
-) -> None:
+def test_policy_that_searches_its_process_finds_no_simulator(play, reference, workers):
     folder, results = play("Searches", workers=workers)
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 8)
 
 
-def test_batch_policy_that_searches_its_process_finds_no_simulator(play: Play) -> None:
+def test_batch_policy_that_searches_its_process_finds_no_simulator(play):
     runs = [
         play(named(policy, Batching(size=2)), policy.__name__, workers=2, episodes=2)
         for policy in (toy_batches.Searches, toy_batches.Wanders)
@@ -31,7 +27,7 @@ def test_batch_policy_that_searches_its_process_finds_no_simulator(play: Play) -
     assert searched == plain
 
 
-def test_policy_in_the_process_of_the_simulator_finds_it(play: Play) -> None:
+def test_policy_in_the_process_of_the_simulator_finds_it(play):
     with pytest.raises(PolicyError, match=r"(?s)does not answer the first .*RuntimeError: found"):
         play("Searches", workers=0)
 
@@ -41,16 +37,14 @@ def test_policy_in_the_process_of_the_simulator_finds_it(play: Play) -> None:
     [("IsTooWide", 0, "17"), ("IsTooWide", 1, "17"), ("DiesAtOnce", 1, "process ended")],
 )
 def test_policy_that_cannot_answer_is_refused_before_anything_is_written(
-    play: Play, tmp_path: Path, policy: str, workers: int, message: str
-) -> None:
+    play, tmp_path, policy, workers, message
+):
     with pytest.raises(PolicyError, match=rf"(?s)does not answer .*first observation.*{message}"):
         play(policy, workers=workers)
     assert not (tmp_path / "run" / "run.json").exists()
 
 
-def test_run_of_nothing_but_errors_gives_way_to_a_changed_policy(
-    play: Play, reference: dict[str, bytes]
-) -> None:
+def test_run_of_nothing_but_errors_gives_way_to_a_changed_policy(play, reference):
     _, results = play("RaisesInTheSecondAnswer", workers=1)
     assert results.overall.errors == results.overall.episodes == 8
     folder, results = play("random")
@@ -58,9 +52,7 @@ def test_run_of_nothing_but_errors_gives_way_to_a_changed_policy(
     assert compared(folder) == reference
 
 
-def test_run_with_one_good_episode_is_kept_unless_it_is_begun_anew(
-    play: Play, reference: dict[str, bytes]
-) -> None:
+def test_run_with_one_good_episode_is_kept_unless_it_is_begun_anew(play, reference):
     folder, _ = play("BreaksOnce")
     stranger = folder.path / "notes.txt"
     stranger.write_text("mine")
@@ -72,7 +64,7 @@ def test_run_with_one_good_episode_is_kept_unless_it_is_begun_anew(
     assert compared(again) == reference
 
 
-def test_nothing_is_removed_where_there_is_no_run(play: Play, tmp_path: Path) -> None:
+def test_nothing_is_removed_where_there_is_no_run(play, tmp_path):
     mine = tmp_path / "run" / "records" / "wave" / "00000.json"
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
@@ -81,7 +73,7 @@ def test_nothing_is_removed_where_there_is_no_run(play: Play, tmp_path: Path) ->
     assert mine.read_text() == "mine"
 
 
-def test_time_of_the_policy_is_known_apart_from_waiting_for_it(play: Play) -> None:
+def test_time_of_the_policy_is_known_apart_from_waiting_for_it(play):
     folder, results = play("Dawdles", workers=1, episodes=1)
     times = [entry.times for entry in folder.entries() if isinstance(entry, Ended)]
     assert len(times) == 2

@@ -2,7 +2,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -53,7 +52,7 @@ def contents(data: DataSet) -> dict[str, bytes]:
     return {str(path.relative_to(data.path)): path.read_bytes() for path in data.episodes()}
 
 
-def test_the_data_set_does_not_depend_on_workers_or_interruptions(tmp_path: Path) -> None:
+def test_the_data_set_does_not_depend_on_workers_or_interruptions(tmp_path):
     one, other = DataSet.open(tmp_path / "one"), DataSet.open(tmp_path / "other")
     first = played(one, episodes=3)
     assert [attempt.success for attempt in first] == [True] * 3
@@ -69,7 +68,7 @@ def test_the_data_set_does_not_depend_on_workers_or_interruptions(tmp_path: Path
     assert info.outcome.success
 
 
-def test_what_is_missing_is_recorded_again_and_nothing_else(tmp_path: Path) -> None:
+def test_what_is_missing_is_recorded_again_and_nothing_else(tmp_path):
     data = DataSet.open(tmp_path)
     played(data)
     before = contents(data)
@@ -84,7 +83,7 @@ def test_what_is_missing_is_recorded_again_and_nothing_else(tmp_path: Path) -> N
     assert not data.partials()
 
 
-def test_failures_are_counted_and_left_out_unless_asked_for(tmp_path: Path) -> None:
+def test_failures_are_counted_and_left_out_unless_asked_for(tmp_path):
     data = DataSet.open(tmp_path / "all")
     attempts = played(data, SOMETIMES, keep_failures=True, episodes=6)
     assert len(attempts) == len(data.episodes()) == 6
@@ -104,7 +103,7 @@ def test_failures_are_counted_and_left_out_unless_asked_for(tmp_path: Path) -> N
     assert not data.episodes()
 
 
-def test_instructions_vary_on_request(tmp_path: Path) -> None:
+def test_instructions_vary_on_request(tmp_path):
     data = DataSet.open(tmp_path)
     played(data, "hold", keep_failures=True, episodes=4, instructions="varied")
     infos = [Recording.read_info(path) for path in data.episodes()]
@@ -116,7 +115,7 @@ def test_instructions_vary_on_request(tmp_path: Path) -> None:
     assert [info.instruction for info in infos] == [words[number] for number in numbers]
 
 
-def test_another_recording_is_refused_with_the_difference(tmp_path: Path) -> None:
+def test_another_recording_is_refused_with_the_difference(tmp_path):
     data = DataSet.open(tmp_path)
     played(data, episodes=1)
     with pytest.raises(OtherRunError, match="policy hold instead of expert"):
@@ -129,7 +128,7 @@ def test_another_recording_is_refused_with_the_difference(tmp_path: Path) -> Non
         played(data)
 
 
-def test_recordings_go_on_after_success_beyond_the_horizon(tmp_path: Path) -> None:
+def test_recordings_go_on_after_success_beyond_the_horizon(tmp_path):
     data = DataSet.open(tmp_path)
     asked = {"tasks": [toy_tasks.NUDGE_NAME], "episodes": 2}
     (first, second) = played(data, "random", **asked)
@@ -144,7 +143,7 @@ def test_recordings_go_on_after_success_beyond_the_horizon(tmp_path: Path) -> No
     assert played(data, "random", after_success=0.99, **asked) == [first, second]
 
 
-def test_episodes_of_another_origin_are_not_mixed_in(tmp_path: Path) -> None:
+def test_episodes_of_another_origin_are_not_mixed_in(tmp_path):
     data = DataSet.open(tmp_path / "a")
     played(data, episodes=1)
     (data.path / "record.json").unlink()
@@ -152,7 +151,7 @@ def test_episodes_of_another_origin_are_not_mixed_in(tmp_path: Path) -> None:
         played(data, episodes=1)
 
 
-def test_a_file_of_another_name_is_named(tmp_path: Path) -> None:
+def test_a_file_of_another_name_is_named(tmp_path):
     data = DataSet.open(tmp_path)
     played(data, episodes=1)
     data.episodes()[0].rename(data.episode("bin_sort", "best"))
@@ -160,7 +159,7 @@ def test_a_file_of_another_name_is_named(tmp_path: Path) -> None:
         played(data, episodes=1)
 
 
-def test_a_damaged_episode_stops_the_recording_with_its_name(tmp_path: Path) -> None:
+def test_a_damaged_episode_stops_the_recording_with_its_name(tmp_path):
     data = DataSet.open(tmp_path)
     played(data, episodes=1)
     data.episodes()[0].write_bytes(b"rubbish")
@@ -168,7 +167,7 @@ def test_a_damaged_episode_stops_the_recording_with_its_name(tmp_path: Path) -> 
         played(data, episodes=1)
 
 
-def test_a_killed_recording_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
+def test_a_killed_recording_goes_on_to_the_same_bytes(tmp_path):
     whole, killed = DataSet.open(tmp_path / "whole"), DataSet(tmp_path / "killed")
     played(whole, episodes=2)
     command = [sys.executable, "-m", "duobench", "record", "--out", str(killed.path)]
@@ -187,9 +186,7 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
     assert not killed.partials()
 
 
-def test_a_recording_of_another_episode_is_dropped(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recording_of_another_episode_is_dropped(tmp_path, monkeypatch):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
     monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, "swaps_recordings")
     asked = {"tasks": [toy_tasks.WAVE_NAME], "keep_failures": True}
@@ -218,8 +215,8 @@ def recovered(data: DataSet) -> None:
 @pytest.mark.parametrize("change", [renamed, unpadded, recovered])
 @pytest.mark.parametrize("keep_failures", [False, True])
 def test_episodes_that_are_not_what_their_number_says_are_not_counted(
-    tmp_path: Path, change: Callable[[DataSet], None], keep_failures: bool
-) -> None:
+    tmp_path, change, keep_failures
+):
     data = DataSet.open(tmp_path)
     played(data, episodes=1, keep_failures=keep_failures)
     change(data)
@@ -227,14 +224,14 @@ def test_episodes_that_are_not_what_their_number_says_are_not_counted(
         played(data, episodes=1, keep_failures=keep_failures)
 
 
-def test_failures_that_were_kept_do_not_count_as_successes(tmp_path: Path) -> None:
+def test_failures_that_were_kept_do_not_count_as_successes(tmp_path):
     data = DataSet.open(tmp_path)
     played(data, SOMETIMES, episodes=1, keep_failures=True)
     with pytest.raises(OtherRunError, match="with other options"):
         played(data, SOMETIMES, episodes=1)
 
 
-def test_a_full_disk_is_no_failure_of_the_policy(tmp_path: Path) -> None:
+def test_a_full_disk_is_no_failure_of_the_policy(tmp_path):
     data = DataSet.open(tmp_path / "full")
     with room(30_000), pytest.raises(OutputError, match="File too large"):
         played(data, episodes=1)

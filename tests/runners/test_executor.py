@@ -16,7 +16,7 @@ from duobench.runners import executor, process
 from duobench.runners.process import Channel
 from duobench.runners.worker import EpisodeError, Report, Request
 from tests.evaluation import toy_tasks
-from tests.evaluation.conftest import Play, assert_same_episodes, compared
+from tests.evaluation.conftest import assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until
 
 
@@ -29,9 +29,7 @@ def assert_gone(pids: list[int]) -> None:
     wait_until(lambda: not any(map(is_running, pids)), "the end of the helpers")
 
 
-def test_dying_workers_are_replaced_and_their_episodes_played_again(
-    play: Play, reference: dict[str, bytes], tmp_path: Path
-) -> None:
+def test_dying_workers_are_replaced_and_their_episodes_played_again(play, reference, tmp_path):
     folder, results = play("DiesOnce", workers=2, episodes=1)
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 2)
@@ -41,8 +39,8 @@ def test_dying_workers_are_replaced_and_their_episodes_played_again(
 
 
 def test_episode_that_always_kills_its_process_is_set_aside_and_all_others_are_played(
-    play: Play, tmp_path: Path
-) -> None:
+    play, tmp_path
+):
     message = r"1 episode could not be played\. nod, episode 1: in each of 3 .*by SIGKILL\."
     with pytest.raises(UnplayedError, match=message):
         play("DiesInOne", workers=1, episodes=3)
@@ -58,9 +56,7 @@ def test_episode_that_always_kills_its_process_is_set_aside_and_all_others_are_p
     assert "It was not played: in each of 3 attempts" in reasons[1]
 
 
-def test_result_that_cannot_be_read_is_played_again(
-    play: Play, reference: dict[str, bytes]
-) -> None:
+def test_result_that_cannot_be_read_is_played_again(play, reference):
     folder, results = play("SpoilsOnce", workers=1, episodes=1)
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 2)
@@ -68,12 +64,8 @@ def test_result_that_cannot_be_read_is_played_again(
 
 @pytest.mark.parametrize("misbehaviour", ["answers_for_another", "answers_twice"])
 def test_result_that_nobody_asked_for_is_dropped(
-    play: Play,
-    reference: dict[str, bytes],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    misbehaviour: str,
-) -> None:
+    play, reference, tmp_path, monkeypatch, misbehaviour
+):
     monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, misbehaviour)
     folder, results = play("random", workers=1, episodes=2)
     assert list((tmp_path / "marks").iterdir())
@@ -82,16 +74,14 @@ def test_result_that_nobody_asked_for_is_dropped(
     assert sum(isinstance(entry, Ended) for entry in folder.entries()) == 4
 
 
-def test_policy_that_spoils_its_clock_fails_its_episode_alone(play: Play) -> None:
+def test_policy_that_spoils_its_clock_fails_its_episode_alone(play):
     _, results = play("SpoilsClock", workers=1, episodes=2, tasks=find_tasks([toy_tasks.NOD_NAME]))
     for record in results.tasks[0].records:
         assert record.reason.startswith("PolicyTimeoutError")
         assert 0 <= record.steps <= record.horizon
 
 
-def test_time_to_read_a_message_grows_with_its_length_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_time_to_read_a_message_grows_with_its_length_alone(monkeypatch):
     """Eight times as long takes eight times as long, on any machine; were all looked through again
     with each piece that comes, it would be up to sixty-four times.
     """
@@ -118,12 +108,12 @@ def reading_time(length: int) -> float:
     return time.process_time() - start
 
 
-def test_workers_that_cannot_start_end_the_run(play: Play) -> None:
+def test_workers_that_cannot_start_end_the_run(play):
     with pytest.raises(MachineryError, match=r"3 workers in a row.*ended by SIGKILL"):
         play("dies_when_made", workers=1)
 
 
-def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> None:
+def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play):
     _, results = play(
         "Hangs",
         workers=1,
@@ -141,9 +131,7 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> 
 
 
 @pytest.mark.parametrize("limits", [{"act_timeout": 3.0}, {"episode_timeout": 3.0}])
-def test_stopped_policy_keeps_what_its_episode_had_reached(
-    play: Play, limits: dict[str, float]
-) -> None:
+def test_stopped_policy_keeps_what_its_episode_had_reached(play, limits):
     asked = {
         "tasks": find_tasks([toy_tasks.WAVE_NAME]),
         "episodes": 1,
@@ -158,14 +146,12 @@ def test_stopped_policy_keeps_what_its_episode_had_reached(
     assert compared(folder) == compared(alone)
 
 
-def test_what_looks_like_an_interrupt_of_a_policy_is_its_error(play: Play) -> None:
+def test_what_looks_like_an_interrupt_of_a_policy_is_its_error(play):
     _, results = play("Interrupts", workers=1, episodes=1)
     assert [one.records[0].reason for one in results.tasks] == ["KeyboardInterrupt"] * 2
 
 
-def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
-    play: Play, tmp_path: Path
-) -> None:
+def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(play, tmp_path):
     play("HasHelpers", workers=1, episodes=1, tasks=find_tasks([toy_tasks.WAVE_NAME]))
     (policy,) = marked(tmp_path, "policy")
     helpers = marked(tmp_path, "helper")
@@ -176,9 +162,7 @@ def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(
-    play: Play, monkeypatch: pytest.MonkeyPatch, workers: int
-) -> None:
+def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(play, monkeypatch, workers):
     if workers:
         monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, "has_no_graphics")
     else:
@@ -189,17 +173,13 @@ def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_policy_that_needs_images_where_nothing_renders_ends_the_run(
-    play: Play, monkeypatch: pytest.MonkeyPatch, workers: int
-) -> None:
+def test_policy_that_needs_images_where_nothing_renders_ends_the_run(play, monkeypatch, workers):
     monkeypatch.setenv("MUJOCO_GL", "off")
     with pytest.raises(RenderingError, match="switched off by MUJOCO_GL=off"):
         play("Sees", workers=workers, episodes=1)
 
 
-def test_simulation_that_does_not_come_back_is_played_again(
-    play: Play, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_simulation_that_does_not_come_back_is_played_again(play, monkeypatch):
     monkeypatch.setattr(executor, "GRACE_S", 1.0)
     tasks = find_tasks([f"{toy_tasks.__name__}:STUCK"])
     limits = TimeLimits(episode_timeout=5.0)
