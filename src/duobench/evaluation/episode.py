@@ -95,7 +95,6 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     recording: bytes | None = None
     """Its recording as a Parquet file, if there is one that is kept."""
     times: EpisodeTimes | None = None
-    """How long it took, and what with; None if unknown."""
 
     def objection(self, episode: Episode, run: Run, plan: RecordingPlan | None) -> str | None:
         """Why this is not the episode of a run that was to be played; None if it is."""
@@ -222,11 +221,9 @@ class EpisodeRunner:
             limits=job.limits,
             versions=package_versions(),
         )
-        """What is played, and by what; the same for every episode."""
         kind = ActorKind.EXPERT if name.kind is PolicyKind.EXPERT else ActorKind.POLICY
         self._actor = Actor(kind=kind, name=name.text, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
-        """Versions of everything that a result may depend on."""
 
     def play(self, episode: Episode) -> EpisodeResult:
         """Play one episode.

@@ -54,7 +54,6 @@ WORDS: Mapping[str, PolicyKind] = {
     **MADE_ALONE,
     **dict.fromkeys(SERVED, PolicyKind.SERVED),
 }
-"""Words that name a policy."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -223,7 +222,6 @@ def find_source(
 
 
 def _served(choice: PolicyChoice, server: RemoteServer, limits: TimeLimits) -> PolicySource:
-    """A policy at a server that somebody runs."""
     path = SERVED.get(choice.name.text, OPENPI)
     remote = resolve_name(path)(replace(server, answer_s=limits.served_s))
     return _for_any(remote, remote.metadata, remote.batching)
@@ -241,7 +239,6 @@ def _apart(address: PolicyAddress) -> PolicySource:
 
 
 def _for_any(policy: Any, metadata: PolicyMetadata, batching: Batching | None) -> PolicySource:
-    """A policy that is the same in every environment."""
     return PolicySource(
         metadata=metadata, bind=lambda _env: policy, close=policy.close, batching=batching
     )

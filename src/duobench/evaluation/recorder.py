@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import gymnasium as gym
 
 from duobench.envs.episode_state import EpisodeState
+from duobench.envs.execution import Step
 from duobench.errors import escaped
+from duobench.evaluation.rollout import Info, Observation
 from duobench.randomness import SUITE_VERSION
 from duobench.results.records import EpisodeRecord, StateHashes, pack_targets
 from duobench.results.run import Run
 from duobench.results.suite import Episode
+from duobench.stages.logic import Words
 from duobench.types import Array
-
-if TYPE_CHECKING:
-    from duobench.evaluation.rollout import Info, Observation, Step
-    from duobench.stages.logic import Words
 
 
 class EpisodeRecorder:
@@ -73,7 +71,6 @@ class EpisodeRecorder:
             self._end = _state(self._env)
 
     def _look(self) -> None:
-        """See why the next stage is not reached."""
         if self._env is not None:
             self._unmet = self._env.get_wrapper_attr("unmet")
 

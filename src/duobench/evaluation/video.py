@@ -157,7 +157,6 @@ class Picture:
         return f"{_time(number)}   stage {stage} of {self._task.max_stage}{reached}"
 
     def _column(self, height: int) -> Pillow.Image:
-        """The policy's images, one below the other."""
         cell = height // max(_MOST_SHARE, len(self._images))
         scaled: dict[str, Pillow.Image] = {}
         for name, image in self._images.items():

@@ -182,14 +182,12 @@ class _Sendable:
         self._first = targets[: self._latency]
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """Reject targets that move before the first chunk can have been answered."""
         if not np.allclose(self._first, info["sent"], rtol=0, atol=HOLD_TOLERANCE):
             raise EvaluationError(
                 f"It does not hold its command for a latency of {self._latency} steps."
             )
 
     def on_step(self, step: Step) -> None:
-        """Reject a target that was clipped."""
         if not (step.info["sent"] == step.action).all():
             raise EvaluationError(f"The joint targets of step {step.number} exceed a limit.")
 
@@ -260,9 +258,7 @@ class Divergence:
     largest: float
     """Largest difference of a joint position or an opening, in radians or parts of 1."""
     recorded_stage: int
-    """Highest stage of the recorded episode."""
     stage: int
-    """Highest stage of the replayed one."""
     same_stages: bool
     """Whether every stage was reached at the same step."""
 

@@ -180,7 +180,6 @@ class _Renderer:
         make: Callable[[EpisodeRecord], None],
         progress: Progress,
     ) -> RenderResult:
-        """Make what is not there, task by task."""
         there = tuple(compress(records, is_there))
         missing = compress(records, map(not_, is_there))
         places = {task.id: place for place, task in enumerate(self._run.suite.tasks)}
@@ -199,7 +198,6 @@ class _Renderer:
         return RenderResult(made=tuple(made), there=there, impossible=tuple(impossible))
 
     def make_video(self, record: EpisodeRecord) -> None:
-        """Make the video of an episode, if it comes out here as its record says."""
         env = self._player.environment_of(record, has_images=True)
         overview = self._overview.get(env, lambda: Overview(env))
         picture = Picture(self._player.task(record), is_seen=self._chunk is not None)
@@ -209,7 +207,6 @@ class _Renderer:
             write(self._folder.video(record.key), video)
 
     def make_replay(self, record: EpisodeRecord) -> None:
-        """Make the replay in 3D of an episode, under the same condition."""
         recorder = TrajectoryRecorder(self._scenes, as_look(record.config.look))
         self._replay(record, recorder)
         found = recorder.trajectory()
@@ -223,6 +220,5 @@ class _Renderer:
             raise EvaluationError(f"Played again here it comes out differently: {found[0]}.")
 
     def close(self) -> None:
-        """Free environment and renderer."""
         self._overview.close()
         self._player.close()

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from duobench.web.server import PageServer
 
 LAYOUTS = 20
-"""Layouts of a task that can be chosen."""
 SUCCESS, FAILURE, ERROR = "success", "failure", "error"
 """How an episode ended, as the page shows it."""
 FAILURES = 5
@@ -50,7 +49,6 @@ class Item:
 
     id: str
     title: str
-    """What people read."""
     detail: str = ""
     state: str = ""
     """How it ended; empty where nothing did."""

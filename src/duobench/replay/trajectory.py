@@ -23,7 +23,6 @@ class Trajectory:
     """One episode, with all that is shown of it."""
 
     task: str
-    """Id of the task."""
     instruction: str
     stages: tuple[str, ...]
     """Names of the stages 1, 2, ..."""
@@ -32,7 +31,6 @@ class Trajectory:
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage), as in `EpisodeRecord`."""
     scene: str
-    """Name of the scene; see `Geometry.name`."""
     scene_data: bytes = field(repr=False)
     track: bytes = field(repr=False)
     """Poses of the moving bodies, after 0, 1, ... control steps; see `web.track`."""

@@ -35,7 +35,6 @@ from duobench.versions import differing_arithmetic
 TOLERANCE = 1e-6
 """Difference of a pose that another processor may make, in metres or in parts of a quaternion."""
 LONGEST_CLAIM = 120
-"""Characters of a claim that are shown."""
 _OUTCOME = (
     *("seed", "horizon", "max_stage", "steps", "stage_changes", "final_stage", "success"),
     *("success_at_end", "terminated", "truncated", "instruction"),
@@ -46,13 +45,11 @@ class Verdict(StrEnum):
     """What a replay says about a record."""
 
     EXACT = "exact"
-    """Everything is equal to the bit."""
     STAGES = "stages only"
     """Layout, stages and end agree; the bits need not be those of this processor, and are not."""
     ERROR = "up to an error"
     """Everything is equal to the bit until an error ended the episode."""
     UNVERIFIABLE = "not verifiable"
-    """Nothing can be played again."""
     CONTRADICTED = "contradicted"
     """Something comes out differently, or the record cannot be read."""
 
@@ -125,7 +122,8 @@ def verify(
     unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
-    for key in source.finished(run):
+    keys = source.finished(run)
+    for key in keys:
         try:
             record = source.read_record(run, key)
         except OtherRunError:
@@ -139,18 +137,13 @@ def verify(
             findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)
         else:
             jobs.append(record)
-    order = [*findings, *(record.key for record in jobs)]
-    progress(len(findings), len(order))
-    check = partial(_checker, run, import_tasks)
-    with closing(run_all(check, jobs, workers)) as results:
+    progress(len(findings), len(keys))
+    with closing(run_all(partial(_checker, run, import_tasks), jobs, workers)) as results:
         for finding in results:
             findings[finding.key] = finding
-            progress(len(findings), len(order))
-    places = {key: number for number, key in enumerate(source.finished(run))}
+            progress(len(findings), len(keys))
     return Verification(
-        run=run,
-        findings=tuple(findings[key] for key in sorted(order, key=places.__getitem__)),
-        objections=tuple(objections),
+        run=run, findings=tuple(map(findings.__getitem__, keys)), objections=tuple(objections)
     )
 
 
@@ -188,26 +181,24 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
 
 def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:
     """What checks one record after the other; it keeps the environment of one for the next."""
-    player = RecordPlayer(run, import_tasks=import_tasks)
-
-    def check(record: EpisodeRecord) -> Finding:
-        return _finding(record.key, *_judged(record, player))
-
-    return check
+    return partial(_check, RecordPlayer(run, import_tasks=import_tasks))
 
 
-def _judged(record: EpisodeRecord, player: RecordPlayer) -> tuple[Verdict, str]:
+def _check(player: RecordPlayer, record: EpisodeRecord) -> Finding:
     try:
         replay = player.replay(record)
     except DuoBenchError as error:
-        return Verdict.CONTRADICTED, f"its targets cannot be played: {error}"
+        reason = f"its targets cannot be played: {error}"
+        return _finding(record.key, Verdict.CONTRADICTED, reason)
     different, bits = disagreements(record, replay), differing_bits(record, replay)
     elsewhere = differing_arithmetic(record.versions)
     if different or (bits and not elsewhere):
-        return Verdict.CONTRADICTED, "; ".join(dict.fromkeys([*different, *bits]))
+        reason = "; ".join(dict.fromkeys([*different, *bits]))
+        return _finding(record.key, Verdict.CONTRADICTED, reason)
     if bits:
-        return Verdict.STAGES, f"{', '.join(elsewhere)}: {'; '.join(bits)}"
-    return (Verdict.EXACT if record.error is None else Verdict.ERROR), ""
+        reason = f"{', '.join(elsewhere)}: {'; '.join(bits)}"
+        return _finding(record.key, Verdict.STAGES, reason)
+    return _finding(record.key, Verdict.EXACT if record.error is None else Verdict.ERROR)
 
 
 def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:

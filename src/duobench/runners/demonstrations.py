@@ -40,10 +40,8 @@ class Attempt:
 
     task: str
     episode: int
-    """Index of the episode in its split."""
     success: bool
     stage: int
-    """The last stage that it reached."""
     steps: int
     """Control steps until it succeeded or ended."""
     kept: bool
@@ -56,7 +54,6 @@ class Attempts:
     """All of them, by task and index."""
 
     attempts: tuple[Attempt, ...] = ()
-    """In order."""
     command: str = ""
     """The command that played the last of them; empty if there was none."""
 
@@ -212,7 +209,6 @@ class _Log:
         return missing
 
     def _add(self, result: EpisodeResult) -> Attempt:
-        """Write the recording of an episode, if it is kept, and the list of all attempts."""
         record, recording = result.record, result.recording
         if recording is not None:
             self._data.add(record.task, f"{record.episode:05d}", recording)

@@ -126,7 +126,6 @@ def evaluate(  # noqa: PLR0913
 def _finished(
     folder: RunFolder, run: Run, shard: Shard, *, retry_broken: bool
 ) -> list[EpisodeRecord]:
-    """The records of a shard that stay, of those that are there."""
     finished = folder.read_records(folder.read_run(), set(run.episode_keys(shard)))
     if retry_broken:
         for record in finished:

@@ -191,7 +191,6 @@ class ProcessExecutor:
         return self._ready
 
     def _dispatch(self, begun: Callable[[Episode], None]) -> None:
-        """Give waiting episodes to idle workers, and start more processes for the rest."""
         playing = len(self._pool.playing)
         isolated = self._schedule.has_quarantined
         if isolated and playing:
@@ -208,7 +207,6 @@ class ProcessExecutor:
     # --- what processes say, and how they end --------------------------------------------------
 
     def _poll(self) -> Iterator[EpisodeResult]:
-        """Wait for reports, a moment at most, and act on them."""
         members = self._pool.members
         readable = self._pool.wait(TICK_S)
         for member in members:
@@ -358,7 +356,6 @@ class ProcessExecutor:
             self._lose(worker, "the simulation did not come back within the time limit.")
 
     def _failed(self, worker: Worker, episode: Episode, late: PolicyTimeoutError) -> EpisodeResult:
-        """The result of an episode whose policy was stopped."""
         if record := self._at_horizon.pop(episode, None):
             return EpisodeResult(record=record)
         record = worker.progress or self._unknown(episode)
@@ -367,7 +364,6 @@ class ProcessExecutor:
         return EpisodeResult(record=record.broken(late, steps))
 
     def _unknown(self, episode: Episode) -> EpisodeRecord:
-        """The record of an episode of which nothing is known."""
         ready = self._prepared
         return EpisodeRecorder(episode).record(ready.run, ready.versions)
 

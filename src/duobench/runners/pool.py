@@ -19,13 +19,11 @@ from duobench.runners.process import ProcessFailed, Stop, Transport, WorkerProce
 from duobench.runners.worker import PlayEpisode, Rehearse, Report
 
 MAX_FAILED_STARTS = 3
-"""Processes that die one after the other while they start, until the run gives up."""
 SHUTDOWN_TIMEOUT_S = 10.0
 """How long processes may take to free everything before they are killed, in seconds."""
 _LOOK_S = 0.01
 """How often is looked whether they have ended, in seconds."""
 WORKER, POLICY = "duobench.runners.worker", "duobench.runners.policy_process"
-"""Modules that processes run."""
 
 
 class Launcher(Protocol):
@@ -89,7 +87,6 @@ class RunningPolicy:
     def __init__(self, process: Transport) -> None:
         self.process = process
         self.address: PolicyAddress | None = None
-        """Where it answers, once it does."""
 
     @property
     def is_ready(self) -> bool:
@@ -108,11 +105,9 @@ class Worker:
     def __init__(self, process: Transport, policy: RunningPolicy | None) -> None:
         self.process, self.policy, self.is_ready = process, policy, False
         self.episode: Episode | None = None
-        """What it is playing."""
         self.progress: EpisodeRecord | None = None
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
-        """The task whose environment it has."""
 
     def begin(self, job: Job) -> None:
         """Have it make the policy, or connect to it."""
@@ -139,7 +134,6 @@ class WorkerPool:
         self._job, self._launcher = job, launcher
         self._policies: list[RunningPolicy] = []
         self.workers: list[Worker] = []
-        """All workers, in the order in which they were started."""
         self._is_shared: bool | None = None  # not known before the policy is made
 
     @property

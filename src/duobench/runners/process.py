@@ -44,7 +44,6 @@ DEATH_S = 10.0
 DEATH_SEEN_S = 1.0
 """How long after a lost connection the end of a process may be seen, in seconds."""
 _PIECE = 1 << 20
-"""Bytes that are read at a time."""
 _START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from {module} import main; main(int(sys.argv[2]), int(sys.argv[3]), *sys.argv[4:])"
@@ -92,7 +91,6 @@ class ProcessFailed(msgspec.Struct, tag=True, frozen=True):
     """From a process: what it is for cannot be done by any of its kind."""
 
     error: str
-    """Name of the class of the error."""
     message: str
 
 
@@ -110,7 +108,6 @@ class Channel(Generic[T]):
 
     def __init__(self, connection: socket.socket, kind: Any) -> None:
         self.socket = connection
-        """The socket, to wait for, and to close."""
         self._decoder = msgspec.json.Decoder(kind)
         self._rest = bytearray()
 

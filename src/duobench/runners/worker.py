@@ -44,7 +44,6 @@ class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the episode has begun, reached a new stage, or is played on."""
 
     record: EpisodeRecord
-    """Its record so far."""
 
 
 class EpisodeError(msgspec.Struct, tag=True, frozen=True):
@@ -56,7 +55,6 @@ class EpisodeError(msgspec.Struct, tag=True, frozen=True):
 Request = Job | PlayEpisode | Rehearse | Stop
 """To a worker; a job comes first, which has it make the policy."""
 Report = Ready | Rehearsed | EpisodeProgress | EpisodeResult | EpisodeError | ProcessFailed
-"""From a worker."""
 
 
 def main(connection: int, clock: int) -> None:
