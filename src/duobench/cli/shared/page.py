@@ -51,7 +51,7 @@ def serve_page(port: int, lan: bool, page: str = "live_page.html") -> PageServer
 @contextmanager
 def followed(folder: RunFolder, screen: Console, port: int) -> Iterator[None]:
     """Show a run on a page while the block plays it; at its end, the page shows the report."""
-    from duobench.replay.follow import FollowedRun
+    from duobench.replay.sources import FollowedRun
     from duobench.replay.viewer import Viewer
 
     with closing(serve_page(port, lan=False)) as server:
