@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.cli.real.terminal import KeyTerminal
+from duobench.cli.real.rigs import KeyTerminal
 from duobench.data import DataSet
 from tests.docs.markdown import DOCS, blocks, table
 
