@@ -74,7 +74,8 @@ def relative(path: Path) -> Path:
 Advice = Mapping[type[DuoBenchError], str | Callable[[], str]]
 """What to say after an error of a class; the first class that fits counts."""
 
-OTHER_OUT: Advice = dict.fromkeys((OtherRunError, LockedError), "Give --out another folder.")
+OTHER_RUN: Advice = {OtherRunError: "Give --out another folder."}
+OTHER_OUT: Advice = {**OTHER_RUN, LockedError: "Give --out another folder."}
 FOR_RECORDING: Advice = {
     **OTHER_OUT,
     **dict.fromkeys(

@@ -14,6 +14,7 @@ import tyro
 
 from duobench.cli.shared.advice import (
     OTHER_OUT,
+    OTHER_RUN,
     AdvisedError,
     advising,
     find_run,
@@ -307,7 +308,7 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
         say(f"Verifying {name}")
         return shown.enter_context(display("episode")).tell
 
-    with shown, advising(OTHER_OUT):
+    with shown, advising(OTHER_RUN):
         board, page = make_leaderboard(folder, out, workers=workers, started=started)
     for title, privileged in (("Ranked", False), ("Privileged", True)):
         for one in board.ranked(privileged=privileged):
