@@ -8,7 +8,7 @@ import pytest
 
 from duobench.rig_sessions.cameras import FILM_RATE
 from duobench.rig_sessions.status_page import SILENCE_S
-from duobench.rig_sessions.trials import open_session
+from duobench.rig_sessions.trials import TrialsSession
 from tests.docs.markdown import DOCS, attend, blocks, run, text_of
 from tests.rig_sessions.operator import Operator
 from tests.web.pages import Page
@@ -71,4 +71,4 @@ def test_numbers_are_those_of_the_code() -> None:
     text = text_of(PAGE)
     assert f"no sign for {SILENCE_S:g} s" in text
     assert f"{FILM_RATE} frames a second" in text
-    assert f"{signature(open_session).parameters['episodes'].default} episodes a policy" in text
+    assert f"{signature(TrialsSession).parameters['episodes'].default} episodes a policy" in text

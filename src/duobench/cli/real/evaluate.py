@@ -68,7 +68,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     from duobench.data import DataSet
     from duobench.files import locked
     from duobench.results.suite import find_tasks
-    from duobench.rig_sessions.trials import open_session
+    from duobench.rig_sessions.trials import TrialsSession
     from duobench.rig_sessions.trials_folder import TrialsFolder
     from duobench.rig_sessions.trials_report import write_trials_report
 
@@ -87,7 +87,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         ending.enter_context(locked(folder.path))
         server = page.serve("trials_page.html")
         ending.callback(server.close)
-        session = open_session(
+        session = TrialsSession(
             folder,
             duo,
             info,
