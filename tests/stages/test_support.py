@@ -18,10 +18,10 @@ from duobench.stages.predicates import FLICKER_SECONDS
 from duobench.stages.support import UNSUPPORTED_SECONDS
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
-from tests.adversaries.hinge_chest import CHEST
-from tests.adversaries.opening import Opening
-from tests.adversaries.spring_door import DOOR
 from tests.task_harness import TaskHarness, set_hinge, take_away
+from tests.ways.hinge_chest import CHEST
+from tests.ways.opening import Opening
+from tests.ways.spring_door import DOOR
 
 LONG = round(UNSUPPORTED_SECONDS * CONTROL_HZ)
 GRAZE = round(FLICKER_SECONDS * CONTROL_HZ)
