@@ -22,13 +22,12 @@ from duobench.experts.scripts.ball_maze import (
 )
 from duobench.objects.maze_board import BALL_RADIUS, BASE, PITCH, WALL_HEIGHT, cell_at, cell_centre
 from duobench.objects.mazes import MAZES, Maze
-from duobench.sim.contacts import Limb, limb_owner
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.ball_maze import AT_GOAL, LEFT_START
 from duobench.types import SIDES, Side
 from tests.steps import do, to
-from tests.ways.way import ONE, TURNS, Way, cheats, random_tempo, ways_to
+from tests.ways.way import ONE, TURNS, Way, cheats, fingers_on, random_tempo, ways_to
 
 ONE_ARM = Side.LEFT
 """The arm that does everything where one is enough."""
@@ -49,7 +48,6 @@ LOOSE, LOOSENED = Side.LEFT, 0.25
 
 
 def maze_of(sim: Simulation) -> Maze:
-    """The maze of the episode's board."""
     return MAZES[int(sim.variants["board"])]
 
 
@@ -89,7 +87,6 @@ def aside(arms: Arms, side: Side) -> Script:
 
 
 def put_down(arms: Arms, side: Side) -> Script:
-    """Lay the board on the table, and let it go."""
     board = arms.sim.pose("board")
     x, y, _ = board.translation
     yield from carry(arms, "board", SE3.at(x, y, BASE, yaw=board.yaw), side, speed=0.2)
@@ -98,13 +95,11 @@ def put_down(arms: Arms, side: Side) -> Script:
 
 
 def settle_at_goal(arms: Arms, *sides: Side) -> Script:
-    """Roll the ball to the goal, and right into its corner."""
     yield from islice(solve(arms, *sides), MAX_SOLVE)
     yield from wait(REST)
 
 
 def begin_alone(arms: Arms) -> Script:
-    """One arm lets the ball roll out of the start."""
     for _ in solve(arms, ONE_ARM):
         yield
         if from_start(arms.sim) > PITCH:
@@ -120,7 +115,6 @@ def begin(arms: Arms) -> Script:
 
 
 def yank(arms: Arms) -> Script:
-    """The ball hops over walls: the board is yanked away."""
     board = arms.sim.pose("board")
     x, y, z = board.translation
     yield from carry(arms, "board", SE3.at(x, y, z + 0.05, yaw=board.yaw), speed=0.2)
@@ -161,7 +155,6 @@ def shake(arms: Arms) -> Script:
 
 
 def push_the_ball(arms: Arms) -> Script:
-    """A finger pushes the ball out of the start; then all is done as it should be."""
     yield from grip(arms, ONE_ARM)
     maze, board = maze_of(arms.sim), arms.sim.pose("board")
     start, way = np.array(cell_centre(maze.start)), np.array(maze.plan(maze.start)[0].value)
@@ -180,20 +173,11 @@ def push_the_ball(arms: Arms) -> Script:
 
 
 def press_half_open_fingers(arms: Arms) -> Script:
-    """Half-open fingers are pressed on top of two grips, along their bars."""
     across = SE3.at(yaw=math.pi / 2)
     above = {s: pose.moved(z=0.03) @ across for s, pose in grip_poses(arms, *SIDES).items()}
     yield from come_down(arms, above, opening=0.55, above=0.06)
     yield from move(arms, {s: pose.moved(z=-0.05) for s, pose in above.items()}, speed=0.1)
     yield from wait(REST)
-
-
-def pressed(sim: Simulation) -> bool:
-    """Both pads of both grippers touch the board."""
-    pads = {
-        limb_owner(side, pad) for side in SIDES for pad in (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)
-    }
-    return pads <= sim.contacts.partners("board")
 
 
 def loosened(steps: int, run: int) -> Callable[[Arms], Script]:
@@ -244,7 +228,9 @@ ADVERSARIES: dict[str, Way] = {
     "the board is yanked away and the ball hops over the walls": cheat(3, begin, yank),
     "the board is jerked about on the table": cheat(2, shake),
     "a finger pushes the ball out of the start": cheat(2, push_the_ball),
-    "half-open fingers are pressed on two grips": cheat(1, press_half_open_fingers, deed=pressed),
+    "half-open fingers are pressed on two grips": cheat(
+        1, press_half_open_fingers, deed=fingers_on(dict.fromkeys(SIDES, "board"))
+    ),
 }
 
 # --- sincere ways ---------------------------------------------------------------------------------
@@ -318,7 +304,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random; in three of ten the ball rolls back after some runs."""
     lift = rng.uniform(0.03, 0.09)
     handling = Handling(
         other_grips=bool(rng.random() < 0.5),

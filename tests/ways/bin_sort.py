@@ -34,6 +34,7 @@ from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.steps import do, to
 from tests.ways.way import ONE, Way, cheats, left_alone, random_tempo, tilt, ways_to
 
+MAX_STANDING_TILT = math.radians(20.0)
 COLOURS = ("white", "black")
 OWN = {"white": Side.LEFT, "black": Side.RIGHT}
 GRASP_HEIGHT, DROP_HEIGHT = 0.028, 0.045
@@ -47,6 +48,19 @@ MIDDLE = (0.45, 0.05)
 """A place on the table that both arms reach, in metres."""
 
 
+def done(sim: Simulation) -> bool:
+    """Each cube lies in the bowl of its colour, let go, and the bowls stand on the table."""
+    for colour in COLOURS:
+        cube, bowl = f"{colour}_cube", f"{colour}_bowl"
+        x, y, z = sim.relative_position(cube, bowl)
+        lies = math.hypot(x, y) < RADIUS - WALL and 0.0 < z < RIM_HEIGHT
+        lies = lies and sim.contacts.between(cube, bowl) and left_alone(sim, cube)
+        stands = sim.contacts.between(bowl, TABLE) and tilt(sim, bowl) < MAX_STANDING_TILT
+        if not (lies and stands):
+            return False
+    return True
+
+
 def in_bowl(sim: Simulation, cube: str, bowl: str) -> bool:
     """The cube is let go, inside the bowl and in contact with it, wherever the bowl is."""
     x, y, z = sim.relative_position(cube, bowl)
@@ -56,7 +70,6 @@ def in_bowl(sim: Simulation, cube: str, bowl: str) -> bool:
 
 
 def throw(arms: Arms) -> Script:
-    """Fling the white cube into the white bowl, so that it bounces out again."""
     yield from pick_cube(arms, Side.LEFT, "white_cube", GRASP_HEIGHT)
     x, y, _ = arms.sim.position("white_bowl")
     start, end = down(x, y - RUN_UP, THROW_HEIGHT), down(x, y, THROW_HEIGHT)
@@ -106,7 +119,6 @@ def drop_and_pinch(arms: Arms, lift: float = 0.0) -> Script:
 
 
 def push_in_from_the_rim(arms: Arms) -> Script:
-    """The white cube is laid across its bowl's rim and pushed in by closed fingers."""
     yield from pick_cube(arms, Side.LEFT, "white_cube", GRASP_HEIGHT)
     x, y, _ = arms.sim.position("white_bowl")
     ledge = down(x, y - RADIUS + WALL / 2, RIM_HEIGHT + GRASP_HEIGHT)
@@ -123,7 +135,6 @@ def push_in_from_the_rim(arms: Arms) -> Script:
 
 
 def swap(arms: Arms) -> Script:
-    """Put each cube into the bowl of the other colour; no arm reaches the bowl on the far side."""
     for giver, cube, bowl in (
         (Side.LEFT, "white_cube", "black_bowl"),
         (Side.RIGHT, "black_cube", "white_bowl"),
@@ -159,15 +170,6 @@ def in_the_air(sim: Simulation) -> bool:
     return in_bowl(sim, "white_cube", "white_bowl") and not standing
 
 
-def both_in(sim: Simulation) -> bool:
-    """Both lie in their bowls, at rest."""
-    return all(
-        in_bowl(sim, f"{colour}_cube", f"{colour}_bowl")
-        and sim.speed(f"{colour}_cube")[0] < STILL_SPEED / 10
-        for colour in ("white", "black")
-    )
-
-
 def lying(sim: Simulation) -> bool:
     slow = sim.speed("white_cube")[0] < STILL_SPEED / 10
     return slow and in_bowl(sim, "white_cube", "white_bowl")
@@ -178,7 +180,7 @@ def flying(sim: Simulation) -> bool:
     return fast and in_bowl(sim, "white_cube", "white_bowl")
 
 
-cheat = cheats(both_in)
+cheat = cheats(done)
 ADVERSARIES: dict[str, Way] = {
     "a thrown cube touches its bowl in flight": cheat(1, throw, **ONE, deed=flying, seed=1),
     **{
@@ -208,7 +210,6 @@ NEARER = (0.40, 0.02)
 REACHED = 0.004
 """Distance in metres from a pose that an arm reaches."""
 MAX_PICKS = 4
-MAX_STANDING_TILT = math.radians(20.0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -234,7 +235,6 @@ class Sorting:
 
 
 def sort(arms: Arms, how: Sorting) -> Script:
-    """Sort both cubes."""
     if how.order is None:
         yield from together(*(_own(arms, colour, how) for colour in COLOURS))
         return
@@ -243,7 +243,6 @@ def sort(arms: Arms, how: Sorting) -> Script:
 
 
 def _own(arms: Arms, colour: str, how: Sorting) -> Script:
-    """The arm on a cube's side picks it up and puts it into its bowl."""
     side = OWN[colour]
     hand = _grasp(arms, f"{colour}_cube", how).rotation
     if not _reaches(arms, side, SE3(hand, np.array(_over(arms, colour, how)))):
@@ -286,7 +285,6 @@ def by_one(arms: Arms, side: Side) -> Script:
 
 
 def _over(arms: Arms, colour: str, how: Sorting) -> tuple[float, float, float]:
-    """Where the lowest point of a cube is let go."""
     x, y, z = arms.sim.position(f"{colour}_bowl")
     return x + how.place[0], y + how.place[1], z + FLOOR + how.drop
 
@@ -335,7 +333,6 @@ def _put(
 
 
 def _home(arms: Arms, side: Side) -> Script:
-    """Make room for the other arm."""
     yield from move(arms, {side: down(CENTRE[0], 0.3 * side.sign, 0.3)}, tolerance=NEAR)
     yield from grip(arms, side, opening=1.0)
 
@@ -346,19 +343,6 @@ def _reaches(arms: Arms, side: Side, tool: SE3) -> bool:
     for _ in range(90):
         joints = arms.kinematics.step(joints, {side: tool})
     return arms.kinematics.forward(joints)[side].distance(tool)[0] < REACHED
-
-
-def done(sim: Simulation) -> bool:
-    """Each cube lies in the bowl of its colour, let go, and the bowls stand on the table."""
-    for colour in COLOURS:
-        cube, bowl = f"{colour}_cube", f"{colour}_bowl"
-        x, y, z = sim.relative_position(cube, bowl)
-        lies = math.hypot(x, y) < RADIUS - WALL and 0.0 < z < RIM_HEIGHT
-        lies = lies and sim.contacts.between(cube, bowl) and left_alone(sim, cube)
-        stands = sim.contacts.between(bowl, TABLE) and tilt(sim, bowl) < MAX_STANDING_TILT
-        if not (lies and stands):
-            return False
-    return True
 
 
 way = ways_to(sort, done, Sorting())
@@ -391,7 +375,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random."""
     tempo = random_tempo(rng, slowly=0.2, trembling=0.2)
     turn = rng.uniform(-0.8, 0.8) if rng.random() < 0.5 and tempo["tremble"] == 0.0 else 0.0
     angle, reach = rng.uniform(0.0, 2 * math.pi), rng.uniform(0.0, 0.045)

@@ -17,7 +17,7 @@ from duobench.spatial import SE3
 from duobench.tasks.block_balance import BEAM, BLOCK, BLOCKS, CUBE_EDGE, LEVEL_DEGREES
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.steps import do, pause, to
-from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, random_tempo, ways_to
+from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, fingers_on, random_tempo, ways_to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR, FAR = 0.032, 0.078
@@ -66,16 +66,6 @@ def held_balance(sim: Simulation) -> bool:
     return on_beam and sum(hands) == 1
 
 
-def pressed(sim: Simulation) -> bool:
-    """Both fingers of either gripper lie on its block."""
-    fingers = ("left_finger", "right_finger")
-    return all(
-        sim.contacts.between(f"{side}/{finger}", f"{side}_block")
-        for side in SIDES
-        for finger in fingers
-    )
-
-
 def against_the_cube(sim: Simulation) -> bool:
     """The beam is in the hand, off the table, and touches the cube."""
     touching = sim.contacts.partners("beam") >= {"cube"} and TABLE not in sim.contacts.partners(
@@ -106,12 +96,10 @@ def away(arms: Arms, side: Side) -> Script:
 
 
 def aside(arms: Arms, side: Side) -> Script:
-    """Go out of the other arm's way."""
     yield from to(arms, side, arms.targets[side].moved(y=0.2 * side.sign), arrive=False)
 
 
 def put_near(arms: Arms, side: Side, name: str) -> Script:
-    """One arm puts a block onto its half of the beam, near the middle."""
     x, y, z = arms.sim.position(name)
     grasp = down(x, y, z + GRASP, yaw=outward(side))
     yield from pick(arms, side, grasp, above=0.12, lift=0.14, speed=0.3)
@@ -127,7 +115,6 @@ def put_near(arms: Arms, side: Side, name: str) -> Script:
 
 
 def slide(arms: Arms, side: Side, name: str) -> Script:
-    """One arm slides a block that stands on the beam out to the end."""
     x, y, z = arms.sim.position(name)
     tool = down(x, y, z + GRASP, yaw=outward(side))
     yield from to(arms, side, tool.moved(z=0.12), speed=0.3)
@@ -150,13 +137,11 @@ def build(arms: Arms, *sides: Side) -> Script:
 
 
 def tool_at(arms: Arms, side: Side) -> SE3:
-    """Where a tool grasps its block."""
     x, y, z = arms.sim.position(f"{side}_block")
     return down(x, y, z + GRASP, yaw=outward(side))
 
 
 def close_once(arms: Arms) -> Script:
-    """Both grasp a block, on the table."""
     for side in SIDES:
         tool = tool_at(arms, side)
         yield from to(arms, side, tool.moved(z=0.12))
@@ -170,7 +155,6 @@ def both_away(arms: Arms) -> Script:
 
 
 def grasp_on_the_beam(arms: Arms, lift: float) -> Script:
-    """Both grasp their blocks together, raise them, and let go."""
     tools = {side: tool_at(arms, side) for side in SIDES}
     yield from move(arms, {side: tool.moved(z=0.12) for side, tool in tools.items()})
     yield from move(arms, tools, speed=CAREFUL)
@@ -185,7 +169,6 @@ def grasp_on_the_beam(arms: Arms, lift: float) -> Script:
 
 
 def press(arms: Arms) -> Script:
-    """Half-open fingers are pressed on top of the blocks."""
     yield from lay_beam(arms)
     arms.openings[:] = 0.12
     tops = {}
@@ -198,7 +181,6 @@ def press(arms: Arms) -> Script:
 
 
 def beside(arms: Arms) -> Script:
-    """The right arm holds the beam in the air against the cube's side."""
     x, y, z = arms.sim.position("beam")
     yield from pick(arms, RIGHT, down(x, y - 0.06, z + BEAM_GRASP, yaw=outward(RIGHT)))
     x, y, _ = arms.sim.position("cube")
@@ -224,7 +206,6 @@ def take_both(arms: Arms) -> Script:
 
 
 def put_on_and_off(arms: Arms) -> Script:
-    """Both put their blocks down together, and take them off again."""
     before = dict(arms.targets)
     yield from lower(arms)
     there = dict(arms.targets)
@@ -263,7 +244,9 @@ ADVERSARIES: dict[str, Way] = {
     "both let their blocks go 2 cm above the beam": cheat(
         3, LADEN, (lower, {"gap": 0.02}), (release, *SIDES), (pause, 15), both_away
     ),
-    "half-open fingers pressed on the blocks": cheat(2, press, deed=pressed),
+    "half-open fingers pressed on the blocks": cheat(
+        2, press, deed=fingers_on({side: f"{side}_block" for side in SIDES})
+    ),
     "a balance held by a gripper": cheat(
         4,
         *(LADEN, lower, (away, LEFT), (pause, 60)),
@@ -370,7 +353,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random over how the beam is laid and the blocks are taken and put down."""
     releases = ((SIDES,), ((LEFT,), (RIGHT,)), ((RIGHT,), (LEFT,)))
     release = releases[rng.choice(len(releases), p=(0.8, 0.1, 0.1))]
     return way(

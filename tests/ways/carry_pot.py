@@ -63,7 +63,6 @@ def middle(arms: Arms) -> tuple[float, float]:
 
 
 def drag(arms: Arms) -> Script:
-    """The left arm lifts its side of the pot, pulls the other one up onto the plate, lets go."""
     yield from grasp(arms, LEFT)
     start = arms.targets[LEFT]
     yield from to(arms, LEFT, start.moved(z=0.07), speed=0.1)
@@ -102,7 +101,6 @@ def carry_alone(arms: Arms) -> Script:
 
 
 def put_back(arms: Arms) -> Script:
-    """Both lift it once, and put it back."""
     start = arms.sim.pose("pot")
     yield from lift(arms)
     yield from carry(arms, "pot", start.moved(z=-0.005), speed=0.1)
@@ -135,7 +133,6 @@ def hover(arms: Arms, height: float) -> Script:
 
 
 def loosen(arms: Arms) -> Script:
-    """The right arm lets go in the air, and takes its handle again."""
     held = arms.targets[RIGHT]
     yield from release(arms, RIGHT, opening=0.3)
     yield from wait(5)
@@ -250,7 +247,6 @@ def lower_to(arms: Arms, height: float, speed: float) -> Script:
 
 
 def put(arms: Arms, way: Carrying) -> Script:
-    """Both arms take the pot, carry it and put it down."""
     yield from grasp(arms, hold=way.hold)
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=way.lift), speed=0.15)
     yield from wait(6)
@@ -298,7 +294,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random over how the handles are taken and the pot is put down."""
     hold = {
         side: HandleGrasp(
             height=rng.uniform(-0.008, 0.014),

@@ -71,13 +71,11 @@ class Meeting:
 
 
 def check(as_meant: bool) -> None:
-    """Give up when the bar is not where it should be."""
     if not as_meant:
         raise WayFailedError
 
 
 def hand_over(arms: Arms, meeting: Meeting) -> Script:
-    """Pick the bar up and hand it over."""
     body, giver, receiver = meeting.bar.body, meeting.bar.giver, meeting.bar.giver.other
     x, y, z = meeting.centre
     ready = tool(
@@ -150,7 +148,6 @@ def put_down(arms: Arms, side: Side, body: str, lean: float, spot: Array, *, low
 
 
 def at_rest(speed: tuple[float, float]) -> bool:
-    """Whether a person would call it still."""
     return speed[0] < STILL_SPEED and speed[1] < STILL_TURN
 
 

@@ -78,7 +78,6 @@ def _tap(arms: Arms) -> Script:
 
 
 def come_over_the_chest(arms: Arms) -> Script:
-    """The hand with the cube stops over the open chest."""
     y = arms.sim.pose("chest").apply([-0.025, 0.045, 0.0])[1]
     yield from to(arms, INSERTER, over(arms, y, 0.15), tolerance=0.01)
 
@@ -97,7 +96,6 @@ CHEST = Opening(
 
 
 def up_and_aside(arms: Arms, up: float) -> Script:
-    """The left hand leaves the chest."""
     yield from by(arms, INSERTER, z=up, speed=0.3)
     yield from by(arms, INSERTER, y=0.2, speed=0.3)
 
@@ -148,7 +146,6 @@ def hover_at(arms: Arms, angle: float) -> Script:
 
 
 def tap_from_beside(arms: Arms) -> Script:
-    """The right hand leaves the lid, and taps at it from beside every half second."""
     yield from to(arms, HOLDER, arms.targets[HOLDER] @ SE3.at(z=-0.075), arrive=False)
     while True:
         for step in (0.004, -0.004):
@@ -158,7 +155,6 @@ def tap_from_beside(arms: Arms) -> Script:
 
 
 def tapping(arms: Arms) -> Script:
-    """The right hand taps at the lid while the left one bears it."""
     taps = tap_from_beside(arms)
     for _ in chain(wait(15), CHEST.insert(arms)):
         next(taps, None)
@@ -166,7 +162,6 @@ def tapping(arms: Arms) -> Script:
 
 
 def _take_the_lid_again(arms: Arms) -> Script:
-    """The right hand takes the lid off the left one, which leaves."""
     chest, angle = arms.sim.pose("chest"), arms.sim.angle(LID) - 0.03
     again = under_lid(chest, HOLDER, angle)
     yield from to(arms, HOLDER, again @ SE3.at(z=-0.16), speed=0.6, arrive=False)
@@ -201,7 +196,6 @@ def drop_over(arms: Arms, y: float, height: float) -> Script:
 
 
 def in_and_out_again(arms: Arms) -> Script:
-    """The cube is pressed on the chest's floor and taken out again, never let go."""
     yield from lower(arms)
     low = arms.targets[INSERTER].moved(z=box.WALL + CUBE_EDGE / 2 - 0.01 - 0.033)
     yield from to(arms, INSERTER, low, speed=0.1)
@@ -309,14 +303,12 @@ def let_go(arms: Arms, way: Insertion) -> Script:
 
 
 def retreat(arms: Arms, way: Insertion) -> Script:
-    """The inserting arm goes up and away."""
     here = arms.targets[way.side]
     yield from move(arms, {way.side: here.moved(z=0.13)}, speed=0.3)
     yield from move(arms, {way.side: here.moved(y=way.side.sign * 0.2, z=0.16)}, arrive=False)
 
 
 def both(arms: Arms, way: Insertion) -> Script:
-    """One arm opens the lid while the other one fetches the cube."""
     yield from together(open_lid(arms, way), fetch(arms, way))
 
 
@@ -326,12 +318,10 @@ def put_in(way: Insertion) -> Act:
 
 
 def one_after_the_other(way: Insertion) -> Act:
-    """The cube is in hand before the other arm begins to open the lid."""
     return do((fetch, way), (open_lid, way), (lower, way), (let_go, way))
 
 
 def sink(arms: Arms, way: Insertion, start: float, end: float) -> Script:
-    """The holder leads the lid from one angle to another."""
     chest, holder = arms.sim.pose("chest"), way.side.other
     yield from follow(
         arms, lambda f: {holder: under_lid(chest, holder, start + f * (end - start))}, 0.4
@@ -409,7 +399,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random over how the lid is held and the cube goes in."""
     open_angle = rng.uniform(1.0, 1.39)
     # A hand leans as the lid does, or goes in further in front of it.
     tilt = rng.uniform(max(0.0, UPRIGHT - open_angle), 0.5)

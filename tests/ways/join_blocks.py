@@ -32,12 +32,11 @@ from duobench.objects.joint_blocks import (
     WALL_PLATE,
     WALL_TIP,
 )
-from duobench.sim.contacts import Limb, limb_owner
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import SIDES, Side
 from tests.steps import do, to
-from tests.ways.way import ONE, TURNS, Way, cheats, left_alone, random_tempo, ways_to
+from tests.ways.way import ONE, TURNS, Way, cheats, fingers_on, left_alone, random_tempo, ways_to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 LIGHT, DARK = "light_block", "dark_block"
@@ -161,7 +160,6 @@ def let_go(arms: Arms, *sides: Side) -> Script:
 
 
 def mounted(arms: Arms) -> SE3:
-    """Pose of a dark block on the wall's peg."""
     x = -(WALL_PLATE[0] + BAR[0]) / 2 - TOUCHING
     return arms.sim.pose("wall") @ SE3.at(x, 0.0, PEG_HEIGHT)
 
@@ -185,12 +183,10 @@ def plug_in_light(arms: Arms, side: Side) -> Script:
 
 
 def make_room(arms: Arms, side: Side) -> Script:
-    """Move an arm out of the other one's way."""
     yield from to(arms, side, down(0.3, 0.4 * side.sign, 0.3))
 
 
 def one_after_the_other(arms: Arms, dark: Side, light: Side) -> Script:
-    """The dark block onto the wall and let go, then the light one plugged in."""
     yield from dark_to_wall(arms, dark)
     if dark is not light:
         yield from make_room(arms, dark)
@@ -198,7 +194,6 @@ def one_after_the_other(arms: Arms, dark: Side, light: Side) -> Script:
 
 
 def take_both(arms: Arms) -> Script:
-    """Close on both blocks, on the table."""
     yield from together(take(arms, LEFT, LIGHT, 0.0), take(arms, RIGHT, DARK, 0.0))
 
 
@@ -214,7 +209,6 @@ join_on_table = do((at_the_foot, RIGHT), (let_go, RIGHT), (plug_in_light, RIGHT)
 
 
 def take_joined(arms: Arms) -> Script:
-    """What one arm joined on the table is grasped by both, and brought to the wall."""
     yield from join_on_table(arms)
     yield from take(arms, RIGHT, DARK, 0.0)
     yield from to(arms, RIGHT, arms.targets[RIGHT].moved(x=-ROOM), speed=0.1)
@@ -244,7 +238,6 @@ def plug_in_and_bring(arms: Arms) -> Script:
 
 
 def until_joined(arms: Arms) -> Script:
-    """The expert, up to where both blocks are joined."""
     for _ in expert(arms):
         if joined(arms.sim) and max(arms.sim.speed(DARK)) < 0.1:
             return
@@ -265,7 +258,6 @@ def pull_apart(arms: Arms) -> Script:
 
 
 def never_let_go(arms: Arms) -> Script:
-    """The expert, up to where both are on the wall, but its grippers stay closed."""
     for _ in expert(arms):
         if on_wall(arms.sim) and arms.openings.max() > 0.5:
             break
@@ -275,7 +267,6 @@ def never_let_go(arms: Arms) -> Script:
 
 
 def press(arms: Arms) -> Script:
-    """Half-open fingers are pressed onto both blocks from above, together."""
     goals = {}
     for side, block in ((LEFT, LIGHT), (RIGHT, DARK)):
         pose = arms.sim.pose(block)
@@ -288,19 +279,11 @@ def press(arms: Arms) -> Script:
     yield from wait(20)
 
 
-def pressed(sim: Simulation) -> bool:
-    """Both pads of both grippers are in contact with their blocks."""
-    pads = (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)
-    return all(
-        sim.contacts.between(limb_owner(side, pad), block)
-        for side, block in ((LEFT, LIGHT), (RIGHT, DARK))
-        for pad in pads
-    )
-
-
 cheat = cheats(done)
 ADVERSARIES: dict[str, Way] = {
-    "half-open fingers press on both blocks": cheat(0, press, deed=pressed),
+    "half-open fingers press on both blocks": cheat(
+        0, press, deed=fingers_on({LEFT: LIGHT, RIGHT: DARK})
+    ),
     "one arm puts the dark block onto the wall and plugs in the light one": cheat(
         0, (one_after_the_other, RIGHT, RIGHT), **ONE
     ),
@@ -341,7 +324,6 @@ FINGERS = 0.010
 
 
 def join(arms: Arms, how: Joining) -> Script:
-    """Join the blocks in the air, push them onto the wall, let go."""
     light, dark = how.light, how.light.other
     if how.turned:
         yield from _turn_round(arms, RIGHT)
@@ -389,7 +371,6 @@ def _turn_round(arms: Arms, side: Side) -> Script:
 
 
 def _change_sides(arms: Arms) -> Script:
-    """Each arm hands its block to the other one by the table."""
     for block, side, y in ((DARK, Side.RIGHT, 0.03), (LIGHT, Side.LEFT, -0.14)):
         pose = arms.sim.pose(block)
         x, y0, _ = pose.translation
@@ -433,7 +414,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random."""
     light_x = rng.uniform(-0.030, 0.010)
     height = LOW + rng.uniform(0.0005, 0.150)
     return way(

@@ -39,12 +39,10 @@ class Judgement:
 
 
 def ways_of(task: str) -> ModuleType:
-    """The module with a task's ways."""
     return import_module(f"tests.ways.{task}")
 
 
 def play(bench: TaskHarness, way: Way, seed: int) -> Judgement:
-    """Play one episode of a way."""
     bench.start(seed)
     cheats, watched = way.gets is not None, way.hands is not Hands.BOTH
     bench.progress.explain(on=cheats)

@@ -91,7 +91,6 @@ class Pouring:
 
 
 def pour_with(arms: Arms, how: Pouring) -> Script:
-    """Take both cups, pour in the air, put both back."""
     source = max(SIDES, key=lambda side: _marbles_in(arms.sim, side))
     hold = source.other
     from_source, from_target = how.grasps
@@ -238,13 +237,11 @@ def full(sim: Simulation) -> Side:
 
 
 def home(arms: Arms, side: Side) -> Script:
-    """Bring an empty gripper out of the way of the other one."""
     x, _, z = arms.targets[side].translation
     yield from to(arms, side, down(x - 0.1, side.sign * 0.4, z + 0.15))
 
 
 def take_both(arms: Arms, source: Side) -> Script:
-    """Grasp both cups and lift them by a few centimetres."""
     other = take(arms, source.other, tilt=HOLD_TILT)
     yield from together(other, take(arms, source, tilt=POUR_TILT))
 
@@ -263,7 +260,6 @@ def pour_alone(arms: Arms) -> Script:
 
 
 def pour_in_turns(arms: Arms) -> Script:
-    """One arm sets its cup down in the middle; only then the other one comes and pours."""
     side = full(arms.sim)
     yield from take(arms, side.other)
     yield from put_back(arms, side.other, MIDDLE)
@@ -277,7 +273,6 @@ def pour_in_turns(arms: Arms) -> Script:
 
 
 def lift_once_then_pour_alone(arms: Arms) -> Script:
-    """Both cups are lifted once; then the target stands, let go, and one arm pours."""
     side = full(arms.sim)
     yield from take_both(arms, side)
     yield from put_back(arms, side.other, MIDDLE)
@@ -287,7 +282,6 @@ def lift_once_then_pour_alone(arms: Arms) -> Script:
 
 
 def pour_into_a_cup_on_the_table(arms: Arms) -> Script:
-    """The target stands in its arm's gripper while marbles fall in, and is lifted with them."""
     side = full(arms.sim)
     other = side.other
     yield from take_both(arms, side)
@@ -323,7 +317,6 @@ def pour_the_rest_alone(arms: Arms) -> Script:
 
 
 def press_half_open_fingers(arms: Arms) -> Script:
-    """Half-open fingers press on the rims of both cups."""
     arms.openings[:] = 0.5
     above = {s: down(*arms.sim.position(CUPS[s])[:2], HEIGHT + 0.05) for s in SIDES}
     yield from move(arms, above)
@@ -341,11 +334,6 @@ def in_the_middle(*, on_table: bool) -> Callable[[Simulation], bool]:
         return bool(there) and _marbles_in(sim, side) >= MOST
 
     return holds
-
-
-def pressed(sim: Simulation) -> bool:
-    """Each gripper touches the cup of its side."""
-    return all(sim.contacts.gripper(side, CUPS[side]) for side in SIDES)
 
 
 cheat = cheats(in_the_middle(on_table=True))
@@ -372,7 +360,11 @@ ADVERSARIES: dict[str, Way] = {
         deed=done,
         lacks="left_cup go: the centre of left_cup is 6 mm outside its place",
     ),
-    "half-open fingers are pressed on both cups": cheat(0, press_half_open_fingers, deed=pressed),
+    "half-open fingers are pressed on both cups": cheat(
+        0,
+        press_half_open_fingers,
+        deed=lambda sim: all(sim.contacts.gripper(side, CUPS[side]) for side in SIDES),
+    ),
 }
 
 # --- sincere ways ---------------------------------------------------------------------------------
@@ -402,7 +394,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random."""
     tempo = random_tempo(rng)
     how = Pouring(
         height=rng.uniform(0.05, 0.14),

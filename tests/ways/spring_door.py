@@ -125,7 +125,6 @@ def press_shut(arms: Arms, by: float) -> Script:
 
 
 def tapping(arms: Arms) -> Script:
-    """The left hand leaves the bar and taps at it from outside every half second."""
     oven, angle = arms.sim.pose("microwave"), arms.sim.angle(DOOR.lid)
     yield from release(arms, HOLDER, opening=_AROUND_THE_BAR)
     for number, _ in enumerate(chain(wait(20), DOOR.insert(arms))):
@@ -143,14 +142,12 @@ def from_on_high(arms: Arms) -> Script:
 
 
 def withdraw(arms: Arms, y: float) -> Script:
-    """The right hand leaves the oven."""
     out = arms.targets[INSERTER] @ SE3.at(z=-0.12)
     yield from to(arms, INSERTER, out, arrive=False)
     yield from to(arms, INSERTER, out.moved(x=-0.15, y=y), tolerance=0.02)
 
 
 def in_and_out_again(arms: Arms) -> Script:
-    """The cube is pressed on the floor of the cavity and taken out again, never let go."""
     yield from reach_in(arms)
     yield from by(arms, INSERTER, z=-0.012, speed=0.1)
     yield from wait(15)
@@ -254,7 +251,6 @@ class Putting:
 
 
 def put_in(arms: Arms, how: Putting) -> Script:
-    """Open the door, hold it open, put the cube in."""
     yield from together(_open(arms, how), _fetch(arms, how))
     yield from _bring(arms, how)
 
@@ -378,7 +374,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random."""
     depth = rng.uniform(0.03, 0.18)
     hooked = rng.random() < 0.3
     hold = HOOK if hooked else {"aslant": rng.uniform(-1.2, -1.0), "below": rng.uniform(1.65, 1.85)}

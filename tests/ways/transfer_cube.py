@@ -83,7 +83,6 @@ def drop_from_above_the_rim(arms: Arms, height: float) -> Script:
 
 
 def press_on_its_end(arms: Arms) -> Script:
-    """Hold the block out to half-open fingers that push against its end."""
     yield from to(arms, RIGHT, present(BAR, MEETING_POINT, RISE))
     yield from grip(arms, LEFT, opening=HALF_OPEN)
     end = receive_pose(arms, BAR, LONG_BLOCK / 2 + PAD_REACH, 0.0)
@@ -92,7 +91,6 @@ def press_on_its_end(arms: Arms) -> Script:
 
 
 def tip_over_the_rim(arms: Arms) -> Script:
-    """Stand the block beside the bowl, and knock it over."""
     x, y, _ = arms.sim.position("bowl")
     standing = SE3(hanging(arms, LEFT, "cube").rotation, np.array([x, y - 0.103, LONG_BLOCK / 2]))
     for height in (0.10, 0.002):
@@ -201,7 +199,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random."""
     slant = math.radians(rng.uniform(0, 45))
     return way(
         **handing.random_grasps(rng, BAR, 0.044, left=0.2),

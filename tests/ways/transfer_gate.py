@@ -67,13 +67,11 @@ def pull_back(arms: Arms) -> Script:
 
 
 def go_around(arms: Arms) -> Script:
-    """Lead the block in the right arm around the ring to its far side."""
     for y in (-0.16, 0.03):
         yield from to(arms, RIGHT, presented(arms, ASIDE, y))
 
 
 def around_onto_mat(arms: Arms) -> Script:
-    """Carry the block in the right arm around the ring and put it down on the mat."""
     x, y, z = ring(arms)
     yield from to(arms, RIGHT, down(x, y - 0.20, z))
     yield from to(arms, RIGHT, down(x + ASIDE, y - 0.16, z))
@@ -81,7 +79,6 @@ def around_onto_mat(arms: Arms) -> Script:
 
 
 def receive(arms: Arms) -> Script:
-    """The left arm clasps where the right one presents the block."""
     yield from clasp(arms, LEFT, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
 
 
@@ -95,7 +92,6 @@ let_fall = do(hand_over, (onto_mat, LEFT, {"height": 0.10}))
 
 
 def dip(arms: Arms) -> Script:
-    """Dip the block into the ring from the far side."""
     for y in (0.12, -0.015, 0.12):
         shift = ring(arms) + np.array([0.0, y, 0.0]) - arms.sim.position("block")
         yield from by(arms, LEFT, *shift, speed=CAREFUL)
@@ -246,7 +242,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random."""
     flat = rng.random() < 0.25
     return way(
         **handing.random_grasps(rng, BAR, 0.042),

@@ -203,7 +203,6 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
-    """A way at random."""
     return way(
         **handing.random_grasps(rng, BAR, 0.042, left=0.2),
         centre=(rng.uniform(0.47, 0.53), rng.uniform(-0.03, 0.03), rng.uniform(0.36, 0.40)),

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, TypeVar
@@ -19,8 +19,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from duobench.experts.motion import Arms, Script
+from duobench.sim.contacts import Limb, limb_owner
 from duobench.sim.simulation import Simulation
-from duobench.types import SIDES
+from duobench.types import SIDES, Side
 from tests.steps import Act, do
 
 Deed = Callable[[Simulation], bool]
@@ -135,3 +136,17 @@ def left_alone(sim: Simulation, *props: str) -> bool:
 def tilt(sim: Simulation, prop: str) -> float:
     """Angle of its up axis against the world's, in radians."""
     return math.acos(min(1.0, max(-1.0, float(sim.rotation(prop)[2, 2]))))
+
+
+def fingers_on(bodies: Mapping[Side, str]) -> Deed:
+    """The deed that both fingers of grippers touch bodies."""
+    fingers = (Limb.LEFT_FINGER, Limb.RIGHT_FINGER)
+
+    def deed(sim: Simulation) -> bool:
+        return all(
+            sim.contacts.between(limb_owner(side, finger), body)
+            for side, body in bodies.items()
+            for finger in fingers
+        )
+
+    return deed
