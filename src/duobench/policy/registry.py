@@ -25,20 +25,16 @@ BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
 
 
 class PolicyKind(StrEnum):
-    """Where a policy comes from."""
+    """Where a policy comes from: the first two read the simulation, a baseline needs nothing."""
 
     EXPERT = "expert"
-    """Each task's scripted expert, which needs the simulator."""
     BLIND = "blind"
-    """The baseline that plays without a look at what changes from episode to episode."""
+    """The scripted policy without a look at what changes from episode to episode."""
     BASELINE = "baseline"
-    """One that comes with the package and needs nothing."""
     LEROBOT = "lerobot"
-    """A checkpoint of LeRobot."""
     MODULE = "module"
     """Anyone's own, from a module."""
     SERVED = "served"
-    """One that a server answers."""
 
 
 MADE_ALONE: Mapping[str, PolicyKind] = MappingProxyType(
@@ -59,7 +55,6 @@ class PolicyName:
     text: str
     """The name as the user gave it."""
     kind: PolicyKind
-    """Where the policy comes from."""
     reference: str
     """What is made: a word, `module:attribute`, or what follows `lerobot:`."""
     variety: str | None = None
@@ -133,8 +128,8 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
             raise
         trace = traceback_text(error, skip=1).strip()
         raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
-    is_one = isinstance(policy, Policy | BatchPolicy)
-    if not is_one or not isinstance(policy.metadata, PolicyMetadata):
+    is_policy = isinstance(policy, Policy | BatchPolicy)
+    if not (is_policy and isinstance(policy.metadata, PolicyMetadata)):
         raise PolicyError(
             f"{name.text} gave a {type(policy).__name__}, which is no policy. A policy has "
             "`metadata` (a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
