@@ -1,7 +1,7 @@
 """An agent at a server of VLAgents 0.3 as a policy, for `duobench serve`.
 
-It runs where VLAgents is installed, and asks with VLAgents' own client. That unpickles what its
-server sends: connect to servers that you trust.
+It asks with VLAgents' own client, which unpickles what its server sends: connect to servers that
+you trust.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """A policy at a server that speaks openpi's protocol: WebSocket, and MessagePack in it.
 
 Inference happens in another thread than the server's, so that pings, `/healthz` and other clients
-are answered meanwhile. A client that says `reset` with prompt and seed gets answers that follow
-from these.
+are answered meanwhile.
 """
 
 from __future__ import annotations
