@@ -7,7 +7,7 @@ import pytest
 
 from dev.benchmarks.bounds import EPISODES, Job, Outcome, missing, play, read, run, table
 from duobench.randomness import SUITE_VERSION
-from duobench.results.suites import SUITES
+from duobench.results.suite import SUITES
 from duobench.shifts import levels
 from duobench.shifts.shift import AXES, LEVELS
 from duobench.tasks import catalog

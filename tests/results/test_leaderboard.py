@@ -17,7 +17,7 @@ TWO = find_tasks(("bin_sort", "carry_pot"))
 
 
 def names(board: Board, *, privileged: bool = False) -> list[tuple[int, str]]:
-    return [(one.rank, one.entry.name) for one in board.ranked(privileged=privileged)]
+    return [(rank, entry.name) for rank, entry in board.ranked(privileged=privileged)]
 
 
 def board(*entries: BoardEntry) -> Board:

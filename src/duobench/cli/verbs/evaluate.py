@@ -18,7 +18,7 @@ from duobench.cli.shared.options import command_line
 from duobench.envs.execution import ChunkExecution
 from duobench.errors import EvaluationError, PolicyError
 from duobench.results.limits import TimeLimits
-from duobench.results.suites import PAPER_EXECUTE, SuiteChoice
+from duobench.results.suite import PAPER_EXECUTE, SuiteChoice
 from duobench.runners.ray_process import Cluster
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@ import pytest
 
 from duobench.envs.execution import ChunkExecution
 from duobench.errors import UnknownNameError
-from duobench.results.suites import (
+from duobench.results.suite import (
     SUITES,
     SuiteChoice,
     deviations,
