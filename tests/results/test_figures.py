@@ -23,9 +23,7 @@ def words(svg: str) -> list[str]:
 
 def test_same_results_give_the_same_bytes_in_any_process() -> None:
     """Whatever it hashes with, and whenever: there is no date in them."""
-    code = (
-        "from tests.results.test_figures import FOUND, plots\nprint(repr(plots(FOUND)))"
-    )
+    code = "from tests.results.test_figures import FOUND, plots\nprint(repr(plots(FOUND)))"
     printed = subprocess.run(
         [sys.executable, "-c", code],
         cwd=Path(__file__).parents[2],
