@@ -37,7 +37,7 @@ def play(
     of_run = {"config": "config", "suite_version": "version"}
     run = sample_run(
         tasks=tuple(BY_ID[name] for name in stages),
-        episodes=max(map(len, stages.values())),
+        episodes=max(1, *map(len, stages.values())),
         first_episode=first_episode,
         look=look,
         policy=policy,
