@@ -95,8 +95,6 @@ def _run(
 
 
 class _Member(Generic[J]):
-    """A process that does one job after the other."""
-
     def __init__(self, make: Callable[[], Callable[[J], Any]], job: J) -> None:
         context = get_context("spawn")
         self.connection, theirs = context.Pipe()
@@ -143,7 +141,6 @@ def _safe_path() -> Iterator[None]:
 
 
 def _work(parent: int, connection: Connection, make: Callable[[], Callable[[Any], Any]]) -> None:
-    """Do jobs until the parent ends this process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
     watch_parent(parent, partial(os._exit, 1))
     do: Callable[[Any], Any] | None = None

@@ -241,7 +241,6 @@ class Recorder(DuoWrapper):
         return self._episode if self.pending is None else None
 
     def _seen(self, episode: EpisodeRows, observation: Observation, info: Info) -> dict[str, Any]:
-        """What a row holds of what was seen."""
         backend = self.base.backend
         row: dict[str, Any] = {
             **{name: observation[name] for name in OBSERVED},
@@ -292,7 +291,6 @@ class Recorder(DuoWrapper):
             self._write()
 
     def _config(self) -> EnvConfig | None:
-        """The configuration, with the look of this episode."""
         config = self.base.config
         if config is None or self._sim is None or self._sim.look == as_look(config.look):
             return config

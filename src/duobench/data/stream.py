@@ -64,7 +64,6 @@ class EpisodeRows:
         self.info = info
         """What is known about it, which grows."""
         self.videos: Videos | None = None
-        """Its videos, where it has some."""
         self._head = _Head(info=info, sizes=dict(sizes))
         self._rows = np.zeros(_FIRST_CAPACITY, self._head.row_type())
         self._count = 0

@@ -56,13 +56,11 @@ class TaskSummary:
     horizon: int
     """Control steps after which an evaluation's episode is truncated."""
     stages: tuple[str, ...]
-    """Names of the stages 1 to n."""
     episodes: int
     successes: int
     discarded: int
     """How many are not meant to be used."""
     cut: int
-    """How many ended before their environment ended them."""
     frames: int
     """Actions of all episodes."""
     lengths: tuple[int, ...]
@@ -207,7 +205,6 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
 
 
 def _rig(info: EpisodeInfo) -> str:
-    """The rig of an episode in words."""
     rig = info.rig
     if rig is None:
         return "a rig without a name"

@@ -26,7 +26,6 @@ from duobench.types import (
 )
 
 _kinematics = cache(Kinematics)
-"""The solver, made when it is first needed."""
 
 
 def labels_of(

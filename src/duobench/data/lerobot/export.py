@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
-from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
@@ -29,7 +28,7 @@ from duobench.data.lerobot.folder import (
     SourceEpisode,
     schema,
 )
-from duobench.data.lerobot.metadata import finish
+from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
 from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
@@ -61,7 +60,6 @@ class Exported:
     left_out: int
     """Episodes of the data set that are not in it."""
     residual: Residual | None
-    """What inverse kinematics left, if it was used."""
 
 
 def export_lerobot(
@@ -197,7 +195,6 @@ def _export_all(
     workers: int,
     progress: Progress,
 ) -> None:
-    """Export every episode that is missing in its folder."""
     jobs = {
         (folder, index): episode
         for folder, export in plans.items()
@@ -268,7 +265,7 @@ def _exporter(
             raise DataError(f"{path} has changed since the export began; begin it anew.")
         actions, residual = labels_of(recording, options.action, options.action_source)
         columns = _rows(recording, actions, export, index)
-        counts = {camera: statistics.no_counts() for camera in options.cameras}
+        counts = {camera: no_counts() for camera in options.cameras}
         shown = range(options.pairing.offset, options.pairing.offset + len(recording))
         if options.cameras:
             paths = {camera: folder.video(camera, index) for camera in options.cameras}
@@ -298,13 +295,13 @@ def _exporter(
 def _frames(
     images_of: Callable[[int], dict[str, Image]],
     rows: Iterable[int],
-    counts: dict[str, statistics.Counts],
+    counts: dict[str, Counts],
 ) -> Iterator[dict[str, Image]]:
     """The images of rows, whose values are counted."""
     for row in rows:
         images = images_of(row)
         for camera, image in images.items():
-            statistics.count_values(counts[camera], image)
+            count_values(counts[camera], image)
         yield images
 
 

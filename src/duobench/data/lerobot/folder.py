@@ -53,7 +53,6 @@ class SourceEpisode:
     file: str
     """Its file, from the folder of its data set."""
     sha256: str
-    """Hash of its file."""
     length: int
     """Number of its actions, and of its rows in the export."""
     instruction: str
@@ -75,7 +74,6 @@ class Export:
     object_state_names: tuple[str, ...] = ()
     """What the numbers of the object state are; none where it is not exported."""
     cameras: dict[str, Any] = field(default_factory=dict)
-    """Intrinsics and mounts of the cameras, by name."""
     domains: tuple[str, ...] = DOMAINS
     """What the numbers 0, 1 of the column `domain` stand for."""
 
@@ -154,7 +152,6 @@ class EpisodeFacts:
     counts: dict[str, list[list[int]]]
     """How often each value occurs in each channel (3, 256), by camera."""
     residual: Residual | None
-    """What inverse kinematics left, if it was used."""
 
 
 @dataclass(frozen=True, slots=True)
