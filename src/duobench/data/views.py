@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -112,12 +111,7 @@ class RecordedImages:
         self._size = size
         self._places = {name: recording.frame[:, list(info.videos).index(name)] for name in cameras}
         self._views = {name: view_of(name, info.cameras.get(name, {})) for name in cameras}
-        with ExitStack() as opening:
-            self._videos = {
-                name: opening.enter_context(closing(VideoFrames(video_path(path, name))))
-                for name in cameras
-            }
-            self._opened = opening.pop_all()
+        self._videos = {name: VideoFrames(video_path(path, name)) for name in cameras}
 
     def images(self, row: int) -> dict[str, Image]:
         """The images (height, width, 3) of a row, by camera."""
@@ -128,7 +122,8 @@ class RecordedImages:
 
     def close(self) -> None:
         """Close the videos."""
-        self._opened.close()
+        for video in self._videos.values():
+            video.close()
 
 
 def check_cameras(recording: Recording, path: Path, cameras: Sequence[str]) -> None:

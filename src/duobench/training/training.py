@@ -338,18 +338,14 @@ class LearningData:
     @property
     def holds_objects_alone(self) -> bool:
         """Whether there are object states, and no images."""
-        return OBJECT_STATE in self._features and not any(
-            key.startswith(IMAGE_PREFIX) for key in self._features
-        )
+        has_images = any(key.startswith(IMAGE_PREFIX) for key in self._features)
+        return OBJECT_STATE in self._features and not has_images
 
     def mixes_domains(self) -> bool:
         """Whether there are simulated and real episodes."""
         domains = (self._read("meta/stats.json") or {}).get(DOMAIN)
-        return (
-            DOMAIN in self._features
-            and isinstance(domains, dict)
-            and domains.get("min") != domains.get("max")
-        )
+        is_known = DOMAIN in self._features and isinstance(domains, dict)
+        return is_known and domains.get("min") != domains.get("max")
 
 
 def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
