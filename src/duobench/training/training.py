@@ -344,8 +344,9 @@ class LearningData:
     def mixes_domains(self) -> bool:
         """Whether there are simulated and real episodes."""
         domains = (self._read("meta/stats.json") or {}).get(DOMAIN)
-        is_known = DOMAIN in self._features and isinstance(domains, dict)
-        return is_known and domains.get("min") != domains.get("max")
+        if DOMAIN not in self._features or not isinstance(domains, dict):
+            return False
+        return domains.get("min") != domains.get("max")
 
 
 def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
