@@ -98,12 +98,7 @@ class EpisodeRows:
 
 
 class EpisodeStream(EpisodeRows):
-    """Takes the rows of one episode, in a file, which is locked for as long as it is open.
-
-    Args:
-        path: Where the finished episode will be.
-        info: As for `EpisodeRows`.
-        sizes: Likewise.
+    """Takes them in a file beside the finished episode, which is locked while it is open.
 
     Raises:
         OutputError: The file cannot be made or written.
@@ -247,11 +242,7 @@ def _recording(info: EpisodeInfo, rows: NDArray[Any]) -> Recording:
 
 
 def read_left(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
-    """What was known about an episode when its recording began, and its whole rows.
-
-    Raises:
-        DataError: See `recover`.
-    """
+    """What was known about an episode when it began, and its whole rows, with that error."""
     try:
         data = partial.read_bytes()
         end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")

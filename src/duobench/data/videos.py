@@ -96,11 +96,6 @@ def recovered(
     """Rows of a killed recording that name frames which are there, and what is in its videos.
 
     Where a frame was not encoded yet, a row names the newest one before it, with its age.
-
-    Args:
-        partial: The stream that was left.
-        info: What was known about the episode when it began.
-        rows: Its rows, with a field for each column.
     """
     rows, videos = rows.copy(), {}
     for place, camera in enumerate(info.videos):

@@ -85,17 +85,10 @@ class VideoFrames:
 
 
 class RecordedImages:
-    """Reads the images that belong to rows of an episode; fast where rows ascend.
+    """Reads the images that belong to rows of an episode, of some height and width in pixels.
 
-    Args:
-        recording: The episode.
-        path: Its file.
-        cameras: Which cameras to show.
-        size: Height and width of the images in pixels.
-        view_of: Gives the view of each camera.
-
-    Raises:
-        DataError: There is no video of a camera, or it cannot be read.
+    It is fast where rows ascend, and raises a `DataError` where a camera has no video, or one that
+    cannot be read.
     """
 
     def __init__(

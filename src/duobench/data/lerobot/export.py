@@ -306,12 +306,7 @@ def _frames(
 
 
 def write_videos(frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path]) -> None:
-    """Encode one video a camera side by side; each is whole or absent after a kill.
-
-    Args:
-        frames: Images (height, width, 3), both even, by camera, frame by frame.
-        paths: Where the video of each camera will be.
-    """
+    """Encode one video a camera side by side; each is whole or absent after a kill."""
     with ExitStack() as stack:
         writers = {}
         for camera, path in paths.items():

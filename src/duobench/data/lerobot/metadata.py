@@ -51,11 +51,7 @@ _Lists = dict[str, dict[str, list[Any]]]
 
 
 def finish(folder: ExportFolder, export: Export) -> list[Residual]:
-    """Write everything that describes the data set as a whole, whose episodes are all finished.
-
-    Returns:
-        What inverse kinematics left in each episode, where it was used.
-    """
+    """Describe the data set as a whole, whose episodes are all finished; give their residuals."""
     cameras = export.options.cameras
     names = columns(export.vectors)
     read: list[dict[str, NDArray[Any]]] = []
