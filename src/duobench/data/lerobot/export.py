@@ -179,7 +179,6 @@ def _plan(
 
 
 def _object_state_names(tasks: Collection[str]) -> tuple[str, ...]:
-    """What the numbers of the object state are in all of some tasks."""
     names = {catalog.get(task).object_state.names for task in tasks}
     if len(names) > 1:
         raise SeveralTasksError(
@@ -218,11 +217,9 @@ def _export_all(
 def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
     """Whether an episode is exported: it is finished, was kept, and has actions."""
     outcome = recording.info.outcome
-    if outcome is None or not outcome.kept or not len(recording):
+    if outcome is None or (options.only_successes and not outcome.success):
         return False
-    if recording.info.domain not in options.domains:
-        return False
-    return outcome.success or not options.only_successes
+    return outcome.kept and len(recording) > 0 and recording.info.domain in options.domains
 
 
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
