@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -118,7 +118,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         source = find_policy(policy, tempo)
         duo = rig.open()
         data = DataSet.open(out, how=f"duobench real record --policy {policy}")
-        terminal = ending.enter_context(KeyTerminal())
+        terminal = ending.enter_context(closing(KeyTerminal()))
         session = RigRecording(
             duo,
             task,

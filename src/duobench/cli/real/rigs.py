@@ -11,8 +11,7 @@ import tty
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from duobench.cli.shared.advice import AdvisedError
 
@@ -110,17 +109,6 @@ class KeyTerminal:
         before, self._before = self._before, None
         if before is not None:
             termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _read(self) -> None:
         while True:
