@@ -35,7 +35,7 @@ from duobench.results.leaderboard import EPISODES
 from duobench.results.suite import Suite, find_tasks
 from duobench.rig_sessions.cameras import FILM_RATE
 from duobench.rig_sessions.status_page import SILENCE_S
-from duobench.rig_sessions.trials import open_session
+from duobench.rig_sessions.trials import TrialsSession
 from duobench.robot.workcell import FLOOR_Z
 from duobench.scene.compose import SUBSTEPS
 from duobench.sheets import Paper
@@ -85,7 +85,7 @@ SENTENCES: Mapping[str, Sequence[str]] = {
     "real_evaluation": (
         f"no sign for {SILENCE_S:g} s",
         f"{FILM_RATE} frames a second",
-        f"{signature(open_session).parameters['episodes'].default} episodes a policy",
+        f"{signature(TrialsSession).parameters['episodes'].default} episodes a policy",
     ),
     "real_safety": (
         f"keep {mm(MARGIN)} mm from each other",

@@ -175,13 +175,13 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     command = command_line("real eval", evaluate, locals())
     load_engine()
     from duobench.data import DataSet
-    from duobench.rig_sessions.trials import open_session
+    from duobench.rig_sessions.trials import TrialsSession
 
     policies = _pairs(policy, trained_on)
     (info,) = find_tasks([task])
     with advising(OTHER_OUT), ExitStack() as ending:
         folder, duo, server = _place(ending, rig, out, page)
-        session = open_session(
+        session = TrialsSession(
             folder,
             duo,
             info,

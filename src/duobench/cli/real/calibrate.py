@@ -187,15 +187,15 @@ def _lens(rig: Rig, camera: str) -> CameraCalibration:
     device = open_rig(rig, SystemClock(), guard=False).cameras[camera]
     try:
         device.connect()
-        facts = getattr(device, "facts", None)
+        lens = getattr(device, "lens", None)
     finally:
         device.close()
-    if facts is None or facts.lens is None:
+    if lens is None:
         raise AdvisedError(
             f"The lens of {camera} is not known. Measure it first: duobench real calibrate lens "
             f"{camera}"
         )
-    return facts.lens
+    return lens
 
 
 def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) -> ViewFolder:

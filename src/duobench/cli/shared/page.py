@@ -41,7 +41,7 @@ class PageOptions:
 @contextmanager
 def followed(folder: RunFolder, port: int) -> Iterator[None]:
     """Show a run on a page while the block plays it; at its end, the page shows the report."""
-    from duobench.replay.follow import FollowedRun
+    from duobench.replay.sources import FollowedRun
     from duobench.replay.viewer import Viewer
 
     with closing(PageOptions(port=port).serve()) as server:

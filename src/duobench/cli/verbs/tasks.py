@@ -135,8 +135,7 @@ def view(
             time that is left, and every finished episode; at its end the page shows the report.
     """
     load_engine()
-    from duobench.replay.follow import FollowedRun
-    from duobench.replay.sources import open_view
+    from duobench.replay.sources import FollowedRun, open_view
     from duobench.replay.viewer import Viewer
 
     source = None if follow else open_view(what, look, tasks, import_tasks=import_tasks)

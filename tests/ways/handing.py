@@ -23,9 +23,10 @@ from duobench.experts.handover import (
     turn_to_camera,
 )
 from duobench.experts.motion import CAREFUL, NEAR, Arms, Script, move, release, together
+from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.spatial import SE3
 from duobench.types import Array, Side
-from tests.sincere.sincere import WayFailedError
+from tests.ways.way import WayFailedError
 
 PICKING_STEPS = 300
 """Control steps after which a hand gives up picking the bar up: it may be out of its reach."""
@@ -42,7 +43,7 @@ SEEN = 0.001
 """How much higher than meant, in metres, a bar may be when it is let go."""
 RETREAT = 0.10
 """How far a hand is drawn back, in metres."""
-RARELY = 0.12
+RARELY = {"slowly": 0.12, "trembling": 0.12}
 """How often a random way is slow, and how often it trembles."""
 STILL_SPEED, STILL_TURN = 0.05, 1.0
 """Speeds in m/s and rad/s below which a person sees an object at rest: a block that leans on the
@@ -63,20 +64,18 @@ class Meeting:
     """Where the receiver clasps it: distance from the bar's centre towards the free end."""
     slant: float = 0.0
     """Angle in radians between the receiver's tool and the bar."""
-    lean: float = 0.0
+    lean_away: float = 0.0
     """Angle in radians by which bar and hands lean away from the robot."""
     before: float = 0.0
     """How far short of the centre the giver stops on its way, in metres."""
 
 
 def check(as_meant: bool) -> None:
-    """Give up when the bar is not where it should be."""
     if not as_meant:
         raise WayFailedError
 
 
 def hand_over(arms: Arms, meeting: Meeting) -> Script:
-    """Pick the bar up and hand it over."""
     body, giver, receiver = meeting.bar.body, meeting.bar.giver, meeting.bar.giver.other
     x, y, z = meeting.centre
     ready = tool(
@@ -86,7 +85,7 @@ def hand_over(arms: Arms, meeting: Meeting) -> Script:
     )
     picking = islice(pick_bar(arms, meeting.bar), PICKING_STEPS)
     yield from together((None for _ in picking), move(arms, {receiver: ready}, arrive=False))
-    at = present(meeting.bar, meeting.centre, meeting.rise, meeting.lean)
+    at = present(meeting.bar, meeting.centre, meeting.rise, meeting.lean_away)
     if meeting.before:
         yield from move(arms, {giver: at.moved(y=meeting.before * giver.sign)})
     yield from move(arms, {giver: at}, tolerance=NEAR, speed=CAREFUL)
@@ -116,25 +115,28 @@ def leaning(arms: Arms, side: Side, body: str, lean: float) -> SE3:
     return SE3((outwards @ turn).rotation @ standing.rotation, standing.translation)
 
 
-def low_end(pose: SE3, length: float, width: float) -> Array:
-    """The middle of the lower end of a bar along x, but at the height of its lowest point (3,)."""
+def low_end(pose: SE3) -> Array:
+    """The middle of the lower end of a long block, but at the height of its lowest point (3,)."""
     axis = pose.rotation[:, 0]
     axis = -np.copysign(1.0, axis[2]) * axis
-    low = abs(axis[2]) * length / 2 + np.abs(pose.rotation[2, 1:]).sum() * width / 2
+    low = abs(axis[2]) * LONG_BLOCK / 2 + np.abs(pose.rotation[2, 1:]).sum() * CUBE_EDGE / 2
     x, y, z = pose.translation
-    return np.array([x + axis[0] * length / 2, y + axis[1] * length / 2, z - low])
+    return np.array([x + axis[0] * LONG_BLOCK / 2, y + axis[1] * LONG_BLOCK / 2, z - low])
 
 
-def put_down(arms: Arms, side: Side, body: str, goal: SE3, *, low: float) -> Script:
-    """Bring a bar to a pose, let go there, and draw the hand back along itself.
+def put_down(arms: Arms, side: Side, body: str, lean: float, spot: Array, *, low: float) -> Script:
+    """Bring a long block's lower end to a spot, let go there, and draw the hand back along itself.
 
     Args:
         arms: The arms.
-        side: Which arm holds the bar.
-        body: The bar.
-        goal: Its pose.
+        side: Which arm holds the block.
+        body: The block.
+        lean: Its angle in radians from upright.
+        spot: Where the middle of its lower end goes (3,).
         low: Height in metres at which a person sees that it is low enough to let go.
     """
+    goal = leaning(arms, side, body, lean)
+    goal = goal.moved(*(spot - low_end(goal)))
     for height, speed, tolerance in ((0.08, 0.4, NEAR), (0.02, CAREFUL, 0.004), (0.0, 0.06, 0.001)):
         pose = tool_for(arms, side, body, goal.moved(z=height))
         yield from move(arms, {side: pose}, speed=speed, tolerance=tolerance)
@@ -145,34 +147,27 @@ def put_down(arms: Arms, side: Side, body: str, goal: SE3, *, low: float) -> Scr
     yield from move(arms, {side: back}, speed=0.35, arrive=False)
 
 
-def held(meeting: Meeting, **grasp: Any) -> Meeting:
-    """The same with another giver, or another grasp of the giver."""
-    return replace(meeting, bar=replace(meeting.bar, **grasp))
-
-
 def at_rest(speed: tuple[float, float]) -> bool:
-    """Whether a person would call it still."""
     return speed[0] < STILL_SPEED and speed[1] < STILL_TURN
 
 
-def random_grasps(rng: np.random.Generator, bar: Bar, reach: float) -> tuple[Bar, float]:
+def random_grasps(
+    rng: np.random.Generator, bar: Bar, reach: float, left: float = 0.0
+) -> dict[str, Any]:
     """A giver's grasp and where the receiver clasps: anywhere that two hands have room.
 
     Args:
         rng: Random numbers.
         bar: The bar as the expert holds it.
         reach: How far from the bar's centre the receiver's tool is at most, in metres.
+        left: How often the left arm gives.
     """
     grip = rng.uniform(0.012, 0.040)
     bar = replace(
         bar,
+        giver=Side.LEFT if rng.random() < left else bar.giver,
         grip=grip,
         height=bar.height + rng.uniform(-0.010, 0.006),
         tilt=rng.uniform(-0.2, 0.3),
     )
-    return bar, rng.uniform(max(PADS_APART - grip, 0.010), reach)
-
-
-def random_tempo(rng: np.random.Generator) -> tuple[int, float]:
-    """Now and then half the speed, now and then a tremble of 10 mrad."""
-    return 1 + int(rng.random() < RARELY), 0.01 * float(rng.random() < RARELY)
+    return {"bar": bar, "grip_at": rng.uniform(max(PADS_APART - grip, 0.010), reach)}

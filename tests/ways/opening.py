@@ -51,7 +51,6 @@ class Opening:
         yield from wait(20)
 
     def shut(self, arms: Arms, max_steps: int) -> Script:
-        """Wait until it has fallen shut."""
         yield from wait_until(lambda: arms.sim.angle(self.lid) < 0.01, max_steps)
 
     def let_go(self, arms: Arms) -> Script:
