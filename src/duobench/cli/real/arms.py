@@ -51,8 +51,7 @@ def home(rig: str, check: bool = False, fast: bool = False) -> None:
         check: Only connect, and say where the arms are and which way they would go.
         fast: Do not wait for the clock, which only simulated drivers can do.
     """
-    duo = RigOptions(rig=rig, fast=fast).open()
-    try:
+    with closing(RigOptions(rig=rig, fast=fast).open()) as duo:
         duo.start()
         here = duo.read().joints
         assert duo.guard is not None
@@ -75,8 +74,6 @@ def home(rig: str, check: bool = False, fast: bool = False) -> None:
         with stopping(lambda: duo.hold("Ctrl-C.")):
             duo.home()
         say("Both arms are home.")
-    finally:
-        duo.close()
 
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from duobench.cli.shared.advice import AdvisedError
+from duobench.hardware.clock import VirtualClock
 
 if TYPE_CHECKING:
     from duobench.hardware.duo import FrankaDuo
@@ -49,7 +50,6 @@ class RigOptions:
             FileError: The file cannot be read, or is no rig.
         """
         from duobench.data.rig import drivers_of
-        from duobench.hardware.clock import VirtualClock
         from duobench.hardware.opening import SIMULATED, open_rig
 
         if self.rig != SIMULATED:
