@@ -13,7 +13,7 @@ from lerobot.teleoperators import Teleoperator
 from lerobot.teleoperators.utils import TeleopEvents
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
-from duobench.cli.shared.page import serve_page
+from duobench.cli.shared.page import PageOptions
 from duobench.errors import LeaderError, check_known
 from duobench.looks.look import Look
 from duobench.rig_sessions.teleop_page import WATCHING
@@ -235,7 +235,7 @@ class _LivePage:
             ServingError: The port cannot be had, or there is no certificate for the network.
         """
         self._arms = arms
-        self._server = serve_page(port, lan)
+        self._server = PageOptions(port=port, lan=lan).serve()
         self._server.listen(
             Message,
             lambda message: arms.receive(message, time.monotonic()),
