@@ -67,6 +67,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     load_engine()
     from duobench.data import DataSet
     from duobench.files import locked
+    from duobench.hardware.doctor.checks import read_checks
     from duobench.results.suite import find_tasks
     from duobench.rig_sessions.trials import TrialsSession
     from duobench.rig_sessions.trials_folder import TrialsFolder
@@ -102,7 +103,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             data=None if record is None else DataSet.open(record),
             command=command,
         )
-        if remark := _remark(folder.read_doctor(), duo.rig.hash):
+        if remark := _remark(read_checks(folder.path), duo.rig.hash):
             screen.print(f"{remark} See: duobench real doctor --rig {rig.rig} --out {out}")
         screen.print(f"Open {server.url}\nCtrl-C holds the arms and ends the session.")
         with stopping(session.stop):
