@@ -80,6 +80,7 @@ class SessionView(Protocol):
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
+        ...
 
 
 class RigSession:
