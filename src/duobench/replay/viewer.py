@@ -28,7 +28,6 @@ MAX_TRAJECTORIES = 64
 """Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""
 _MAX_COMMANDS = 100
 MAX_ITEMS = 500
-"""Most episodes that can be chosen on a page."""
 _MAX_LATE_S = 1.0
 """After a longer pause, such as while nobody looked, it goes on where it was, in seconds."""
 _REFRESH_S = 1.0
@@ -119,7 +118,6 @@ class Viewer:
         self._known = {item["id"] for item in self._items}
 
     def _refresh(self, *, is_last: bool = False) -> None:
-        """Show what has come meanwhile."""
         if self._refresh_source is not None:
             self._more = self._refresh_source(is_last)
             self._list_items()
@@ -178,7 +176,6 @@ class Viewer:
         self._publish()
 
     def _begin_loaded(self) -> None:
-        """Begin to play what has been loaded."""
         if self._loading is None or not self._loading.done():
             return
         loading, self._loading = self._loading, None
@@ -196,7 +193,6 @@ class Viewer:
         self._publish()
 
     def _advance(self) -> None:
-        """Show the next step, when it is due."""
         now = time.monotonic()
         if not self._moves or now < self._due:
             return
