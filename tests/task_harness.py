@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,11 @@ from duobench.sim import placement
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
+from duobench.stages.logic import Predicate
 from duobench.stages.progress import Progress, ProgressState
 from duobench.tasks.task import Task
 from duobench.types import Array, DuoCommand, Side
+from tests.predicate_probe import PredicateProbe
 
 FAST = ("hinge_chest", "transfer_cube", "bin_sort")
 """Tasks whose whole episodes `make test` plays where all tasks have some."""
@@ -183,6 +185,55 @@ class TaskHarness:
         duo = self.sim.duo
         self.sim.step(DuoCommand.from_flat(duo.limits.clip(action, duo.command().flat)))
         self.judge()
+
+
+@dataclass(frozen=True)
+class Moments:
+    """States of a task by letter, and what is so after a sequence of them."""
+
+    bench: TaskHarness
+    layout: Layout | None = None
+    """That of the episode, if it is not the one of seed 0."""
+    states: dict[str, Array] = field(default_factory=dict)
+
+    def start(self) -> None:
+        self.bench.start(layout=self.layout)
+
+    def keep(self, letter: str) -> None:
+        """Save the state as it is now."""
+        self.states[letter] = self.bench.sim.get_state()
+
+    def edit(self, letter: str, base: str, change: Callable[[Simulation], object]) -> None:
+        """Save what a change makes of another one."""
+        change(self.at(base))
+        self.bench.sim.forward()
+        self.keep(letter)
+
+    def at(self, letter: str) -> Simulation:
+        self.bench.sim.set_state(self.states[letter])
+        return self.bench.sim
+
+    def stage_after(self, *letters: str) -> int:
+        self.start()
+        for letter in "".join(letters):
+            self.at(letter)
+            self.bench.judge()
+        return self.bench.stage
+
+    def answer(
+        self, letters: str, question: Predicate, before: Callable[[int], None] | None = None
+    ) -> bool:
+        """Whether a predicate holds at the end of a sequence, before each of which something may
+        happen.
+        """
+        self.start()
+        probe, yes = PredicateProbe(question, self.bench.sim), False
+        for number, letter in enumerate(letters):
+            if before:
+                before(number)
+            self.at(letter)
+            yes = probe.ask()
+        return yes
 
 
 def set_hinge(sim: Simulation, hinge: str, angle: float, speed: float = 0.0) -> None:

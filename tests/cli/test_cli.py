@@ -392,7 +392,7 @@ def test_narrow_list_still_shows_every_number(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setenv("COLUMNS", "60")
     out = io.StringIO()
     monkeypatch.setattr(
-        "duobench.cli.verbs.list_tasks.console", lambda: Console(file=out, width=60)
+        "duobench.cli.verbs.tasks.console", lambda: Console(file=out, width=60)
     )
     main(["list"])
     words = set(out.getvalue().split())

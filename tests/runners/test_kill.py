@@ -22,7 +22,7 @@ import sys
 from pathlib import Path
 from rich.console import Console
 from duobench.results.folder import RunFolder
-from duobench.cli.shared.table import results_table
+from duobench.cli.shared.console import results_table
 from duobench.results.report import read_parts
 from duobench.runners.evaluate import evaluate
 from tests.evaluation.conftest import small_suite

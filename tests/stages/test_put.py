@@ -38,14 +38,14 @@ def let_go(bench: TaskHarness, question: Predicate, height: float) -> bool:
     """Whether it holds after the left hand has let the cube go at a height above the table."""
     bench.start(0)
     bench.act(pick_up)
-    probe = PredicateProbe(question)
+    probe = PredicateProbe(question, bench.sim)
 
     def script(arms: Arms) -> Script:
         yield from lower(arms, height)
         yield from release(arms, Side.LEFT)
         yield from move(arms, {Side.LEFT: down(0.45, 0.3, 0.3)})
 
-    answers = [probe.ask(bench.sim) for _ in bench.steps(script)]
+    answers = [probe.ask() for _ in bench.steps(script)]
     assert bench.sim.contacts.between(CUBE, TABLE)
     return answers[-1]
 
@@ -70,7 +70,7 @@ def test_what_was_dropped_is_put_when_a_hand_has_lifted_it_again(
     bench.start(0)
     bench.act(pick_up)
     near = low_over(CUBE, TABLE, 0.0, 0.05)
-    probe = PredicateProbe(put(CUBE, near, again=lifted_off(CUBE, TABLE, 0.0)))
+    probe = PredicateProbe(put(CUBE, near, again=lifted_off(CUBE, TABLE, 0.0)), bench.sim)
 
     def script(arms: Arms) -> Script:
         yield from lower(arms, 0.08)
@@ -82,5 +82,5 @@ def test_what_was_dropped_is_put_when_a_hand_has_lifted_it_again(
         yield from release(arms, Side.LEFT)
         yield from move(arms, {Side.LEFT: down(0.45, 0.3, 0.3)})
 
-    answers = [probe.ask(bench.sim) for _ in bench.steps(script)]
+    answers = [probe.ask() for _ in bench.steps(script)]
     assert answers[-1] == counts

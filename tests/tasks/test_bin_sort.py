@@ -28,7 +28,7 @@ REST_STEPS = round(REST_SECONDS * CONTROL_HZ) + 1
 
 def lies(bench: TaskHarness) -> bool:
     """Whether the white cube lies in the white bowl, whoever brought it."""
-    return PredicateProbe(BOWL.holds("white_cube")).ask(bench.sim)
+    return PredicateProbe(BOWL.holds("white_cube"), bench.sim).ask()
 
 
 def bring(side: Side, height: float = IN_THE_BOWL) -> Callable[[Arms], Script]:

@@ -11,8 +11,8 @@ from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
 from duobench.types import CONTROL_HZ, SIDES, Side
-from tests.sincere.pour_marbles import Pouring, done, pour
 from tests.task_harness import TaskHarness
+from tests.ways.pour_marbles import Pouring, done, pour_with
 
 IN_CUP = SE3.at(z=0.001)
 BESIDE_CUP = SE3.at(x=OUTER_RADIUS + MARBLE_RADIUS, z=MARBLE_RADIUS)
@@ -232,10 +232,10 @@ def test_a_cup_that_was_in_the_air_is_put_down_again(bench: TaskHarness, side: S
 
 
 def test_cups_that_are_let_go_high_above_the_table_do_not_count(bench: TaskHarness) -> None:
-    _, target = _sides(bench, 0)
-    bench.act(lambda arms: pour(arms, Pouring(drop=0.020)))
+    bench.start(0)
+    bench.act(lambda arms: pour_with(arms, Pouring(drop=0.020)))
     bench.hold(REST_STEPS + 10)
-    assert done(bench.sim, target)
+    assert done(bench.sim)
     assert bench.stage == 5
 
 

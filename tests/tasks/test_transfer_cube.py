@@ -11,9 +11,9 @@ from duobench.spatial import SE3
 from duobench.stages.placing import PUT_HEIGHT
 from duobench.stages.predicates import STILL_SPEED
 from duobench.types import Side
-from tests.adversaries.transfer_cube import both_hold, hand_over
 from tests.steps import bring, drop
 from tests.task_harness import TaskHarness
+from tests.ways.transfer_cube import both_hold, hand_over
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 BOWL = np.array([0.55, 0.15, 0.0])
@@ -44,7 +44,7 @@ def in_bowl(bench: TaskHarness) -> bool:
     return bool(np.hypot(*offset[:2]) < RADIUS) and "bowl" in touching and "table" not in touching
 
 
-# --- what must not count; what two arms can do of it is in tests/adversaries ---------------------
+# --- what must not count; what two arms can do of it is in tests/ways ---------------------
 
 
 def test_both_arms_hold_what_they_have_lifted(table: TaskHarness) -> None:

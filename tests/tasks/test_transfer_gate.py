@@ -14,9 +14,9 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.tasks.transfer_gate import CROSSING_RADIUS, TASK
 from duobench.types import Side
-from tests.adversaries.transfer_gate import hand_over
 from tests.steps import drop
 from tests.task_harness import TaskHarness
+from tests.ways.transfer_gate import hand_over
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 MAT = np.array([0.5, 0.22, gates.MAT_THICKNESS / 2])
@@ -49,7 +49,7 @@ def on_mat_in_hand(bench: TaskHarness) -> bool:
     return contacts.grasped(LEFT, "block") and contacts.between("block", "mat")
 
 
-# --- what must not count; what two arms can do of it is in tests/adversaries ---------------------
+# --- what must not count; what two arms can do of it is in tests/ways ---------------------
 
 
 @pytest.mark.parametrize(

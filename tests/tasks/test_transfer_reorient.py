@@ -117,7 +117,7 @@ def standing(hole: PolygonHole, depth: float, *, aside: float = 0.0, lean: float
     return turned @ SE3.at(z=PEG_LENGTH / 2) @ UPRIGHT
 
 
-# --- what must not count; what two arms can do of it is in tests/adversaries ---------------------
+# --- what must not count; what two arms can do of it is in tests/ways ---------------------
 
 
 @pytest.mark.parametrize(

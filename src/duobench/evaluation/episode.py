@@ -105,7 +105,7 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
         if self.recording is None:
             return None
         try:
-            info = Recording.info_of(self.recording)
+            info = Recording.read_info(self.recording)
         except DataError as error:
             return str(error)
         if plan is None or not plan.is_of(info, episode.task.id, episode.index):
