@@ -15,7 +15,7 @@ from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import TaskInfo, find_tasks
-from duobench.rig_sessions.trials import TrialsSession, TrialsSession
+from duobench.rig_sessions.trials import TrialsSession
 from duobench.rig_sessions.trials_folder import TrialsFolder
 from duobench.web.page import assets
 from duobench.web.server import PageServer
