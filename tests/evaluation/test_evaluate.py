@@ -17,12 +17,7 @@ from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
-from tests.evaluation.conftest import (
-    assert_same_episodes,
-    compared,
-    small_suite,
-    without_policy,
-)
+from tests.evaluation.conftest import assert_same_episodes, compared, small_suite, without_policy
 from tests.results.samples import key
 
 

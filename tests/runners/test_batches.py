@@ -14,13 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import (
-    MachineryError,
-    OtherRunError,
-    PolicyError,
-    ServingError,
-    UnplayedError,
-)
+from duobench.errors import MachineryError, OtherRunError, PolicyError, ServingError, UnplayedError
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
