@@ -11,6 +11,7 @@ from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
 from duobench.types import CONTROL_HZ, SIDES, Side
+from tests.steps import Act, back, do
 from tests.task_harness import TaskHarness
 from tests.ways.pour_marbles import Pouring, done, pour_with
 
@@ -22,6 +23,14 @@ NEAR_FLOOR = SE3.at(z=WALL + 2 * MARBLE_RADIUS)
 REST_STEPS = round(REST_SECONDS * CONTROL_HZ) + 1
 SUNK = SE3.at(z=-0.0001)
 """As deep as things stand in the table."""
+
+
+def take_both(arms: Arms) -> Script:
+    yield from together(*(take(arms, side) for side in SIDES))
+
+
+def lower_both(arms: Arms) -> Script:
+    yield from move(arms, {side: arms.targets[side].moved(z=-0.06) for side in SIDES})
 
 
 def _sides(bench: TaskHarness, seed: int) -> tuple[Side, Side]:
@@ -181,15 +190,14 @@ def test_a_target_that_stood_with_marbles_must_be_emptied_first(bench: TaskHarne
 def _let_go(bench: TaskHarness) -> Side:
     """An episode after both cups were let go on the table, beside their squares: the target."""
     _, target = _sides(bench, 1)
-    assert bench.act(lambda arms: together(*(take(arms, side) for side in SIDES))) == 3
+    assert bench.act(take_both) == 3
     bench.put(**_into(bench, target))
-    low = {side: bench.arms.targets[side].moved(z=-0.06) for side in SIDES}
-    bench.act(lambda arms: move(arms, low))
+    bench.act(lower_both)
 
     def released() -> bool:
         return not any(bench.sim.contacts.gripper(side, CUPS[side]) for side in SIDES)
 
-    bench.run_until(lambda arms: release(arms, *SIDES), released)
+    bench.run_until(do((release, *SIDES)), released)
     away = {side: pose @ SE3.at(z=-0.1) for side, pose in bench.arms.targets.items()}
     bench.act(lambda arms: move(arms, away))
     aside = {name: pose.moved(x=0.07) for name, pose in _home(bench).items()}
@@ -251,20 +259,15 @@ def test_full_marks_need_every_marble_to_stay_in_the_target(bench: TaskHarness) 
 def test_full_marks_need_both_cups_released(bench: TaskHarness, side: Side) -> None:
     _, target = _sides(bench, 1)
 
-    def leave(arms: Arms, side: Side) -> Script:
-        yield from release(arms, side)
-        yield from move(arms, {side: arms.targets[side] @ SE3.at(z=-0.1)})
+    def leave(side: Side) -> Act:
+        return do((release, side), (back, side, 0.1))
 
-    def lower(arms: Arms) -> Script:
-        yield from move(arms, {s: arms.targets[s].moved(z=-0.06) for s in SIDES})
-        yield from leave(arms, side.other)
-
-    assert bench.act(lambda arms: together(*(take(arms, s) for s in SIDES))) == 3
+    assert bench.act(take_both) == 3
     bench.put(**_into(bench, target))
     assert bench.stage == 5
-    assert bench.act(lower) == 5
+    assert bench.act(do(lower_both, leave(side.other))) == 5
     assert bench.hold(REST_STEPS) == 5
-    bench.act(lambda arms: leave(arms, side))
+    bench.act(leave(side))
     assert bench.hold(REST_STEPS) == 6
 
 

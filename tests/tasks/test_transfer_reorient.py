@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from duobench.experts.handover import let_go, pick_bar
-from duobench.experts.motion import Arms, Script, wait
+from duobench.experts.motion import Arms, Script
 from duobench.experts.scripts.transfer_reorient import (
     BAR,
     MEETING_POINT,
@@ -37,7 +37,7 @@ from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import STILL_SPEED
 from duobench.tasks.transfer_reorient import DEPTH
 from duobench.types import CONTROL_HZ, Side
-from tests.steps import meet
+from tests.steps import do, meet, pause
 from tests.task_harness import TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -176,14 +176,10 @@ def test_a_peg_that_moves_does_not_count(replay: Replay) -> None:
 
 @pytest.mark.parametrize("hole", [SQUARE, TRIANGLE], ids=["square", "triangle"])
 def test_the_peg_does_not_go_into_another_hole(replay: Replay, hole: PolygonHole) -> None:
-    def into(arms: Arms) -> Script:
-        yield from insert(arms, LEFT, mouth(hole))
-        yield from wait(10)
-
     table = replay.table
     assert replay.stage_after("rbl") == 3
     table.arms = Arms(table.sim)
-    assert table.act(into) == 3
+    assert table.act(do((insert, LEFT, mouth(hole)), (pause, 10))) == 3
     assert table.sim.contacts.between("peg", "board")
     assert table.sim.min_height("peg") > BOARD_HEIGHT - TILTED_IN[hole]
 

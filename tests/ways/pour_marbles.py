@@ -48,10 +48,9 @@ MIDDLE = SE3.at(0.5, 0.0)
 """Where a cup stands between the squares."""
 TURN_STEPS, BACK = 60, 4
 """Control steps in which the pouring cup turns, and how many of them it goes back in one."""
-NEARBY = 0.06
-"""How far from there, in metres, a cup is still in the middle; the pouring one is farther away."""
-MOST = 15
-"""How many marbles are enough for a deed: one that falls beside the cup is no matter."""
+NEARBY, MOST = 0.06, 15
+"""How far from there, in metres, a cup is still in the middle; the pouring one is farther away. How
+many marbles are enough for a deed: one that falls beside the cup is no matter."""
 HOLD_LEAN, POUR_LEAN = math.radians(62.0), math.radians(60.0)
 """How far the hands are from the vertical when they grasp the target and the source, in radians."""
 SHORT = 0.003
