@@ -391,9 +391,7 @@ def test_table_of_a_folder_that_cannot_be_written_is_shown(
 def test_narrow_list_still_shows_every_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     out = io.StringIO()
-    monkeypatch.setattr(
-        "duobench.cli.verbs.list_tasks.console", lambda: Console(file=out, width=60)
-    )
+    monkeypatch.setattr("duobench.cli.verbs.tasks.console", lambda: Console(file=out, width=60))
     main(["list"])
     words = set(out.getvalue().split())
     for name in catalog.names():

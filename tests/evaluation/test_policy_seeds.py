@@ -90,14 +90,14 @@ class Notes(toy_batches.Wanders):
         return super().begin(instruction, seed)
 
 
-def test_served_policy_gets_the_policy_seed(tmp_path: Path) -> None:
+def test_served_policy_gets_the_policy_seed(tmp_path):
     serve, policy = Serve(), Notes()
     records = played(tmp_path, "openpi", at(serve(policy)))
     serve.close()
     assert policy.seeds == seeds(records)
 
 
-def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path: Path) -> None:
+def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path):
     messages: list[Any] = []
 
     def answer(message: bytes) -> bytes:
@@ -113,7 +113,7 @@ def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path: Path) -> None:
     assert_secret(records, messages)
 
 
-def test_plain_openpi_gets_no_seed(tmp_path: Path) -> None:
+def test_plain_openpi_gets_no_seed(tmp_path):
     messages: list[Any] = []
 
     def answer(message: bytes) -> bytes:
@@ -126,7 +126,7 @@ def test_plain_openpi_gets_no_seed(tmp_path: Path) -> None:
     assert_secret(records, messages)
 
 
-def test_model_server_of_vla_eval_gets_the_policy_seed(tmp_path: Path) -> None:
+def test_model_server_of_vla_eval_gets_the_policy_seed(tmp_path):
     server = ModelServer(acting(STILL))
     with server.running() as port:
         records = played(tmp_path, "vla-eval", at(port))
@@ -148,7 +148,7 @@ class Looks(HoldPolicy):
 
 
 @pytest.mark.parametrize("workers", [0, 2])
-def test_global_generators_have_the_policy_seed(tmp_path: Path, workers: int) -> None:
+def test_global_generators_have_the_policy_seed(tmp_path, workers):
     suite, policy = small_suite(episodes=EPISODES), f"{__name__}:Looks"
     results = evaluate(policy, suite, RunFolder(tmp_path), workers=workers)
     assert [record.error for task in results.tasks for record in task.records] == [None] * 4
@@ -162,7 +162,7 @@ class Demonstrates(HoldPolicy):
         assert seed in [seed_of("wave", index, TRAIN) for index in range(EPISODES)]
 
 
-def test_demonstrations_are_seeded_in_their_own_split(tmp_path: Path) -> None:
+def test_demonstrations_are_seeded_in_their_own_split(tmp_path):
     data = DataSet.open(tmp_path)
     attempts = record_demonstrations(
         f"{__name__}:Demonstrates",

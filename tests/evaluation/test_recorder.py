@@ -29,7 +29,7 @@ RUN = Run(
 VERSIONS = record_versions(None)
 
 
-def test_record_says_what_the_environment_said() -> None:
+def test_record_says_what_the_environment_said():
     env = duobench.make(toy_tasks.WAVE, cameras=False)
     reached, clipped = set(), set()
     for index in range(6):
@@ -66,7 +66,7 @@ def test_record_says_what_the_environment_said() -> None:
     assert clipped == {False, True}
 
 
-def test_episode_that_never_began_still_has_a_record() -> None:
+def test_episode_that_never_began_still_has_a_record():
     recorder = EpisodeRecorder(Episode(task=WAVE, index=3))
     record = recorder.record(RUN, VERSIONS).broken(PolicyTimeoutError("too late"), 0)
     assert record.error == "PolicyTimeoutError: too late\n"

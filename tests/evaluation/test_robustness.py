@@ -1,5 +1,4 @@
 import re
-from pathlib import Path
 
 import pytest
 
@@ -28,7 +27,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     return folder
 
 
-def test_every_condition_is_in_the_records_and_verified(played: RunFolder) -> None:
+def test_every_condition_is_in_the_records_and_verified(played):
     parts = read_parts(played)
     assert tuple(part.condition.shift for part in parts) == SHIFTS
     for part in parts:
@@ -39,16 +38,14 @@ def test_every_condition_is_in_the_records_and_verified(played: RunFolder) -> No
     assert len(verify(played, import_tasks=True).of(Verdict.EXACT)) == 4 * len(SHIFTS)
 
 
-def test_layouts_are_the_same_but_on_the_axis_layout(played: RunFolder) -> None:
+def test_layouts_are_the_same_but_on_the_axis_layout(played):
     usual, *others = read_parts(played)
     for part in others:
         is_same = [each.layout for each in part.records] == [each.layout for each in usual.records]
         assert is_same is (part.condition.shift.level_of("layout") == 0)
 
 
-def test_it_goes_on_where_it_was_and_workers_do_not_matter(
-    played: RunFolder, tmp_path: Path
-) -> None:
+def test_it_goes_on_where_it_was_and_workers_do_not_matter(played, tmp_path):
     folder = RunFolder(tmp_path / "run")
     evaluate("random", small_suite(episodes=2, shifts=SHIFTS[:2]), folder, workers=2)
     evaluate("random", small_suite(episodes=2, shifts=SHIFTS[:4]), folder, workers=0)
@@ -60,7 +57,7 @@ def test_it_goes_on_where_it_was_and_workers_do_not_matter(
         evaluate("hold", small_suite(episodes=2, shifts=SHIFTS[:2]), folder, workers=0)
 
 
-def test_each_condition_has_the_videos_that_are_asked_for(tmp_path: Path) -> None:
+def test_each_condition_has_the_videos_that_are_asked_for(tmp_path):
     out = tmp_path / "run"
     words = ["--suite", "robust", "--axes", "look", "--levels", "5", "--episodes", "2"]
     words += ["--workers", "0", "--tasks", toy_tasks.WAVE_NAME, "--out", str(out)]
@@ -73,9 +70,7 @@ def test_each_condition_has_the_videos_that_are_asked_for(tmp_path: Path) -> Non
         assert (page.parent / link).resolve() == video.resolve()
 
 
-def test_episodes_with_errors_are_told_and_played_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_episodes_with_errors_are_told_and_played_again(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
     words = ["eval", "--policy", f"{toy_tasks.__name__}:BreaksOnce", "--suite", "robust"]
     words += ["--axes", "camera", "--levels", "1", "--episodes", "2", "--workers", "0"]
@@ -89,9 +84,7 @@ def test_episodes_with_errors_are_told_and_played_again(
     assert "4 of 4 episodes" in capsys.readouterr().out
 
 
-def test_the_command_plays_two_levels_of_a_few_axes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_plays_two_levels_of_a_few_axes(tmp_path, capsys):
     out = str(tmp_path / "run")
     words = ["--suite", "robust", "--levels", "1", "5", "--episodes", "1", "--workers", "0"]
     words += ["--tasks", toy_tasks.WAVE_NAME, "--out", out]

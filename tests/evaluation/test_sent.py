@@ -15,7 +15,6 @@ from duobench.policy import PolicyMetadata, RandomPolicy
 from duobench.results.records import EpisodeRecord, StateHashes
 from duobench.results.suite import TaskInfo
 from duobench.types import Array
-from tests.evaluation.conftest import Play
 from tests.results.samples import key
 
 
@@ -48,7 +47,7 @@ def replayed(task: TaskInfo, record: EpisodeRecord, targets: Array) -> tuple[Any
 
 
 @pytest.mark.parametrize("policy", ["hold", "random", f"{__name__}:Drifts"])
-def test_targets_play_the_episode_again_to_the_bit(play: Play, policy: str) -> None:
+def test_targets_play_the_episode_again_to_the_bit(play, policy):
     _, results = play(PolicyChoice.parse(policy), episodes=2)
     for one in results.tasks:
         for record in one.records:
@@ -61,7 +60,7 @@ def test_targets_play_the_episode_again_to_the_bit(play: Play, policy: str) -> N
             assert replayed(one.task, record, targets)[1] != record.end
 
 
-def test_episode_of_a_broken_policy_keeps_what_was_sent(play: Play) -> None:
+def test_episode_of_a_broken_policy_keeps_what_was_sent(play):
     _, results = play("Faulty", episodes=2, workers=1)
     record = next(one for one in results.tasks if one.task.id == "wave").records[1]
     assert record.error
@@ -72,7 +71,7 @@ def test_episode_of_a_broken_policy_keeps_what_was_sent(play: Play) -> None:
     assert record.end is None
 
 
-def test_targets_stand_in_the_file_as_text(play: Play) -> None:
+def test_targets_stand_in_the_file_as_text(play):
     folder, results = play("random", episodes=1)
     record = results.tasks[0].records[0]
     document = json.loads(folder.record(key(folder, record.task, 0)).read_text())

@@ -55,7 +55,7 @@ def frames(video: bytes) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize(("steps", "shown"), [(8, 5), (9, 6), (1, 2)])
-def test_video_shows_the_reset_every_other_step_and_the_last(steps: int, shown: int) -> None:
+def test_video_shows_the_reset_every_other_step_and_the_last(steps, shown):
     images = frames(video_of(steps))
     assert len(images) == shown
     assert FRAME_EVERY == 2
@@ -67,11 +67,11 @@ def test_video_shows_the_reset_every_other_step_and_the_last(steps: int, shown: 
         assert abs(int(outside[0]) - int(outside[1])) < 20
 
 
-def test_video_of_a_broken_episode_shows_what_there_was() -> None:
+def test_video_of_a_broken_episode_shows_what_there_was():
     assert len(frames(video_of(20, broken_after=9))) == 5
 
 
-def test_nothing_shown_is_no_video() -> None:
+def test_nothing_shown_is_no_video():
     recorder = VideoRecorder(lambda: np.zeros((2, 2, 3), dtype=np.uint8))
     recorder.on_episode_end(None)
     assert recorder.video() is None
@@ -85,7 +85,7 @@ def image(shade: int, height: int = 224, width: int = 224) -> np.ndarray:
     return np.full((height, width, 3), shade, np.uint8)
 
 
-def test_stage_and_time_stand_in_the_corner_and_nowhere_else() -> None:
+def test_stage_and_time_stand_in_the_corner_and_nowhere_else():
     picture = Picture(SORT)
     drawn = [picture.draw(TABLE, number, stage) for number, stage in ((0, 0), (30, 0), (30, 2))]
     assert (TABLE == 200).all()
@@ -97,7 +97,7 @@ def test_stage_and_time_stand_in_the_corner_and_nowhere_else() -> None:
     assert np.array_equal(drawn[2], Picture(SORT).draw(TABLE, 30, 2))
 
 
-def test_long_names_end_at_the_edge() -> None:
+def test_long_names_end_at_the_edge():
     drawn = Picture(SORT).draw(TABLE[:, :64], 0, 3)
     assert drawn.shape == (480, 64, 3)
     assert drawn[CAPTION, -4:].max() <= 200
@@ -112,9 +112,7 @@ def test_long_names_end_at_the_edge() -> None:
         ([(224, 224), (90, 160), (224, 224)], 640 + 284),
     ],
 )
-def test_images_of_the_policy_stand_beside_the_table(
-    sizes: list[tuple[int, int]], width: int
-) -> None:
+def test_images_of_the_policy_stand_beside_the_table(sizes, width):
     picture = Picture(SORT)
     picture.look(7, {f"camera_{nth}": image(40 + nth, *size) for nth, size in enumerate(sizes)})
     drawn = picture.draw(TABLE, 8, 0)
@@ -125,7 +123,7 @@ def test_images_of_the_policy_stand_beside_the_table(
         assert (drawn[(nth + 1) * cell - 4, 644] == 40 + nth).all()
 
 
-def test_picture_says_when_the_policy_saw_it_only_if_it_did() -> None:
+def test_picture_says_when_the_policy_saw_it_only_if_it_did():
     columns = []
     for is_seen, number in ((True, 3), (True, 6), (False, 3), (False, 6)):
         picture = Picture(SORT, is_seen=is_seen)

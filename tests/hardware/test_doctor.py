@@ -17,7 +17,6 @@ from duobench.hardware.devices import ArmReading, Fault, FaultKind
 from duobench.hardware.doctor import Check, Outcome, examine, is_well, write_checks
 from duobench.hardware.doctor.computer import computer_checks
 from duobench.hardware.doctor.examine import SUCCESS_RATE, gravity_torques, mount_check
-from duobench.hardware.drivers.frames import CameraFacts
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
@@ -138,7 +137,7 @@ def slow_gripper(duo: FrankaDuo) -> None:
 
 
 def old_usb(duo: FrankaDuo) -> None:
-    duo.cameras["head"].facts = CameraFacts(usb="2.1")  # type: ignore[attr-defined]
+    duo.cameras["head"].usb = "2.1"  # type: ignore[attr-defined]
 
 
 def slow_camera(duo: FrankaDuo) -> None:

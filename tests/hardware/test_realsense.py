@@ -104,7 +104,7 @@ def opened(
     return camera
 
 
-def test_exposure_and_gain_are_locked_on_the_sensor_of_colour_and_recorded(
+def test_exposure_and_gain_are_locked_on_the_sensor_of_colour(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     library = Library()
@@ -117,10 +117,7 @@ def test_exposure_and_gain_are_locked_on_the_sensor_of_colour_and_recorded(
     }
     assert library.depth.options == {}
     assert f"device {SERIAL}" in library.log
-    facts = camera.facts
-    assert facts is not None
-    assert (facts.exposure_us, facts.gain) == (8000.0, 32.0)
-    assert (facts.serial, facts.usb) == (SERIAL, "3.2")
+    assert camera.usb == "3.2"
 
 
 def test_a_rig_that_says_nothing_lets_the_camera_choose(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,4 @@
-"""LeRobot itself reads, merges and trains on what `duobench export lerobot` writes.
-
-Runs in an environment with LeRobot, which `make test-lerobot` makes.
-"""
+"""LeRobot itself reads, merges and trains on what `duobench export lerobot` writes."""
 
 import json
 from pathlib import Path
@@ -19,8 +16,6 @@ from duobench.data.recording import Recording
 from duobench.envs.action_labels import POSE_LABELS
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 from tests.lerobot.tools import load, record, run
-
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
 
 TASKS = ("transfer_cube", "bin_sort")
 LENGTHS = (24, 31)

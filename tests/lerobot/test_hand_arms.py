@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 from duobench.errors import MessageError
 from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3

@@ -3,17 +3,15 @@
 import os
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from duobench.replay.follow import FollowedRun
+from duobench.replay.sources import FollowedRun
 from duobench.replay.viewer import Viewer
 from duobench.results.folder import RunFolder, RunReader
 from duobench.results.scores import wilson_interval
 from duobench.web.server import PageServer
-from tests.evaluation.conftest import Play
 from tests.web.pages import get
 
 
@@ -28,7 +26,7 @@ def followed(folder: RunFolder, server: PageServer) -> FollowedRun:
     return FollowedRun(folder, server, import_tasks=True)
 
 
-def test_a_run_is_followed_from_before_its_start(play: Play, server: PageServer) -> None:
+def test_a_run_is_followed_from_before_its_start(play, server):
     path = play("random", "other", episodes=1)[0].path.with_name("run")
     run = followed(RunFolder(path), server)
     assert run.refresh() == {"run": {"note": "Nothing is written yet."}}
@@ -50,9 +48,7 @@ def test_a_run_is_followed_from_before_its_start(play: Play, server: PageServer)
     run.close()
 
 
-def test_every_record_is_read_once(
-    play: Play, server: PageServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_record_is_read_once(play, server, monkeypatch):
     folder, _ = play("random", episodes=2)
     read: list[Any] = []
     whole = RunReader.read_record
@@ -65,9 +61,7 @@ def test_every_record_is_read_once(
     assert len(read) == len(set(read)) == 4
 
 
-def test_the_report_is_shown_once_it_is_that_of_all_episodes(
-    play: Play, server: PageServer
-) -> None:
+def test_the_report_is_shown_once_it_is_that_of_all_episodes(play, server):
     folder, _ = play("random", episodes=1)
     run = followed(folder, server)
     shown = run.refresh()
@@ -83,9 +77,7 @@ def test_the_report_is_shown_once_it_is_that_of_all_episodes(
     assert run.refresh(is_last=True)["report"] == shown["report"]
 
 
-def test_a_run_that_cannot_be_read_says_so_and_is_followed_on(
-    play: Play, server: PageServer
-) -> None:
+def test_a_run_that_cannot_be_read_says_so_and_is_followed_on(play, server):
     folder, results = play("random", episodes=1)
     path = folder.record(results.tasks[0].records[0].key)
     content = path.read_bytes()
@@ -96,7 +88,7 @@ def test_a_run_that_cannot_be_read_says_so_and_is_followed_on(
     assert run.refresh()["run"]["finished"] == 2
 
 
-def test_a_viewer_shows_what_comes(play: Play, server: PageServer, tmp_path: Path) -> None:
+def test_a_viewer_shows_what_comes(play, server, tmp_path):
     run = followed(RunFolder(tmp_path / "run"), server)
     viewer = Viewer(run, server, run.refresh)
     viewer.stop()
@@ -106,7 +98,7 @@ def test_a_viewer_shows_what_comes(play: Play, server: PageServer, tmp_path: Pat
     assert '"report"' in str(server._latest["status"])
 
 
-def test_a_break_of_a_run_is_no_time_that_it_took(play: Play, server: PageServer) -> None:
+def test_a_break_of_a_run_is_no_time_that_it_took(play, server):
     folder, results = play("random", episodes=2)
     keys = [record.key for task in results.tasks for record in task.records]
     folder.discard(keys.pop())

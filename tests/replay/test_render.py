@@ -41,7 +41,7 @@ RECORDS = [
         (["failures", "turn:0", "sort:00"], [0, 1, 2]),
     ],
 )
-def test_words_choose_episodes_in_the_order_of_the_run(words: list[str], chosen: list[int]) -> None:
+def test_words_choose_episodes_in_the_order_of_the_run(words, chosen):
     assert choose(RUN, RECORDS, words) == [RECORDS[number] for number in chosen]
 
 
@@ -59,7 +59,7 @@ def test_words_choose_episodes_in_the_order_of_the_run(words: list[str], chosen:
         ("turn:1", EvaluationError, "Episode 1 of turn is not finished"),
     ],
 )
-def test_other_words_are_refused(word: str, error: type[Exception], message: str) -> None:
+def test_other_words_are_refused(word, error, message):
     with pytest.raises(error, match=message):
         choose(RUN, RECORDS, [word])
 
@@ -79,7 +79,7 @@ def made_anew(folder: RunFolder, **changes: Any) -> tuple[Any, list[tuple[int, i
     return videos, told
 
 
-def test_video_made_later_is_that_of_the_evaluation(play: Play) -> None:
+def test_video_made_later_is_that_of_the_evaluation(play):
     folder, _ = play("Glances", episodes=2, videos=2)  # which end in the middle of a chunk
     paths = sorted(folder.path.glob("videos/*/*/*.webm"))
     before = [path.read_bytes() for path in paths]
@@ -92,7 +92,7 @@ def test_video_made_later_is_that_of_the_evaluation(play: Play) -> None:
     assert told == [(done, 4) for done in range(5)]
 
 
-def test_video_that_is_there_stays(play: Play) -> None:
+def test_video_that_is_there_stays(play):
     folder, _ = play("random", episodes=2, videos=0)
     path = folder.video(key(folder, "nod", 1))
     path.parent.mkdir(parents=True)
@@ -105,7 +105,7 @@ def test_video_that_is_there_stays(play: Play) -> None:
     assert told[-1] == (4, 4)
 
 
-def test_images_are_shown_also_where_chunks_are_of_unknown_length(play: Play) -> None:
+def test_images_are_shown_also_where_chunks_are_of_unknown_length(play):
     folder, _ = play("Sees", episodes=1, videos=0)
     made_anew(folder)
     with av.open(folder.video(key(folder, "wave", 0))) as container:
@@ -114,7 +114,7 @@ def test_images_are_shown_also_where_chunks_are_of_unknown_length(play: Play) ->
     assert len(frames) == 13
 
 
-def test_episode_that_failed_with_an_error_is_shown_up_to_it(play: Play) -> None:
+def test_episode_that_failed_with_an_error_is_shown_up_to_it(play):
     folder, results = play("RaisesInTheSecondAnswer", episodes=1, videos=0)
     assert results.overall.errors == 2
     videos, _ = made_anew(folder)
@@ -134,9 +134,7 @@ def test_episode_that_failed_with_an_error_is_shown_up_to_it(play: Play) -> None
         ({"stage_changes": ((1, 1),), "final_stage": 1, "success": False}, "comes out differently"),
     ],
 )
-def test_what_cannot_be_shown_is_told_and_leaves_nothing(
-    play: Play, make: Any, changes: dict[str, Any], why: str
-) -> None:
+def test_what_cannot_be_shown_is_told_and_leaves_nothing(play, make, changes, why):
     folder, _ = play("random", episodes=1, videos=0, tasks=WAVE)
     run, (record,) = read_source(folder.path)
     made = make(folder, run, [replace(record, **changes)], import_tasks=True)
@@ -146,7 +144,7 @@ def test_what_cannot_be_shown_is_told_and_leaves_nothing(
     assert folder.replay(record.key) is None
 
 
-def test_run_of_another_suite_is_refused(play: Play) -> None:
+def test_run_of_another_suite_is_refused(play):
     folder, _ = play("random", episodes=1, videos=0, tasks=WAVE)
     run, records = read_source(folder.path)
     other = replace(run, suite=replace(run.suite, version="3"))
@@ -154,14 +152,14 @@ def test_run_of_another_suite_is_refused(play: Play) -> None:
         make_videos(folder, other, records)
 
 
-def test_task_of_somebody_else_is_imported_on_request_alone(play: Play) -> None:
+def test_task_of_somebody_else_is_imported_on_request_alone(play):
     folder, _ = play("random", episodes=1, videos=0, tasks=WAVE)
     videos = make_videos(folder, *read_source(folder.path))
     ((_, reason),) = videos.impossible
     assert reason == f"The task {toy_tasks.WAVE_NAME!r} is none of the benchmark."
 
 
-def test_few_of_many_are_of_every_task_and_last_stage() -> None:
+def test_few_of_many_are_of_every_task_and_last_stage():
     run = sample_run(tasks=(SORT, TURN), episodes=60)
     records = [sample_record(SORT, number, ()) for number in range(50)]
     records += [sample_record(SORT, 50, (5,)), sample_record(TURN, 0, ()), sample_record(SORT, 51)]
@@ -175,7 +173,7 @@ def test_few_of_many_are_of_every_task_and_last_stage() -> None:
     ]
 
 
-def test_replay_shows_where_everything_was(play: Play) -> None:
+def test_replay_shows_where_everything_was(play):
     folder, _ = play("random", episodes=1, videos=0, tasks=WAVE)
     run, (record,) = read_source(folder.path)
     replays = make_replays(folder, run, [record], import_tasks=True)
@@ -200,7 +198,7 @@ def test_replay_shows_where_everything_was(play: Play) -> None:
     env.close()
 
 
-def test_replays_that_are_there_stay_and_the_page_has_them(play: Play) -> None:
+def test_replays_that_are_there_stay_and_the_page_has_them(play):
     folder, _ = play("random", episodes=2, videos=0)
     run, records = read_source(folder.path)
     write_report(folder)

@@ -24,7 +24,6 @@ from duobench.tasks import catalog
 from duobench.web.geometry import Geometry
 from tests.data.tools import HORIZON, TASK, recorded
 from tests.evaluation import toy_tasks
-from tests.evaluation.conftest import Play
 
 MILLIMETRE = 1e-3
 
@@ -44,7 +43,7 @@ def opened() -> Iterator[list[ViewSource]]:
         source.close()
 
 
-def test_a_task_is_shown_as_its_reset_leaves_it(opened: list[ViewSource]) -> None:
+def test_a_task_is_shown_as_its_reset_leaves_it(opened):
     source = open_view("bin_sort")
     opened.append(source)
     assert isinstance(source, TaskSource)
@@ -64,9 +63,7 @@ def test_a_task_is_shown_as_its_reset_leaves_it(opened: list[ViewSource]) -> Non
     assert np.abs(other[..., :3] - third.poses()[..., :3]).max() > 0.01
 
 
-def test_a_recorded_episode_is_shown_as_its_states_were(
-    data: Path, opened: list[ViewSource]
-) -> None:
+def test_a_recorded_episode_is_shown_as_its_states_were(data, opened):
     source = open_view(str(data))
     opened.append(source)
     assert isinstance(source, DataSource)
@@ -87,9 +84,7 @@ def test_a_recorded_episode_is_shown_as_its_states_were(
     assert np.abs(poses[HORIZON] - poses[0]).max() > 0.01
 
 
-def test_episodes_of_a_run_are_played_from_their_targets(
-    play: Play, tmp_path: Path, opened: list[ViewSource]
-) -> None:
+def test_episodes_of_a_run_are_played_from_their_targets(play, tmp_path, opened):
     folder, results = play("random", episodes=2)
     write_bundle(folder, tmp_path / "run.zip")
     for path in (folder.path, tmp_path / "run.zip"):
@@ -108,7 +103,7 @@ def test_episodes_of_a_run_are_played_from_their_targets(
             assert item.detail == f"{item.state}, stage {record.final_stage} of {record.max_stage}"
 
 
-def test_episodes_of_some_tasks_alone(data: Path, play: Play) -> None:
+def test_episodes_of_some_tasks_alone(data, play):
     folder, _ = play("random", episodes=1)
     items = open_view(str(folder.path), tasks=["nod"]).items
     assert [item.id for item in items] == ["nod/0"]
@@ -118,7 +113,7 @@ def test_episodes_of_some_tasks_alone(data: Path, play: Play) -> None:
             open_view(str(path), tasks=["carry_pot"])
 
 
-def test_code_of_others_is_not_run_unasked(play: Play, opened: list[ViewSource]) -> None:
+def test_code_of_others_is_not_run_unasked(play, opened):
     folder, _ = play("random", episodes=1)
     source = open_view(str(folder.path))
     opened.append(source)
@@ -126,9 +121,7 @@ def test_code_of_others_is_not_run_unasked(play: Play, opened: list[ViewSource])
         source.load("wave/0")
 
 
-def test_an_episode_that_failed_with_an_error_says_with_which(
-    play: Play, opened: list[ViewSource]
-) -> None:
+def test_an_episode_that_failed_with_an_error_says_with_which(play, opened):
     folder, _ = play("Faulty", episodes=1)
     source = RunSource(RunFolder(folder.path), import_tasks=True)
     opened.append(source)
@@ -149,13 +142,7 @@ def test_an_episode_that_failed_with_an_error_says_with_which(
         (["x/other"], EvaluationError, "holds neither a data set"),
     ],
 )
-def test_what_cannot_be_viewed(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    files: list[str],
-    kind: type[Exception],
-    message: str,
-) -> None:
+def test_what_cannot_be_viewed(tmp_path, monkeypatch, files, kind, message):
     monkeypatch.chdir(tmp_path)
     for file in files:
         (tmp_path / file).parent.mkdir()
@@ -164,13 +151,13 @@ def test_what_cannot_be_viewed(
         open_view("x")
 
 
-def test_a_data_set_without_episodes(tmp_path: Path) -> None:
+def test_a_data_set_without_episodes(tmp_path):
     DataSet.open(tmp_path / "empty")
     with pytest.raises(EvaluationError, match="no finished episode"):
         open_view(str(tmp_path / "empty"))
 
 
-def test_a_task_of_ones_own(opened: list[ViewSource]) -> None:
+def test_a_task_of_ones_own(opened):
     source = open_view(toy_tasks.WAVE_NAME)
     opened.append(source)
     assert source.load("0").task == "wave"

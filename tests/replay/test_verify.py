@@ -16,7 +16,6 @@ from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import test_sent
-from tests.evaluation.conftest import Play
 from tests.evaluation.forging import (
     Document,
     Edit,
@@ -67,7 +66,7 @@ def only_contradiction(found: Verification) -> str:
 
 
 @pytest.mark.parametrize("policy", ["expert", "hold"])
-def test_honest_run_agrees_to_the_bit(runs: dict[str, RunFolder], policy: str) -> None:
+def test_honest_run_agrees_to_the_bit(runs, policy):
     found = verify(runs[policy])
     assert {one.verdict for one in found.findings} == {Verdict.EXACT}
     assert len(found.findings) == found.run.suite.size
@@ -77,7 +76,7 @@ def test_honest_run_agrees_to_the_bit(runs: dict[str, RunFolder], policy: str) -
 
 
 @pytest.mark.parametrize("policy", ["random", f"{test_sent.__name__}:Drifts"])
-def test_run_on_tasks_of_others_agrees_where_these_may_be_imported(play: Play, policy: str) -> None:
+def test_run_on_tasks_of_others_agrees_where_these_may_be_imported(play, policy):
     folder, _ = play(policy, episodes=1)
     found = verify(folder)
     assert {one.verdict for one in found.findings} == {Verdict.UNVERIFIABLE}
@@ -186,9 +185,7 @@ def changed(**fields: Any) -> Edit:
         ("expert", changed(versions={"mujoco": "4.0.9"}), "its version of mujoco is 4.0.9, that"),
     ],
 )
-def test_edit_is_found_although_the_checksum_fits(
-    verified: Any, policy: str, edit: Edit, words: str
-) -> None:
+def test_edit_is_found_although_the_checksum_fits(verified, policy, edit, words):
     assert words in only_contradiction(verified(edit, policy))
 
 
@@ -203,17 +200,13 @@ def test_edit_is_found_although_the_checksum_fits(
         lambda record: record["config"].update(unknown=1),
     ],
 )
-def test_edit_without_a_new_checksum_is_found_by_every_reader(
-    verified: Any, tmp_path: Path, edit: Edit
-) -> None:
+def test_edit_without_a_new_checksum_is_found_by_every_reader(verified, tmp_path, edit):
     assert "Its checksum does not fit" in only_contradiction(verified(edit, sealed=False))
     with pytest.raises(FileError, match=rf"{SECOND:05d}\.json: Its checksum does not fit"):
         read_source(tmp_path / "forged")
 
 
-def test_spaces_and_the_order_of_keys_are_no_edit(
-    runs: dict[str, RunFolder], tmp_path: Path
-) -> None:
+def test_spaces_and_the_order_of_keys_are_no_edit(runs, tmp_path):
     folder = copied(runs["hold"], tmp_path / "run")
     path = folder.record(key(folder, TASK, 0))
     document = json.loads(path.read_text())
@@ -221,7 +214,7 @@ def test_spaces_and_the_order_of_keys_are_no_edit(
     assert read_source(folder.path) == read_source(runs["hold"].path)
 
 
-def test_record_of_another_run_is_found(runs: dict[str, RunFolder], tmp_path: Path) -> None:
+def test_record_of_another_run_is_found(runs, tmp_path):
     folder = copied(runs["hold"], tmp_path / "forged")
     other = runs["expert"]
     shutil.copy(other.record(key(other, TASK, SECOND)), folder.record(key(folder, TASK, SECOND)))
@@ -229,7 +222,7 @@ def test_record_of_another_run_is_found(runs: dict[str, RunFolder], tmp_path: Pa
         verify(folder)
 
 
-def test_record_under_another_index_is_found(runs: dict[str, RunFolder], tmp_path: Path) -> None:
+def test_record_under_another_index_is_found(runs, tmp_path):
     folder = copied(runs["hold"], tmp_path / "forged")
     shutil.copy(folder.record(key(folder, TASK, 0)), folder.record(key(folder, TASK, SECOND)))
     assert "its episode is 0, expected was 1" in only_contradiction(verify(folder))
@@ -244,9 +237,7 @@ def test_record_under_another_index_is_found(runs: dict[str, RunFolder], tmp_pat
     assert "physics at the start" in reason
 
 
-def test_run_that_describes_its_tasks_wrongly_is_found(
-    runs: dict[str, RunFolder], tmp_path: Path
-) -> None:
+def test_run_that_describes_its_tasks_wrongly_is_found(runs, tmp_path):
     folder = copied(runs["hold"], tmp_path / "forged")
 
     def easier(run: Document) -> None:
@@ -264,9 +255,7 @@ def test_run_that_describes_its_tasks_wrongly_is_found(
     assert not found.is_verified
 
 
-def test_task_with_a_name_of_the_benchmark_is_that_of_the_benchmark(
-    runs: dict[str, RunFolder], tmp_path: Path
-) -> None:
+def test_task_with_a_name_of_the_benchmark_is_that_of_the_benchmark(runs, tmp_path):
     folder = copied(runs["hold"], tmp_path / "forged")
     redescribed(
         folder,
@@ -278,7 +267,7 @@ def test_task_with_a_name_of_the_benchmark_is_that_of_the_benchmark(
 # --- what cannot be verified ---------------------------------------------------------------------
 
 
-def test_episode_with_an_error_is_checked_up_to_it(play: Play) -> None:
+def test_episode_with_an_error_is_checked_up_to_it(play):
     folder, _ = play("Faulty", episodes=2)
     found = verify(folder, import_tasks=True)
     verdicts = [one.verdict for one in found.findings]
@@ -300,16 +289,14 @@ def test_episode_with_an_error_is_checked_up_to_it(play: Play) -> None:
         ({"sent": None}, "no joint targets"),
     ],
 )
-def test_record_without_targets_is_counted_apart(
-    verified: Any, fields: dict[str, Any], reason: str
-) -> None:
+def test_record_without_targets_is_counted_apart(verified, fields, reason):
     found = verified(changed(**fields), "hold")
     (one,) = found.of(Verdict.UNVERIFIABLE)
     assert reason in one.reason
     assert found.is_verified
 
 
-def test_run_of_another_suite_is_not_verifiable(runs: dict[str, RunFolder], tmp_path: Path) -> None:
+def test_run_of_another_suite_is_not_verifiable(runs, tmp_path):
     folder = copied(runs["hold"], tmp_path / "old")
     redescribed(folder, lambda run: run["suite"].update(version="3"))
     for index in range(2):
@@ -320,9 +307,7 @@ def test_run_of_another_suite_is_not_verifiable(runs: dict[str, RunFolder], tmp_
     assert not found.is_verified
 
 
-def test_other_versions_agree_in_stages_and_say_why_not_in_bits(
-    runs: dict[str, RunFolder], tmp_path: Path
-) -> None:
+def test_other_versions_agree_in_stages_and_say_why_not_in_bits(runs, tmp_path):
     folder = copied(runs["hold"], tmp_path / "elsewhere")
     older: Edit = lambda document: document["versions"].update(numpy="2.0.0")  # noqa: E731
     redescribed(folder, older)
@@ -337,7 +322,7 @@ def test_other_versions_agree_in_stages_and_say_why_not_in_bits(
     assert not verify(folder).is_verified
 
 
-def test_unfinished_run_says_what_is_missing(runs: dict[str, RunFolder], tmp_path: Path) -> None:
+def test_unfinished_run_says_what_is_missing(runs, tmp_path):
     folder = copied(runs["expert"], tmp_path / "part")
     folder.record(key(folder, TASK, 0)).unlink()
     found = verify(folder)

@@ -82,9 +82,7 @@ def served() -> Iterator[tuple[Rises, PageServer]]:
     assert source.loads[-1] == "closed"
 
 
-def test_an_episode_is_played_to_its_end_for_all_who_look(
-    served: tuple[Rises, PageServer],
-) -> None:
+def test_an_episode_is_played_to_its_end_for_all_who_look(served):
     _, server = served
     with open_page(server.url) as page, open_page(server.url) as other:
         for each in (page, other):
@@ -108,7 +106,7 @@ def test_an_episode_is_played_to_its_end_for_all_who_look(
         assert frame[0][0, 2] == pytest.approx(0.01 * STEPS, abs=1e-4)
 
 
-def test_nothing_moves_while_nobody_looks(served: tuple[Rises, PageServer]) -> None:
+def test_nothing_moves_while_nobody_looks(served):
     source, server = served
     wait_until(lambda: source.loads)
     time.sleep(2 * STEPS / CONTROL_HZ)
@@ -117,7 +115,7 @@ def test_nothing_moves_while_nobody_looks(served: tuple[Rises, PageServer]) -> N
         assert unpack_frame(page.frame())[1] == 0
 
 
-def test_what_takes_long_is_made_aside_and_once(served: tuple[Rises, PageServer]) -> None:
+def test_what_takes_long_is_made_aside_and_once(served):
     source, server = served
     with open_page(server.url) as page:
         page.hear_of("status", selected="a", task="rise")
@@ -136,9 +134,7 @@ def test_what_takes_long_is_made_aside_and_once(served: tuple[Rises, PageServer]
     assert threading.get_ident() not in source.threads
 
 
-def test_who_chooses_another_while_one_is_made_sees_that_one(
-    served: tuple[Rises, PageServer],
-) -> None:
+def test_who_chooses_another_while_one_is_made_sees_that_one(served):
     source, server = served
     with open_page(server.url) as page:
         page.say(kind="select", id="slow")
@@ -149,7 +145,7 @@ def test_who_chooses_another_while_one_is_made_sees_that_one(
         assert page.hear_of("status", task="rise")["selected"] == "still"
 
 
-def test_what_cannot_be_shown_says_why(served: tuple[Rises, PageServer]) -> None:
+def test_what_cannot_be_shown_says_why(served):
     _, server = served
     with open_page(server.url) as page:
         page.say(kind="select", id="broken")
@@ -173,9 +169,7 @@ def test_what_cannot_be_shown_says_why(served: tuple[Rises, PageServer]) -> None
         ({"kind": "hands", "left": None}, "one selects"),
     ],
 )
-def test_other_wishes_are_refused(
-    served: tuple[Rises, PageServer], message: dict, reason: str
-) -> None:
+def test_other_wishes_are_refused(served, message, reason):
     _, server = served
     with open_page(server.url) as page:
         page.say(**message)

@@ -15,7 +15,7 @@ from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import TaskInfo, find_tasks
-from duobench.rig_sessions.trials import TrialsSession, open_session
+from duobench.rig_sessions.trials import TrialsSession
 from duobench.rig_sessions.trials_folder import TrialsFolder
 from duobench.web.page import assets
 from duobench.web.server import PageServer
@@ -111,7 +111,7 @@ class Stand:
         self.ending.callback(self.server.close)
         chosen: dict[str, Any] = {"rater": "operator", "silence_s": 60.0} | options
         try:
-            self.session: TrialsSession = open_session(
+            self.session: TrialsSession = TrialsSession(
                 self.folder,
                 self.duo,
                 short_task(),

@@ -31,7 +31,7 @@ from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_batches
-from tests.evaluation.conftest import Play, compared, small_suite
+from tests.evaluation.conftest import compared, small_suite
 from tests.evaluation.processes import wait_until
 from tests.policy.serving.serving import Serve
 
@@ -65,9 +65,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize("workers", [1, 4])
-def test_records_do_not_depend_on_the_workers(
-    play: Play, undisturbed: dict[str, bytes], workers: int
-) -> None:
+def test_records_do_not_depend_on_the_workers(play, undisturbed, workers):
     folder, results = play(named(toy_batches.Wanders), workers=workers, episodes=3)
     assert results.overall.errors == 0
     assert episodes(folder) == undisturbed
@@ -76,18 +74,14 @@ def test_records_do_not_depend_on_the_workers(
     assert folder.read_run().candidate.batching == FIXED
 
 
-def test_policy_whose_process_dies_is_made_again_for_the_same_result(
-    play: Play, undisturbed: dict[str, bytes]
-) -> None:
+def test_policy_whose_process_dies_is_made_again_for_the_same_result(play, undisturbed):
     folder, results = play(named(toy_batches.DiesOnce), workers=2, episodes=3)
     assert results.overall.errors == 0
     assert episodes(folder) == undisturbed
 
 
 @pytest.mark.parametrize("workers", [1, 3])
-def test_episode_in_which_the_policy_always_dies_is_set_aside_alone(
-    play: Play, undisturbed: dict[str, bytes], workers: int
-) -> None:
+def test_episode_in_which_the_policy_always_dies_is_set_aside_alone(play, undisturbed, workers):
     message = r"1 episode could not be played\. nod, episode 0: .* the policy, .*by SIGKILL"
     with pytest.raises(UnplayedError, match=message):
         play(named(toy_batches.DiesInOne), workers=workers, episodes=3)
@@ -100,9 +94,7 @@ def test_episode_in_which_the_policy_always_dies_is_set_aside_alone(
 
 
 @pytest.mark.parametrize("workers", [1, 3])
-def test_policy_that_hangs_fails_its_episode_only(
-    play: Play, undisturbed: dict[str, bytes], workers: int
-) -> None:
+def test_policy_that_hangs_fails_its_episode_only(play, undisturbed, workers):
     limits = TimeLimits(act_timeout=4.0)
     folder, results = play(named(toy_batches.Hangs), workers=workers, episodes=3, limits=limits)
     assert results.overall.errors == 1
@@ -113,9 +105,7 @@ def test_policy_that_hangs_fails_its_episode_only(
     assert {**episodes(folder), name: b""} == {**undisturbed, name: b""}
 
 
-def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(
-    play: Play, undisturbed: dict[str, bytes]
-) -> None:
+def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(play, undisturbed):
     folder, results = play(named(toy_batches.Breaks), workers=2, episodes=3)
     reasons = {r.episode: r.reason for one in results.tasks for r in one.records if r.error}
     assert reasons[0] == "ZeroDivisionError: my policy is broken"
@@ -126,25 +116,25 @@ def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(
     assert intact.items() <= episodes(folder).items()
 
 
-def test_other_batches_are_another_run(play: Play) -> None:
+def test_other_batches_are_another_run(play):
     play(named(toy_batches.Wanders), episodes=1)
     with pytest.raises(OtherRunError, match=r"batches .*dynamic.* instead of .*fixed"):
         play(named(toy_batches.Wanders, Batching(mode="dynamic", size=3)), episodes=1)
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_plain_policy_has_no_batches(play: Play, workers: int) -> None:
+def test_plain_policy_has_no_batches(play, workers):
     with pytest.raises(PolicyError, match="answers one observation at a time"):
         play(PolicyChoice.parse("random", batching=FIXED), episodes=1, workers=workers)
 
 
-def test_noise_that_nothing_controls_is_told(play: Play) -> None:
+def test_noise_that_nothing_controls_is_told(play):
     folder, results = play(named(toy_batches.Unseeded, batching=None), episodes=1)
     assert results.tasks[0].records[0].versions["inference"] == "noise not controlled"
     assert "Noise not controlled" in folder.page.read_text()
 
 
-def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play: Play) -> None:
+def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play):
     plain, results = play("Reads", "plain", workers=2, episodes=2)
     batched, _ = play(named(toy_batches.Reads), "batched", workers=2, episodes=2)
     with closing(Serve()) as serve:
@@ -206,8 +196,8 @@ def records_of(folder: Path) -> Callable[[], list[Path]]:
 
 
 def test_server_that_is_killed_and_started_again_gives_the_undisturbed_result(
-    play: Play, undisturbed: dict[str, bytes], tmp_path: Path
-) -> None:
+    play, undisturbed, tmp_path
+):
     serving = Serving()
     with ExitStack() as servers:
         first = servers.enter_context(serving.process())
@@ -235,7 +225,7 @@ def test_server_that_is_killed_and_started_again_gives_the_undisturbed_result(
         assert f":{serving.port}".encode() not in content
 
 
-def test_server_that_dies_ends_the_run_with_the_rest_unplayed(play: Play, tmp_path: Path) -> None:
+def test_server_that_dies_ends_the_run_with_the_rest_unplayed(play, tmp_path):
     serving = Serving()
     with serving.process() as server:
         found = records_of(tmp_path / "run")

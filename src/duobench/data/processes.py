@@ -68,8 +68,7 @@ def _run(
                 members.append(_Member(make, left.popleft()))
             said = wait([each.connection for each in members], _LOOK_S)
             for member in list(members):
-                is_dead = member.process.exitcode is not None
-                if member.connection not in said and not is_dead:
+                if member.connection not in said and member.process.exitcode is None:
                     continue
                 try:
                     result = member.receive()
@@ -113,12 +112,7 @@ class _Member(Generic[J]):
             self.connection.send(job)
 
     def receive(self) -> Any:
-        """The result of the job.
-
-        Raises:
-            EOFError: The process has ended.
-            DuoBenchError: The job raised it.
-        """
+        """The result of the job, or the error that it raised; an `EOFError` if it has ended."""
         try:
             result = self.connection.recv()
         except (EOFError, OSError) as error:

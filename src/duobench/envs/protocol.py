@@ -98,10 +98,7 @@ def with_wrappers(env: gym.Env) -> gym.Env:
 def stack_on(judged: TaskStages, config: EnvConfig, horizon: int | None) -> DuoWrapper:
     """Put the wrappers of a configuration around judged arms.
 
-    Args:
-        judged: The arms, with stages.
-        config: What was chosen about the environment.
-        horizon: Control steps after which an episode is cut off; None leaves it open.
+    The horizon, in control steps, is None for an episode that is never cut off.
     """
     stack: DuoWrapper = judged
     if horizon is not None:

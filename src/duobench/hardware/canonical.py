@@ -72,22 +72,16 @@ def distorted(points: Array, lens: CameraCalibration) -> Array:
 
 
 class CanonicalView:
-    """Makes canonical images of one camera's images.
+    """Makes canonical images of one camera's images of a size, height and width in pixels.
 
-    Args:
-        camera: Name of the camera.
-        calibration: Its lens; without one its images are only resized.
-        size: Height and width of its images in pixels.
+    Without a calibration they are only resized.
 
     Raises:
         UnknownNameError: There is no such camera.
     """
 
     def __init__(
-        self,
-        camera: str,
-        calibration: CameraCalibration | None,
-        size: tuple[int, int] = NATIVE,
+        self, camera: str, calibration: CameraCalibration | None, size: tuple[int, int] = NATIVE
     ) -> None:
         focal = focal_of(camera)
         self.camera, self.size = camera, size
@@ -107,14 +101,9 @@ class CanonicalView:
         return float(np.mean(_inside(self._map, self.size)))
 
     def image(self, image: Image, shape: tuple[int, int] = NATIVE) -> Image:
-        """The canonical image.
+        """The canonical image of one that came from the camera; never the one that was given.
 
-        Args:
-            image: As it came from the camera (height, width, 3).
-            shape: Height and width that are wanted; a pixel is the mean of what it covers.
-
-        Returns:
-            An image of that shape, which is never the one that was given.
+        The shape is height and width; a pixel is the mean of what it covers.
 
         Raises:
             OptionError: The image has another size than the camera's.
@@ -124,31 +113,27 @@ class CanonicalView:
                 f"Images of {self.camera} are {self.size[1]}x{self.size[0]} with 3 colours, got an "
                 f"array of {image.shape}."
             )
-        straight = image if self._map is None else self._remapped(image)
+        straight = image if self._map is None else _remapped(image, self._map)
         if straight.shape[:2] == shape:
             return straight.copy() if straight is image else straight
         height, width = shape
         picture = Pictures.fromarray(straight).resize((width, height), Pictures.Resampling.BOX)
         return np.array(picture)
 
-    def _remapped(self, image: Image) -> Image:
-        assert self._map is not None
-        try:
-            import cv2  # pyright: ignore[reportMissingImports]
-        except ImportError:
-            return remapped(image, self._map)
-        return cv2.remap(image, self._map, None, cv2.INTER_LINEAR)
+
+def _remapped(image: Image, places: _Floats) -> Image:
+    try:
+        import cv2  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        return remapped(image, places)
+    return cv2.remap(image, places, None, cv2.INTER_LINEAR)
 
 
 def remapped(image: Image, places: NDArray[np.floating]) -> Image:
-    """An image sampled at some places, by NumPy alone; OpenCV is faster.
+    """An image (height, width, 3) sampled at some places, by NumPy alone; OpenCV is faster.
 
-    Args:
-        image: Red, green, blue (height, width, 3).
-        places: Pixels (h, w, 2), across then down, between which it is interpolated linearly.
-
-    Returns:
-        The image (h, w, 3), black where a place lies outside.
+    Places are pixels (h, w, 2), across then down, between which it is interpolated linearly; where
+    one lies outside, the result (h, w, 3) is black.
     """
     height, width = image.shape[:2]
     inside = _inside(places, (height, width))

@@ -18,7 +18,6 @@ class Ticker(Protocol):
 
     def stop(self) -> None:
         """Make no more calls; a running one ends first. Stopping twice is harmless."""
-        ...
 
 
 class Clock(Protocol):
@@ -30,7 +29,6 @@ class Clock(Protocol):
 
     def wait_until(self, time_s: float) -> None:
         """Return at a time, or at once if it has passed."""
-        ...
 
     def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
         """Make a call periodically, the first time one period from now.
@@ -45,7 +43,7 @@ class Clock(Protocol):
 
 
 class SystemClock:
-    """The machine's own monotonic clock."""
+    """The machine's own monotonic clock; each periodic call has a thread of its own."""
 
     def now(self) -> float:
         """Seconds of `time.monotonic`."""
@@ -58,7 +56,7 @@ class SystemClock:
             time.sleep(left)
 
     def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
-        """Make a call periodically, in a thread of its own."""
+        """Make a call periodically, in a thread."""
         return _Thread(period_s, call, name)
 
 
@@ -78,7 +76,6 @@ class _Thread:
             due = max(due + self._period, time.monotonic())
 
     def stop(self) -> None:
-        """Make no more calls."""
         self._is_over.set()
         if threading.current_thread() is not self._thread:
             self._thread.join()
@@ -105,39 +102,31 @@ class VirtualClock:
             first.run()
         self._now = max(self._now, time_s)
 
-    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
+    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:  # noqa: ARG002
         """Make a call periodically while somebody waits."""
-        ticker = _Virtual(self._tickers, self._now, period_s, call, name)
+        ticker = _Virtual(self._tickers, self._now, period_s, call)
         self._tickers.append(ticker)
         return ticker
 
 
 class _Virtual:
-    """A periodic call on a virtual clock."""
+    """A periodic call on a virtual clock, in its list of them."""
 
     def __init__(
-        self,
-        tickers: list[_Virtual],
-        now: float,
-        period_s: float,
-        call: Callable[[], None],
-        name: str,
+        self, tickers: list[_Virtual], now: float, period_s: float, call: Callable[[], None]
     ) -> None:
-        self.name = name
         self._tickers, self._start, self._period, self._call = tickers, now, period_s, call
         self._calls = 0
 
     @property
     def due(self) -> float:
-        """When the next call is made; multiplied, so that no rounding adds up."""
+        # Multiplied, so that no rounding adds up.
         return self._start + (self._calls + 1) * self._period
 
     def run(self) -> None:
-        """Make the call that is due."""
         self._calls += 1
         self._call()
 
     def stop(self) -> None:
-        """Make no more calls."""
         if self in self._tickers:
             self._tickers.remove(self)

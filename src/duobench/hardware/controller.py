@@ -9,7 +9,7 @@ from dataclasses import replace
 from duobench.errors import BackendError, DuoBenchError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Arm, Gripper
-from duobench.hardware.follower import Follower, MotionLimits
+from duobench.hardware.follower import Follower
 from duobench.hardware.rig import FOLLOWER_HZ, ArmConfig
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import SIDES, Array, DuoCommand, Side
@@ -22,12 +22,10 @@ class ReferenceStreamer:
     """
 
     def __init__(self, arm: Arm, follower: Follower, clock: Clock) -> None:
-        self._arm, self._clock = arm, clock
-        self.follower = follower
+        self._arm, self._clock, self.follower = arm, clock, follower
         self.lock = threading.RLock()  # a signal may ask for a hold inside of it
         self._ticker: Ticker | None = None
-        self._last = 0.0
-        self._late = 0.0
+        self._last = self._late = 0.0
         self.error: str | None = None
         """Why the arm could not be told where to be, if it could not."""
 
@@ -40,17 +38,15 @@ class ReferenceStreamer:
 
     def stop(self) -> None:
         """Stream no more; stopping twice is harmless."""
-        ticker, self._ticker = self._ticker, None
-        if ticker is not None:
-            ticker.stop()
+        if self._ticker is not None:
+            self._ticker.stop()
         with self.lock:
             self.follower.hold()
 
     def take_lateness(self) -> float:
         """The longest time in seconds between two calls since this was last asked."""
         with self.lock:
-            waiting = self._clock.now() - self._last
-            late, self._late = max(self._late, waiting), 0.0
+            late, self._late = max(self._late, self._clock.now() - self._last), 0.0
             return late
 
     def _advance(self) -> None:
@@ -78,10 +74,10 @@ class ArmsController:
         configs: Mapping[Side, ArmConfig],
         clock: Clock,
     ) -> None:
-        self._arms, self._grippers, self._configs = arms, grippers, configs
+        self.arms, self.grippers, self._configs = arms, grippers, configs
         self.streamers: dict[Side, ReferenceStreamer] = {}
         for side in SIDES:
-            follower = Follower(HOME_JOINTS[side.index], MotionLimits.of(configs[side]))
+            follower = Follower(HOME_JOINTS[side.index], configs[side])
             self.streamers[side] = ReferenceStreamer(arms[side], follower, clock)
         self.is_engaged = False
         """Whether the arms track what they are told."""
@@ -94,7 +90,7 @@ class ArmsController:
         """
         started: list[Arm] = []
         try:
-            for side, arm in self._arms.items():
+            for side, arm in self.arms.items():
                 started.append(arm)
                 arm.start()
                 self.streamers[side].start(arm.read().joints)
@@ -105,9 +101,9 @@ class ArmsController:
 
     def disengage(self) -> None:
         """Have both arms stop, damped; twice is harmless."""
-        was, self.is_engaged = self.is_engaged, False
-        if was:
-            self._stop([*self._arms.values()])
+        if self.is_engaged:
+            self.is_engaged = False
+            self._stop([*self.arms.values()])
 
     def _stop(self, arms: list[Arm]) -> None:
         for streamer in self.streamers.values():
@@ -118,10 +114,9 @@ class ArmsController:
     def limit(self, *, is_home: bool) -> None:
         """Bound both arms by the speed of the way home, or of everything else."""
         for side, streamer in self.streamers.items():
-            config = self._configs[side]
-            limits = MotionLimits.of(config)
+            limits = self._configs[side]
             if is_home:
-                fraction = min(config.home_fraction, limits.speed_fraction)
+                fraction = min(limits.home_fraction, limits.speed_fraction)
                 limits = replace(limits, speed_fraction=fraction)
             with streamer.lock:
                 streamer.follower.limits = limits
@@ -135,7 +130,7 @@ class ArmsController:
     def send(self, command: DuoCommand) -> None:
         """Lead both arms towards a command, and tell the grippers."""
         self.aim(command.joints)
-        for side, gripper in self._grippers.items():
+        for side, gripper in self.grippers.items():
             gripper.command(float(command.openings[side.index]))
 
     def hold(self) -> None:
@@ -143,7 +138,7 @@ class ArmsController:
         for streamer in self.streamers.values():
             with streamer.lock:
                 streamer.follower.hold()
-        for gripper in self._grippers.values():
+        for gripper in self.grippers.values():
             gripper.hold()
 
     @property

@@ -7,6 +7,7 @@ latest reading with the time at which it was taken. What goes wrong is part of a
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -26,6 +27,10 @@ class FaultKind(StrEnum):
     """A network, a cable, a computer or a camera; the trial is invalid."""
     DEVICE = "device"
     """Anything else that a device reports; the trial is invalid."""
+
+    def fault(self, text: str) -> Fault:
+        """A fault of this sort, in words for people."""
+        return Fault(kind=self, text=text)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,16 +60,22 @@ class ArmReading:
     """The driver's full robot state by the names of its library, for recordings."""
 
 
-class Arm(Protocol):
-    """One arm, tracked by joint impedance."""
+class Device(Protocol):
+    """An arm, a gripper or a camera."""
 
     def connect(self) -> None:
-        """Reach the arm; nothing moves.
+        """Reach the device; nothing moves.
 
         Raises:
-            BackendError: It cannot be reached.
+            BackendError: It cannot be reached, or gives other images than asked for.
         """
-        ...
+
+    def close(self) -> None:
+        """Let go of the device; an arm stops, a gripper keeps its grip. Twice is harmless."""
+
+
+class Arm(Device, Protocol):
+    """One arm, tracked by joint impedance."""
 
     def read(self) -> ArmReading:
         """The latest reading, after `connect`."""
@@ -76,7 +87,6 @@ class Arm(Protocol):
         Raises:
             BackendError: It cannot, for example because it reports a fault.
         """
-        ...
 
     def command(self, joints: Array, velocities: Array) -> None:
         """Track a point of a smooth path; called by a follower at `FOLLOWER_HZ`.
@@ -85,11 +95,9 @@ class Arm(Protocol):
             joints: Joint positions (7,) in radians.
             velocities: Joint velocities (7,) in rad/s.
         """
-        ...
 
     def stop(self) -> None:
         """Come to rest, damped, and follow no more commands until `start`."""
-        ...
 
     def recover(self) -> None:
         """Clear a fault on a person's word; nothing moves.
@@ -97,11 +105,6 @@ class Arm(Protocol):
         Raises:
             BackendError: The fault stays.
         """
-        ...
-
-    def close(self) -> None:
-        """Stop, and let go of the arm; closing twice is harmless."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -119,16 +122,8 @@ class GripperReading:
     """What is wrong with it, if anything; silence is a fault too."""
 
 
-class Gripper(Protocol):
+class Gripper(Device, Protocol):
     """One gripper."""
-
-    def connect(self) -> None:
-        """Reach the gripper; nothing moves.
-
-        Raises:
-            BackendError: It cannot be reached.
-        """
-        ...
 
     def activate(self) -> None:
         """Move the fingers through their whole range, on a person's word only.
@@ -136,7 +131,6 @@ class Gripper(Protocol):
         Raises:
             BackendError: It does not become active.
         """
-        ...
 
     def read(self) -> GripperReading:
         """The latest reading, after `connect`."""
@@ -144,15 +138,9 @@ class Gripper(Protocol):
 
     def command(self, opening: float) -> None:
         """Go to an opening, 0 closed to 1 open; returns at once."""
-        ...
 
     def hold(self) -> None:
         """Keep the grip as it is: no more movement until the next command."""
-        ...
-
-    def close(self) -> None:
-        """Let go of the device, not of what it holds; closing twice is harmless."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -167,42 +155,21 @@ class Frame:
     """Red, green, blue (720, 1280, 3), not rectified."""
 
 
-class Camera(Protocol):
-    """One camera, which takes images all the time."""
-
-    def connect(self) -> None:
-        """Reach the camera and begin to take images.
-
-        Raises:
-            BackendError: It cannot be reached, or gives other images than asked for.
-        """
-        ...
+class Camera(Device, Protocol):
+    """One camera, which takes images all the time once it is connected."""
 
     def latest(self) -> Frame | None:
         """The latest frame; None before the first one."""
-        ...
 
     def listen(self, call: Callable[[Frame], None] | None) -> None:
         """Have every frame from now on given to a call, in the camera's thread; None ends it."""
-        ...
 
     @property
     def fault(self) -> Fault | None:
         """What is wrong with it, if anything."""
-        ...
-
-    def close(self) -> None:
-        """Let go of the camera; closing twice is harmless."""
-        ...
-
-
-def latest_frames(cameras: Mapping[str, Camera]) -> dict[str, Frame]:
-    """The latest frame of each camera that has one, as it came from it."""
-    latest = {name: camera.latest() for name, camera in cameras.items()}
-    return {name: frame for name, frame in latest.items() if frame is not None}
 
 
 def image_ages(cameras: Mapping[str, Camera], now: float) -> dict[str, float]:
     """Seconds since the latest image of each camera was taken; infinite without one."""
-    latest = latest_frames(cameras)
-    return {name: now - latest[name].time_s if name in latest else float("inf") for name in cameras}
+    latest = {name: camera.latest() for name, camera in cameras.items()}
+    return {name: now - frame.time_s if frame else math.inf for name, frame in latest.items()}

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from duobench.backend import DuoLimits, Image
+from duobench.backend import Image
 from duobench.errors import ActionError, BackendError, UnknownNameError, escaped
 from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.clock import Clock
@@ -17,13 +17,13 @@ from duobench.hardware.devices import (
     Arm,
     ArmReading,
     Camera,
+    Device,
     Fault,
     FaultKind,
     Frame,
     Gripper,
     GripperReading,
     image_ages,
-    latest_frames,
 )
 from duobench.hardware.follower import PERIOD
 from duobench.hardware.guard import Guard
@@ -55,15 +55,8 @@ class FrankaDuo:
     `start` connects, and moves nothing. Before anything moves the operator has to confirm
     (`supervisor.confirm`): then `home` goes home slowly, or `command` moves on from where the arms
     are. A fault of any device holds both arms until the operator recovers them
-    (`supervisor.recover`).
-
-    Args:
-        rig: What the rig's file says.
-        clock: Calls what streams to the arms, and the watchdog.
-        arms: Both arms.
-        grippers: Both grippers.
-        cameras: Cameras by name.
-        guard: Keeps the arms apart, and off the table; None leaves that to people.
+    (`supervisor.recover`). The guard keeps the arms apart and off the table; None leaves that to
+    people.
     """
 
     def __init__(
@@ -78,24 +71,22 @@ class FrankaDuo:
     ) -> None:
         self.rig, self.clock, self.guard = rig, clock, guard
         self.arms, self.grippers, self.cameras = dict(arms), dict(grippers), dict(cameras)
-        self.supervisor = Supervisor(clock.now, self._recover)
+        self.supervisor = Supervisor(self._recover)
         self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
-        self._watchdog = Watchdog(
-            self.arms,
-            self.grippers,
-            self.cameras,
-            controller=self._controller,
-            supervisor=self.supervisor,
-            clock=clock,
-            hold=self._hold,
-        )
+        self._watchdog = Watchdog(self._controller, self.cameras, self.supervisor, clock, self.hold)
         self._motion = threading.RLock()  # between who moves the arms and who holds them
-        self._configs = configs = [rig.arms[side] for side in SIDES]
-        left, right = (config.speed_fraction for config in configs)
-        self._nominal = duo_limits()
-        self._limits = duo_limits((left, right), RANGE_MARGIN)
-        self._accelerations = np.array([[config.acceleration] for config in configs])
-        self._due = self._late = self._time = 0.0
+        left, right = (rig.arms[side] for side in SIDES)
+        self.limits = duo_limits()
+        """Those of the simulation, so that spaces are the same; the rig's own are narrower."""
+        self._limits = duo_limits((left.speed_fraction, right.speed_fraction), RANGE_MARGIN)
+        self._accelerations = np.array([[left.acceleration], [right.acceleration]])
+        slow = [min(arm.home_fraction, arm.speed_fraction) for arm in (left, right)]
+        self._home_fractions = np.array(slow)[:, None]
+        self._due = 0.0
+        self.late_s = 0.0
+        """How many seconds too late the last command came."""
+        self.time = 0.0
+        """Seconds on the rig's clock when the latest state was measured."""
         self._last: DuoCommand | None = None
         self._views: dict[str, CanonicalView] = {}
         self._state: DuoState | None = None
@@ -111,7 +102,7 @@ class FrankaDuo:
         """
         if self.supervisor.state is not State.OFF:
             return
-        connected: list[Arm | Gripper | Camera] = []
+        connected: list[Device] = []
         try:
             for device in self._devices():
                 connected.append(device)
@@ -151,16 +142,13 @@ class FrankaDuo:
         if self.guard is not None:
             self.guard.close()
 
-    def _devices(self) -> tuple[Arm | Gripper | Camera, ...]:
+    def _devices(self) -> tuple[Device, ...]:
         return (*self.arms.values(), *self.grippers.values(), *self.cameras.values())
 
     # --- holding ---------------------------------------------------------------------------------
 
-    def hold(self, reason: str) -> None:
-        """Bring both arms to rest and hold them there; a person's word, or a program's."""
-        self._hold(reason)
-
-    def _hold(self, reason: str, fault: Fault | None = None) -> None:
+    def hold(self, reason: str, fault: Fault | None = None) -> None:
+        """Bring both arms to rest and hold them there; a person's word where there is no fault."""
         with self._motion:
             if not self.supervisor.hold(reason, fault):
                 return
@@ -219,11 +207,7 @@ class FrankaDuo:
             raise BackendError(f"The arms did not get home: {self.held}")
 
     def path_home(self) -> list[Array]:
-        """The path that `home` takes from where the arms are.
-
-        Returns:
-            Joint positions (2, 7) to go through, home last, each on a straight line from the one
-            before.
+        """The path that `home` takes from where the arms are; see `Guard.plan_path`.
 
         Raises:
             BackendError: The guard found no free one.
@@ -235,14 +219,11 @@ class FrankaDuo:
 
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""
-        fractions = np.array(
-            [[min(arm.home_fraction, arm.speed_fraction)] for arm in self._configs]
-        )
         way, share = end - start, 0.0
         while share < 1.0:
             # As fast as the slowest joint may be where it is, so that none leaves the line.
             low, high = map(np.array, zip(*map(speed_limits, start + share * way), strict=True))
-            speeds = np.maximum(HOME_SHARE * fractions * np.minimum(-low, high), SLOWEST)
+            speeds = np.maximum(HOME_SHARE * self._home_fractions * np.minimum(-low, high), SLOWEST)
             share = min(1.0, share + PERIOD / max(np.max(np.abs(way) / speeds), PERIOD))
             with self._motion:
                 if self.supervisor.state is not State.HOMING:
@@ -268,7 +249,7 @@ class FrankaDuo:
                     f"The arms are {off:.3f} rad from home and the grippers open to "
                     f"{here.openings.min():.2f}, {SETTLE_S:g} s after they should be there."
                 )
-                self._hold(text, Fault(kind=FaultKind.DEVICE, text=text))
+                self.hold(text, FaultKind.DEVICE.fault(text))
                 raise BackendError(text)
 
     # --- commands --------------------------------------------------------------------------------
@@ -288,7 +269,7 @@ class FrankaDuo:
         if not np.isfinite(targets).all():
             raise ActionError(f"A command is finite, got {targets.tolist()}. Nothing was moved.")
         self._begin()
-        self._late = max(0.0, self.clock.now() - self._due - PERIOD)
+        self.late_s = max(0.0, self.clock.now() - self._due - PERIOD)
         self._watchdog.check()
         if self.held is None:
             self._send(targets)
@@ -314,7 +295,7 @@ class FrankaDuo:
         last = self.last_command
         sent = DuoCommand.from_flat(self._limits.clip(targets, last.flat))
         if (fault := self._guard_fault(last.joints, sent.joints)) is not None:
-            self._hold(fault.text, fault)
+            self.hold(fault.text, fault)
             return
         with self._motion:
             if self.supervisor.state is not State.RUNNING:
@@ -333,11 +314,10 @@ class FrankaDuo:
         try:
             problem = self.guard.problem(target) or self.guard.problem(rest)
         except Exception as error:  # noqa: BLE001 - whatever it is, nobody looks out then
-            text = f"The guard failed: {escaped(repr(error))}"
-            return Fault(kind=FaultKind.DEVICE, text=text)
+            return FaultKind.DEVICE.fault(f"The guard failed: {escaped(repr(error))}")
         if problem is None:
             return None
-        return Fault(kind=FaultKind.REFLEX, text=f"The guard refused a command: {problem}")
+        return FaultKind.REFLEX.fault(f"The guard refused a command: {problem}")
 
     def _engage(self) -> None:
         """Have the arms track their followers, from where they are."""
@@ -346,7 +326,7 @@ class FrankaDuo:
         try:
             self._controller.engage()
         except BackendError as error:
-            self._hold(str(error), Fault(kind=FaultKind.DEVICE, text=str(error)))
+            self.hold(str(error), FaultKind.DEVICE.fault(str(error)))
             raise
         self._watchdog.feed()
         self._due = self.clock.now()
@@ -361,28 +341,13 @@ class FrankaDuo:
         self._measure()
 
     @property
-    def limits(self) -> DuoLimits:
-        """Those of the simulation, so that spaces are the same; the rig's own are narrower."""
-        return self._nominal
-
-    @property
     def last_command(self) -> DuoCommand:
         """The command that was really sent last; before the first one, where the arms are."""
         if self._last is None:
             raise BackendError("The rig is not started.")
         return DuoCommand.from_flat(self._last.flat)
 
-    @property
-    def late_s(self) -> float:
-        """How many seconds too late the last command came."""
-        return self._late
-
     # --- readings --------------------------------------------------------------------------------
-
-    @property
-    def time(self) -> float:
-        """Seconds on the rig's clock when the latest state was measured."""
-        return self._time
 
     def read(self) -> DuoState:
         """The state that was measured last."""
@@ -404,7 +369,8 @@ class FrankaDuo:
 
     def frames(self) -> dict[str, Frame]:
         """The latest frame of each camera that has one, as it came from it."""
-        return latest_frames(self.cameras)
+        latest = {name: camera.latest() for name, camera in self.cameras.items()}
+        return {name: frame for name, frame in latest.items() if frame is not None}
 
     def image_ages(self) -> dict[str, float]:
         """Seconds since the latest image of each camera was taken; infinite without one."""
@@ -435,7 +401,7 @@ class FrankaDuo:
         self._velocities = np.array([readings[side].velocities for side in SIDES])
         openings = np.array([grippers[side].opening for side in SIDES])
         self._state = DuoState(joints=joints, openings=openings, tcp_poses=tcp_poses(joints))
-        self._time = self.clock.now()
+        self.time = self.clock.now()
 
     def _here(self) -> DuoCommand:
         state = self.read()

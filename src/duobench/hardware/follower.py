@@ -9,12 +9,11 @@ who calls it, and when, is up to others.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.errors import ActionError, OptionError
-from duobench.hardware.rig import MAX_ACCELERATION, MAX_SPEED_FRACTION, ArmConfig
+from duobench.errors import ActionError
+from duobench.hardware.rig import ArmConfig
 from duobench.robot.joints import JOINT_RANGES, RANGE_MARGIN, speed_limits
 from duobench.types import ARM_JOINTS, CONTROL_HZ, Array
 
@@ -31,42 +30,16 @@ LOWEST, HIGHEST = JOINT_RANGES.T + np.array([[RANGE_MARGIN], [-RANGE_MARGIN]])
 """Where a reference may be (7,), in radians."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class MotionLimits:
-    """How fast a reference may move."""
-
-    speed_fraction: float = MAX_SPEED_FRACTION
-    """Part of the joints' speed limits, which depend on where they are."""
-    acceleration: float = MAX_ACCELERATION
-    """Largest acceleration in rad/s²."""
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.speed_fraction <= MAX_SPEED_FRACTION:
-            raise OptionError(
-                f"speed_fraction is over 0 and at most {MAX_SPEED_FRACTION}, got "
-                f"{self.speed_fraction}."
-            )
-        if not 0.0 < self.acceleration <= MAX_ACCELERATION:
-            raise OptionError(
-                f"acceleration is over 0 and at most {MAX_ACCELERATION:g} rad/s², got "
-                f"{self.acceleration}."
-            )
-
-    @staticmethod
-    def of(config: ArmConfig) -> MotionLimits:
-        """Those that a rig's file gives an arm."""
-        return MotionLimits(speed_fraction=config.speed_fraction, acceleration=config.acceleration)
-
-
 class Follower:
     """Leads the reference of one arm; the same calls give the same path.
 
     It begins at rest at the measured joints (7,) in radians.
     """
 
-    def __init__(self, joints: Array, limits: MotionLimits) -> None:
+    def __init__(self, joints: Array, limits: ArmConfig) -> None:
         self.limits = limits
-        """How fast the reference may move; they may change at any time."""
+        """How fast the reference may move: a part of the joints' speed limits, which depend on
+        where they are, and an acceleration; they may change at any time."""
         self.reset(joints)
 
     def reset(self, joints: Array) -> None:
@@ -80,14 +53,9 @@ class Follower:
         """Where the arm is told to be (7,), in radians."""
         self.velocity = np.zeros(ARM_JOINTS)
         """How fast the reference moves (7,), in rad/s."""
-        self._begin, self._end = start, start
+        self._begin = self._end = start
         self._elapsed = PERIOD
         self._is_held = False
-
-    @property
-    def target(self) -> Array:
-        """The last target (7,) in radians, within the range."""
-        return self._end.copy()
 
     @property
     def is_at_rest(self) -> bool:
@@ -129,7 +97,7 @@ class Follower:
         self.velocity = velocity = _within(self.reference, velocity, self.limits, dt)
         self.reference = self.reference + velocity * dt
         if self._is_held and not velocity.any():
-            self._begin, self._end = self.reference, self.reference
+            self._begin = self._end = self.reference
         return self.reference.copy(), velocity.copy()
 
     def _wanted(self, dt: float) -> Array:
@@ -152,7 +120,7 @@ class Follower:
         return self._begin + share * (self._end - self._begin)
 
 
-def _within(reference: Array, velocity: Array, limits: MotionLimits, dt: float) -> Array:
+def _within(reference: Array, velocity: Array, limits: ArmConfig, dt: float) -> Array:
     """The velocity next to one that the joint's position allows, so that it can always stop."""
     low, high = speed_limits(reference)
     # Braking before the ends of the range, the way of this call included.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,22 +76,16 @@ class Guard:
     # --- distances -------------------------------------------------------------------------------
 
     def nearest(self, joints: Array, within: float = 0.1) -> Clearance | None:
-        """The two parts with the least room.
+        """The two parts with the least room at joint positions (2, 7) in radians.
 
-        Args:
-            joints: Joint positions (2, 7) in radians.
-            within: Parts that are further apart than this many metres do not count.
-
-        Returns:
-            How near they are; None where everything is further apart.
+        Those that are further apart than `within`, in metres, do not count; None if all are.
         """
         import mujoco
 
         with self._lock:
             sim = self._at(joints)
-            first, second, margins = self._near_pairs(within)
             best: Clearance | None = None
-            for one, other, margin in zip(first, second, margins, strict=True):
+            for one, other, margin in self._near_pairs(sim, within):
                 # Overlaps count whatever is looked for.
                 most = within if best is None else best.room + margin
                 reach = max(most, 0.0)
@@ -150,14 +145,10 @@ class Guard:
     def ghost(
         self, joints: Array, cameras: Sequence[str], shape: tuple[int, int]
     ) -> Mapping[str, Image]:
-        """The arms at joint positions (2, 7) as each of some cameras would see them.
+        """The arms at joint positions (2, 7) in radians as each of some cameras would see them.
 
-        Where image and ghost agree, calibration and measured joints do.
-
-        Args:
-            joints: Joint positions (2, 7) in radians.
-            cameras: Names of cameras.
-            shape: Height and width in pixels.
+        Where image and ghost agree, calibration and measured joints do. The shape is height and
+        width in pixels.
 
         Raises:
             RenderingError: No image of that size can be had.
@@ -200,25 +191,20 @@ class Guard:
         solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
         parts = {int(geom): _part_of(model, int(geom)) for geom in solid}
         self._words = {geom: part.words for geom, part in parts.items()}
-        pairs = [
+        self._pairs = [
             (one, other, margin)
-            for one, first in parts.items()
-            for other, second in parts.items()
-            if one < other and (margin := _margin(first, second)) is not None
+            for (one, first), (other, second) in combinations(parts.items(), 2)
+            if (margin := _margin(first, second)) is not None
         ]
-        self._first, self._second = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
-        self._margins = np.array([pair[2] for pair in pairs])
-        radii = model.geom_rbound
-        self._reach = radii[self._first] + radii[self._second]
+        self._first, self._second = np.array([pair[:2] for pair in self._pairs]).T
+        self._reach = model.geom_rbound[self._first] + model.geom_rbound[self._second]
 
-    def _near_pairs(self, within: float) -> tuple[list[int], list[int], list[float]]:
-        assert self._sim is not None
-        places = self._sim.data.geom_xpos
+    def _near_pairs(self, sim: Simulation, within: float) -> list[tuple[int, int, float]]:
+        """Geoms whose spheres may come nearer than `within`, with the distance that they keep."""
+        places = sim.data.geom_xpos
         between = places[self._first] - places[self._second]
         near = np.einsum("ij,ij->i", between, between) < (self._reach + within) ** 2
-        chosen = (array[near].tolist() for array in (self._first, self._second, self._margins))
-        first, second, margins = chosen
-        return first, second, margins
+        return [self._pairs[number] for number in np.flatnonzero(near)]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -269,16 +255,12 @@ def _margin(one: _Part, other: _Part) -> float | None:
 
 # --- paths ---
 
-LIFTED = ((1, -0.4), (3, -0.25))
-"""Joints and changes in radians that lift and draw back a hand before it goes on."""
+LIFTED = np.array([0.0, -0.4, 0.0, -0.25, 0.0, 0.0, 0.0])
+"""Changes in radians that lift and draw back a hand before it goes on."""
 
 
 def path_candidates(start: Array, end: Array) -> Iterator[list[Array]]:
-    """Paths between two configurations of both arms, from the simplest to longer ones.
-
-    Args:
-        start: Joint positions (2, 7) in radians where both arms are.
-        end: Where they are to go.
+    """Paths between two configurations (2, 7) of both arms, from the simplest to longer ones.
 
     Yields:
         Joint positions (2, 7) to go through, `end` last: straight; one arm after the other; both
@@ -287,10 +269,7 @@ def path_candidates(start: Array, end: Array) -> Iterator[list[Array]]:
     yield [end]
     for first in (0, 1):
         yield [_one(start, end, first), end]
-    lifted = np.array(start)
-    for joint, change in LIFTED:
-        lifted[:, joint] += change
-    lifted = np.clip(lifted, LOWEST, HIGHEST)
+    lifted = np.clip(start + LIFTED, LOWEST, HIGHEST)
     yield [lifted, end]
     for first in (0, 1):
         yield [lifted, _one(lifted, end, first), end]

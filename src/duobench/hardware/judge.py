@@ -65,11 +65,8 @@ class StageLabels:
 class HumanJudge:
     """The judge of `TaskStages` on real arms: the highest stage that a person declared.
 
-    What is declared counts from the next control step on, so that every step has one stage.
-
-    Args:
-        max_stage: The last stage of the task.
-        now: A clock in seconds, for the labels.
+    What is declared counts from the next control step on, so that every step has one stage. Labels
+    have times of the clock `now`, in seconds.
     """
 
     def __init__(self, max_stage: int, now: Callable[[], float] = lambda: 0.0) -> None:
@@ -82,33 +79,23 @@ class HumanJudge:
     def begin(self) -> None:
         """Begin an episode at stage 0, without labels."""
         with self._lock:
-            self._labels, self._steps, self._stage = StageLabels(), 0, 0
+            self.labels = StageLabels()
+            """Everything that was declared in this episode, also since the last control step."""
+            self.steps = 0
+            """Control steps of this episode so far."""
+            self.stage = 0
+            """The stage as of the last control step."""
             self._start = self._now()
 
     def judge(self) -> None:
         """Count a control step, and take over what was declared until now."""
-        self._steps += 1
-        self._stage = self._labels.stage
-
-    @property
-    def stage(self) -> int:
-        """The stage as of the last control step."""
-        return self._stage
+        self.steps += 1
+        self.stage = self.labels.stage
 
     @property
     def final_holds(self) -> bool:
         """Whether the last stage is reached; whether it still holds is asked after the end."""
-        return self._stage == self.max_stage
-
-    @property
-    def labels(self) -> StageLabels:
-        """Everything that was declared in this episode, also since the last control step."""
-        return self._labels
-
-    @property
-    def steps(self) -> int:
-        """Control steps of this episode so far."""
-        return self._steps
+        return self.stage == self.max_stage
 
     @property
     def time_s(self) -> float:
@@ -132,16 +119,16 @@ class HumanJudge:
             OptionError: There is no such stage, or nothing to take back; nothing is noted.
         """
         with self._lock:
-            if stage is None and not self._labels.standing:
+            if stage is None and not self.labels.standing:
                 raise OptionError("There is no press to take back.")
             if stage is not None and not 0 < stage <= self.max_stage:
                 raise OptionError(f"The stages are 1 to {self.max_stage}, got {stage}.")
-            time_s, step = self.time_s, self._steps
+            time_s, step = self.time_s, self.steps
             if film_s is not None:
                 time_s, step = film_s, min(round(film_s * CONTROL_HZ), step)
             label = StageLabel(stage=stage, step=step, time_s=round(time_s, 3))
             note(label)
-            self._labels = StageLabels((*self._labels.all, label))
+            self.labels = StageLabels((*self.labels.all, label))
         return label
 
     def get_state(self) -> ProgressState:
@@ -153,4 +140,4 @@ class HumanJudge:
         self.begin()
         if state.stage:
             self.declare(state.stage)
-        self._stage = state.stage
+        self.stage = state.stage

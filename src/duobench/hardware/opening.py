@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,32 +10,22 @@ from duobench.hardware.clock import Clock, SystemClock
 from duobench.hardware.devices import Arm, Camera, Gripper
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.guard import Guard
-from duobench.hardware.rig import (
-    ArmConfig,
-    ArmDriver,
-    CameraConfig,
-    CameraDriver,
-    GripperConfig,
-    GripperDriver,
-    Rig,
-)
+from duobench.hardware.rig import ArmDriver, CameraDriver, GripperDriver, Rig
 from duobench.references import load
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import SIDES, Side
 
 SIMULATED = "simulated"
 """Name of the rig without hardware."""
-_DRIVERS = "duobench.hardware.drivers"
-_SIMULATED = f"{_DRIVERS}.simulated"
-DRIVERS: Mapping[str, str] = {
-    ArmDriver.FRANKY: f"{_DRIVERS}.franky_arm:FrankyArm",
-    GripperDriver.ROBOTIQ: f"{_DRIVERS}.robotiq:RobotiqGripper",
-    CameraDriver.REALSENSE: f"{_DRIVERS}.realsense:RealSenseCamera",
-    CameraDriver.UVC: f"{_DRIVERS}.uvc:UvcCamera",
-    CameraDriver.FILE: f"{_DRIVERS}.uvc:FileCamera",
+DRIVERS = {
+    ArmDriver.FRANKY: "franky_arm:FrankyArm",
+    GripperDriver.ROBOTIQ: "robotiq:RobotiqGripper",
+    CameraDriver.REALSENSE: "realsense:RealSenseCamera",
+    CameraDriver.UVC: "uvc:UvcCamera",
+    CameraDriver.FILE: "uvc:FileCamera",
 }
-"""Import paths of the drivers of hardware, each called with a device's configuration and a clock,
-and a camera's with its name; their libraries are loaded when one is made."""
+"""Drivers of hardware below `duobench.hardware.drivers`, each called with a device's configuration
+and a clock, and a camera's with its name; their libraries are loaded when one is made."""
 
 
 def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True) -> FrankaDuo:
@@ -57,30 +47,33 @@ def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool =
     return FrankaDuo(
         rig,
         clock,
-        arms={side: _arm(side, rig.arms[side], clock) for side in SIDES},
-        grippers={side: _gripper(rig.grippers[side], clock) for side in SIDES},
-        cameras={name: _camera(name, config, clock) for name, config in rig.cameras.items()},
+        arms={side: _arm(rig, side, clock) for side in SIDES},
+        grippers={side: _gripper(rig, side, clock) for side in SIDES},
+        cameras={name: _camera(rig, name, clock) for name in rig.cameras},
         guard=Guard() if guard else None,
     )
 
 
-def _load(path: str) -> Callable[..., Any]:
-    return load(path, "driver", callable)
-
-
-def _arm(side: Side, config: ArmConfig, clock: Clock) -> Arm:
+def _arm(rig: Rig, side: Side, clock: Clock) -> Arm:
+    config = rig.arms[side]
     if config.driver is ArmDriver.SIMULATED:
-        return _load(f"{_SIMULATED}:SimulatedArm")(clock, HOME_JOINTS[side.index])
-    return _load(DRIVERS[config.driver])(config, clock)
+        return _driver("simulated:SimulatedArm")(clock, HOME_JOINTS[side.index])
+    return _driver(DRIVERS[config.driver])(config, clock)
 
 
-def _gripper(config: GripperConfig, clock: Clock) -> Gripper:
+def _gripper(rig: Rig, side: Side, clock: Clock) -> Gripper:
+    config = rig.grippers[side]
     if config.driver is GripperDriver.SIMULATED:
-        return _load(f"{_SIMULATED}:SimulatedGripper")(clock)
-    return _load(DRIVERS[config.driver])(config, clock)
+        return _driver("simulated:SimulatedGripper")(clock)
+    return _driver(DRIVERS[config.driver])(config, clock)
 
 
-def _camera(name: str, config: CameraConfig, clock: Clock) -> Camera:
+def _camera(rig: Rig, name: str, clock: Clock) -> Camera:
+    config = rig.cameras[name]
     if config.driver is CameraDriver.SIMULATED:
-        return _load(f"{_SIMULATED}:SimulatedCamera")(clock, fps=config.fps)
-    return _load(DRIVERS[config.driver])(config, clock, name)
+        return _driver("simulated:SimulatedCamera")(clock, fps=config.fps)
+    return _driver(DRIVERS[config.driver])(config, clock, name)
+
+
+def _driver(path: str) -> Callable[..., Any]:
+    return load(f"duobench.hardware.drivers.{path}", "driver", callable)

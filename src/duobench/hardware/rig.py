@@ -31,6 +31,14 @@ MAX_SPEED_FRACTION = 0.5
 """Largest part of the joints' speed limits that a rig may allow."""
 _STIFFNESS = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
 _DAMPING = (50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0)
+_LARGEST = {
+    **dict.fromkeys(("speed_fraction", "home_fraction"), MAX_SPEED_FRACTION),
+    "acceleration": MAX_ACCELERATION,
+    **dict.fromkeys(("torque_threshold", "force_threshold"), 100.0),
+}
+"""Numbers of an arm that are over 0, and their largest values."""
+UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+"""The pose of a camera whose lens alone is known."""
 
 
 class ArmDriver(StrEnum):
@@ -87,11 +95,9 @@ class ArmConfig:
                 math.isfinite(value) and value > 0 for value in values
             ):
                 raise OptionError(f"{name} is {ARM_JOINTS} positive numbers, got {values}.")
-        _check_within("speed_fraction", self.speed_fraction, MAX_SPEED_FRACTION)
-        _check_within("home_fraction", self.home_fraction, MAX_SPEED_FRACTION)
-        _check_within("acceleration", self.acceleration, MAX_ACCELERATION)
-        _check_within("torque_threshold", self.torque_threshold, 100.0)
-        _check_within("force_threshold", self.force_threshold, 100.0)
+        for name, most in _LARGEST.items():
+            if not 0.0 < (value := getattr(self, name)) <= most:
+                raise OptionError(f"{name} is over 0 and at most {most:g}, got {value}.")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -171,10 +177,6 @@ class CameraConfig:
     """Lens and mount; None until they were measured."""
 
 
-def _default_cameras() -> Mapping[str, CameraConfig]:
-    return {name: CameraConfig(driver=CameraDriver.SIMULATED) for name in POLICY_CAMERAS}
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Rig:
     """Everything about one lab's arms that is chosen or measured."""
@@ -183,7 +185,11 @@ class Rig:
     """Name of the lab or of the robot."""
     arms: Mapping[Side, ArmConfig]
     grippers: Mapping[Side, GripperConfig]
-    cameras: Mapping[str, CameraConfig] = field(default_factory=_default_cameras)
+    cameras: Mapping[str, CameraConfig] = field(
+        default_factory=lambda: dict.fromkeys(
+            POLICY_CAMERAS, CameraConfig(driver=CameraDriver.SIMULATED)
+        )
+    )
     """The cameras by name; some may be missing."""
     schema: int = RIG_SCHEMA
 
@@ -202,25 +208,28 @@ class Rig:
     @staticmethod
     def simulated() -> Rig:
         """A rig without hardware: arms, grippers and cameras that are computed."""
+        arm = ArmConfig(
+            driver=ArmDriver.SIMULATED,
+            speed_fraction=MAX_SPEED_FRACTION,
+            acceleration=MAX_ACCELERATION,
+        )
+        gripper = GripperConfig(driver=GripperDriver.SIMULATED)
         return Rig(
             name="simulated",
-            arms={
-                side: ArmConfig(
-                    driver=ArmDriver.SIMULATED,
-                    speed_fraction=MAX_SPEED_FRACTION,
-                    acceleration=MAX_ACCELERATION,
-                )
-                for side in SIDES
-            },
-            grippers={side: GripperConfig(driver=GripperDriver.SIMULATED) for side in SIDES},
+            arms=dict.fromkeys(SIDES, arm),
+            grippers=dict.fromkeys(SIDES, gripper),
         )
 
     @property
     def is_computed(self) -> bool:
         """Whether no part of it is hardware, so that its time may be computed as well."""
-        drivers = {str(each.driver) for each in (*self.arms.values(), *self.grippers.values())}
-        drivers |= {str(each.driver) for each in self.cameras.values()}
-        return drivers <= {ArmDriver.SIMULATED, CameraDriver.FILE}
+        return self.drivers <= {ArmDriver.SIMULATED, CameraDriver.FILE}
+
+    @property
+    def drivers(self) -> set[str]:
+        """What talks to its devices."""
+        devices = (*self.arms.values(), *self.grippers.values(), *self.cameras.values())
+        return {str(device.driver) for device in devices}
 
     @staticmethod
     def read(path: Path) -> Rig:
@@ -249,8 +258,3 @@ class Rig:
 
     def _json(self) -> bytes:
         return msgspec.json.format(msgspec.json.encode(self, order="deterministic")) + b"\n"
-
-
-def _check_within(name: str, value: float, most: float) -> None:
-    if not 0.0 < value <= most:
-        raise OptionError(f"{name} is over 0 and at most {most:g}, got {value}.")

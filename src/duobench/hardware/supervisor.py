@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 
 from duobench.errors import BackendError
@@ -39,32 +38,19 @@ HELD = (State.HOLDING, State.FAULTED, State.RECOVERING)
 """States in which commands move nothing, whatever they are."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Change:
-    """One change of the state."""
-
-    time_s: float
-    """When, on the rig's clock."""
-    state: State
-    reason: str = ""
-
-
 class Supervisor:
     """The state of one rig. Its methods may be called from any thread.
 
-    Args:
-        now: The rig's clock.
-        recover: Clears the faults of all devices; raises BackendError where one stays.
+    `recover` clears the faults of all devices; it raises BackendError where one stays.
     """
 
-    def __init__(self, now: Callable[[], float], recover: Callable[[], None]) -> None:
-        self._now, self._recover = now, recover
+    def __init__(self, recover: Callable[[], None]) -> None:
+        self._recover = recover
         self._lock = threading.RLock()
         self._state = State.OFF
         self._reason: str | None = None
         self._fault: Fault | None = None
         self._is_confirmed = False
-        self._log: list[Change] = []
 
     @property
     def state(self) -> State:
@@ -85,12 +71,6 @@ class Supervisor:
     def is_confirmed(self) -> bool:
         """Whether the operator has said that the arms may move."""
         return self._is_confirmed
-
-    @property
-    def log(self) -> tuple[Change, ...]:
-        """Every change of the state."""
-        with self._lock:
-            return tuple(self._log)
 
     # --- the operator's word ---------------------------------------------------------------------
 
@@ -126,18 +106,18 @@ class Supervisor:
             if self._state not in {State.FAULTED, State.HOLDING}:
                 raise BackendError(f"There is nothing to recover from: the rig is {self._state}.")
             reason, fault = self._reason, self._fault
-            self._to(State.RECOVERING)
+            self._state = State.RECOVERING
         try:
             self._recover()
-        except BackendError as error:
+        except BackendError:
             with self._lock:
                 self._reason, self._fault = reason, fault
-                self._to(State.FAULTED if fault else State.HOLDING, str(error))
+                self._state = State.FAULTED if fault else State.HOLDING
             raise
         with self._lock:
             self._reason = self._fault = None
             self._is_confirmed = False
-            self._to(State.CONNECTED)
+            self._state = State.CONNECTED
 
     # --- for the backend -------------------------------------------------------------------------
 
@@ -168,8 +148,7 @@ class Supervisor:
     def enter(self, state: State, *, only_from: tuple[State, ...] | None = None) -> bool:
         """Go to a state that is no held one, and forget why the arms were held.
 
-        Returns:
-            False, without a change, where the state was none of `only_from`.
+        False, without a change, where the state was none of `only_from`.
         """
         with self._lock:
             if only_from is not None and self._state not in only_from:
@@ -177,14 +156,13 @@ class Supervisor:
             self._reason = self._fault = None
             if state is State.OFF:
                 self._is_confirmed = False
-            self._to(state)
+            self._state = state
             return True
 
     def hold(self, reason: str, fault: Fault | None = None) -> bool:
         """Hold the arms; the first reason is kept, but a fault is kept over a person's hold.
 
-        Returns:
-            Whether this changed anything.
+        Whether this changed anything.
         """
         with self._lock:
             if self._state is State.OFF or self._fault is not None:
@@ -195,9 +173,5 @@ class Supervisor:
                 self._reason = reason
             self._fault = fault
             self._is_confirmed = False
-            self._to(State.HOLDING if fault is None else State.FAULTED, reason)
+            self._state = State.HOLDING if fault is None else State.FAULTED
             return True
-
-    def _to(self, state: State, reason: str = "") -> None:
-        self._state = state
-        self._log.append(Change(time_s=self._now(), state=state, reason=reason))

@@ -14,9 +14,8 @@ from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.errors import escaped
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.controller import ArmsController
-from duobench.hardware.devices import Arm, Camera, Fault, FaultKind, Gripper, image_ages
+from duobench.hardware.devices import Camera, Fault, FaultKind, image_ages
 from duobench.hardware.supervisor import State, Supervisor
-from duobench.types import Side
 
 _log = logging.getLogger(__name__)
 
@@ -35,30 +34,19 @@ MAX_FREEZE_S = 0.2
 class Watchdog:
     """Holds both arms where a device is not well, and stops arms that get no commands.
 
-    Args:
-        arms: Both arms.
-        grippers: Both grippers.
-        cameras: Cameras by name.
-        controller: What the arms are told.
-        supervisor: What the rig is doing.
-        clock: Calls the watchdog.
-        hold: Holds both arms, for a reason and a fault if there is one.
+    `hold` holds both arms, for a reason and a fault if there is one.
     """
 
     def __init__(
         self,
-        arms: Mapping[Side, Arm],
-        grippers: Mapping[Side, Gripper],
-        cameras: Mapping[str, Camera],
-        *,
         controller: ArmsController,
+        cameras: Mapping[str, Camera],
         supervisor: Supervisor,
         clock: Clock,
         hold: Callable[[str, Fault | None], None],
     ) -> None:
-        self._arms, self._grippers, self._cameras = arms, grippers, cameras
-        self._controller, self._supervisor = controller, supervisor
-        self._clock, self._hold = clock, hold
+        self._controller, self._cameras = controller, cameras
+        self._supervisor, self._clock, self._hold = supervisor, clock, hold
         self._ticker: Ticker | None = None
         self._fed = 0.0
 
@@ -69,9 +57,8 @@ class Watchdog:
 
     def stop(self) -> None:
         """Watch no more; stopping twice is harmless."""
-        ticker, self._ticker = self._ticker, None
-        if ticker is not None:
-            ticker.stop()
+        if self._ticker is not None:
+            self._ticker.stop()
 
     def feed(self) -> None:
         """Take note of a command."""
@@ -94,7 +81,7 @@ class Watchdog:
         except Exception as error:  # noqa: BLE001 - whatever it is, nobody watches the arms then
             _log.exception("The watch failed.")
             text = f"What is wrong cannot be told: {escaped(repr(error))}"
-            self._hold(text, Fault(kind=FaultKind.DEVICE, text=text))
+            self._hold(text, FaultKind.DEVICE.fault(text))
         now, state = self._clock.now(), self._supervisor.state
         if not self._controller.is_engaged or state in {State.HOMING, State.READY}:
             return
@@ -105,7 +92,7 @@ class Watchdog:
             self._controller.disengage()
 
     def _arm_fault(self) -> Fault | None:
-        for side, arm in self._arms.items():
+        for side, arm in self._controller.arms.items():
             reading, streamer = arm.read(), self._controller.streamers[side]
             if reading.fault is not None:
                 return _named(f"The {side} arm", reading.fault)
@@ -114,8 +101,9 @@ class Watchdog:
             if not self._controller.is_engaged:
                 continue
             if not reading.is_tracking:
-                text = f"The {side} arm follows no more commands, and says nothing about why."
-                return Fault(kind=FaultKind.DEVICE, text=text)
+                return FaultKind.DEVICE.fault(
+                    f"The {side} arm follows no more commands, and says nothing about why."
+                )
             if (late := streamer.take_lateness()) > MAX_FREEZE_S:
                 return _lost(f"This computer stood still for {late:.2f} s.")
             if streamer.error is not None:
@@ -123,7 +111,7 @@ class Watchdog:
         return None
 
     def _gripper_fault(self) -> Fault | None:
-        for side, gripper in self._grippers.items():
+        for side, gripper in self._controller.grippers.items():
             reading = gripper.read()
             if reading.fault is not None:
                 return _named(f"The {side} gripper", reading.fault)
@@ -148,8 +136,7 @@ class Watchdog:
 
 
 def _named(device: str, fault: Fault) -> Fault:
-    return Fault(kind=fault.kind, text=f"{device}: {fault.text}")
+    return fault.kind.fault(f"{device}: {fault.text}")
 
 
-def _lost(text: str) -> Fault:
-    return Fault(kind=FaultKind.COMMUNICATION, text=text)
+_lost = FaultKind.COMMUNICATION.fault

@@ -96,11 +96,7 @@ class DuoBench(StepBenchmark):
     def configure_render(cls, mode: str) -> dict[str, str]:
         """Choose what renders; with "gpu" DuoBench takes the best that works, as it always does.
 
-        Args:
-            mode: "gpu" or "cpu".
-
-        Returns:
-            Environment variables that were set.
+        Returns the environment variables that were set for "cpu".
         """
         if mode == "gpu":
             return {}
@@ -115,25 +111,15 @@ class DuoBench(StepBenchmark):
         return [{"name": task_id, "task_id": task_id} for task_id in self._tasks]
 
     def reset(self, task: dict[str, Any]) -> Step:
-        """Begin the episode `episode_idx` of a task, counted from the first one.
-
-        Raises:
-            UnknownNameError: If there is no such task here.
-        """
-        task_id = task["task_id"]
+        """Begin the episode `episode_idx` of a task, counted from the first one."""
+        task_id, index = task["task_id"], self._first_episode + int(task["episode_idx"])
         check_known("task", task_id, self._tasks)
-        last = self._episodes.begin(
-            self._tasks[task_id], self._first_episode + int(task["episode_idx"])
-        )
+        last = self._episodes.begin(self._tasks[task_id], index)
         self._record_image(last)
         return last
 
     def step(self, action: dict[str, Any]) -> StepResult:
-        """Execute an action (n,) or a chunk (H, n), until its end or the episode's.
-
-        Raises:
-            PolicyError: If they are missing, or no chunk of finite numbers.
-        """
+        """Execute an action (n,) or a chunk (H, n), until its end or the episode's."""
         key = self._format.actions.key
         if key not in action:
             raise PolicyError(

@@ -76,11 +76,7 @@ class VLAgentsPolicy:
         """What the format says that the agent expects."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - it takes none
-        """Take the instruction of an episode, and see whether the server is there.
-
-        Raises:
-            MachineryError: If it is not, so that no episode fails by that.
-        """
+        """Take the instruction, and see whether the server is there: no episode fails by that."""
         self._instruction = instruction
         try:
             self._client.c.ping(timeout=HEALTH_S)
@@ -90,12 +86,7 @@ class VLAgentsPolicy:
             self._client = self._connected(WAIT_S)
 
     def act(self, observation: Observation) -> Chunk:
-        """The agent's next actions (H, 16).
-
-        Raises:
-            MachineryError: If the server is gone.
-            PolicyError: If the agent gives no actions of two arms.
-        """
+        """The agent's next actions (H, 16)."""
         message = self._format.request(observation, self._instruction)
         arms = {side: SingleObs(**_fields(arm)) for side, arm in message["obs"].items()}
         obs = Obs(obs=arms, language_instruction=message[_PROMPT])
@@ -134,7 +125,6 @@ class VLAgentsPolicy:
 
 
 def _address(text: str) -> tuple[str, str, int]:
-    """Name of an agent, and host and port of its server."""
     parts = _ADDRESS.fullmatch(text)
     if parts is None:
         raise ServingError(

@@ -125,12 +125,18 @@ def make(name: str) -> Policy:
 
 
 def make_any(name: PolicyName) -> Policy | BatchPolicy:
-    """Make a policy of either kind, as it is; errors are those of `make`.
-
-    Args:
-        name: That of a baseline, of a checkpoint of LeRobot, or of anyone's own.
-    """
-    policy = BASELINES[name.text]() if name.kind is PolicyKind.BASELINE else _made(name)
+    """Make a policy of either kind that is not scripted; errors are those of `make`."""
+    factory = _factory(name)
+    try:
+        policy = factory()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        is_ours = name.kind is PolicyKind.LEROBOT or name.reference.startswith("duobench.")
+        if is_ours and isinstance(error, DuoBenchError):
+            raise
+        trace = traceback_text(error, skip=1).strip()
+        raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
     is_one = isinstance(policy, Policy | BatchPolicy)
     if not is_one or not isinstance(policy.metadata, PolicyMetadata):
         raise PolicyError(
@@ -142,13 +148,30 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
     return policy
 
 
+def _factory(name: PolicyName) -> Callable[[], object]:
+    if name.kind is PolicyKind.BASELINE:
+        return BASELINES[name.text]
+    try:
+        if name.kind is not PolicyKind.LEROBOT:
+            return load(name.reference, "class or function", callable)
+        from duobench.policy.lerobot_model import LeRobotPolicy
+    except DuoBenchError as error:
+        raise PolicyError(f"Policy {name.reference!r}: {error}") from error
+    except ImportError as error:
+        raise PolicyError(
+            f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. "
+            f"{install_extra('lerobot')}"
+        ) from error
+    return partial(LeRobotPolicy, name.reference)
+
+
 def make_batched(
     name: PolicyName, batching: Batching | None = None, *, objects: int = 1
 ) -> tuple[BatchPolicy, PolicyMetadata, Batching | None]:
     """Make a policy of either kind for many episodes at a time; errors are those of `make`.
 
     Args:
-        name: That of a baseline, of a checkpoint of LeRobot, or of anyone's own.
+        name: That of a policy that is not scripted.
         batching: How many observations a `BatchPolicy` answers together; None takes the default.
         objects: How many episodes a plain policy may play side by side, with an object for each.
 
@@ -160,7 +183,10 @@ def make_batched(
         PolicyError: Also if batches are asked of one object of a plain policy.
     """
     policy = make_any(name)
-    metadata = _versioned(name, policy)
+    metadata = policy.metadata
+    if metadata.version is None:
+        own = [name.reference.partition(":")[0]] if name.kind is PolicyKind.MODULE else []
+        metadata = replace(metadata, version=source_version(type(policy).__module__, *own))
     if isinstance(policy, BatchPolicy):
         return policy, metadata, batching or Batching()
     if batching is not None and objects == 1:
@@ -174,16 +200,6 @@ def no_batches(name: PolicyName) -> PolicyError:
         f"{name.text} answers one observation at a time, so there are no batches of it. "
         "With `begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
     )
-
-
-def _versioned(name: PolicyName, policy: Policy | BatchPolicy) -> PolicyMetadata:
-    if policy.metadata.version is not None:
-        return policy.metadata
-    modules = {type(policy).__module__}
-    if name.kind is PolicyKind.MODULE:
-        modules.add(name.reference.partition(":")[0])
-    version = source_version(*modules)
-    return replace(policy.metadata, version=version)
 
 
 def source_version(*modules: str) -> str | None:
@@ -200,36 +216,3 @@ def source_version(*modules: str) -> str | None:
         except OSError:
             return None
     return f"source {digest.hexdigest()[:16]}"
-
-
-def _made(name: PolicyName) -> object:
-    is_ours = name.kind is PolicyKind.LEROBOT
-    path = name.reference
-    factory = partial(_lerobot_class(), path) if is_ours else _factory(path)
-    try:
-        return factory()
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        if isinstance(error, DuoBenchError) and (is_ours or path.startswith("duobench.")):
-            raise
-        trace = traceback_text(error, skip=1).strip()
-        raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
-
-
-def _factory(path: str) -> Callable[[], object]:
-    try:
-        return load(path, "class or function", callable)
-    except DuoBenchError as error:
-        raise PolicyError(f"Policy {path!r}: {error}") from error
-
-
-def _lerobot_class() -> Callable[[str], object]:
-    try:
-        from duobench.policy.lerobot_model import LeRobotPolicy
-    except ImportError as error:
-        raise PolicyError(
-            f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. "
-            f"{install_extra('lerobot')}"
-        ) from error
-    return LeRobotPolicy

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import shutil
 from abc import ABC, abstractmethod
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -238,7 +238,7 @@ class RunFolder(RunReader):
         return [entry for shard in self.writers for entry in read_entries(self.journal(shard))]
 
     @contextmanager
-    def writer(self, shard: Shard = WHOLE) -> Iterator[Journal]:
+    def writer(self, shard: Shard = WHOLE) -> Generator[Journal]:
         """Be the writer of a shard while a block lasts; a killed one leaves nothing locked.
 
         Yields:

@@ -26,26 +26,15 @@ class Operator(Protocol):
 
     def say(self, text: str) -> None:
         """Show some lines."""
-        ...
 
     def ask(self, text: str, keys: str) -> str:
-        """Ask for a key, and wait for it.
-
-        Args:
-            text: The question.
-            keys: The keys that answer it.
-
-        Returns:
-            One of them; `QUIT` if nobody can answer any more.
-        """
-        ...
+        """Ask for one of some keys, and wait for it; `QUIT` if nobody can answer any more."""
 
     def listen(self, call: Callable[[str], None] | None) -> None:
         """Have every key given to a call at once, from any thread; None ends it.
 
         One who has gone gives an empty text.
         """
-        ...
 
 
 def ask_to_recover(duo: FrankaDuo, operator: Operator) -> bool:
@@ -59,12 +48,7 @@ def ask_to_recover(duo: FrankaDuo, operator: Operator) -> bool:
 
 
 class TerminalView:
-    """The view of a session at a terminal: it asks for one key after the other.
-
-    Args:
-        session: The session.
-        operator: Who answers.
-    """
+    """The view of a session at a terminal: it asks for one key after the other."""
 
     def __init__(self, session: RigSession, operator: Operator) -> None:
         self._session, self._operator = session, operator

@@ -66,15 +66,7 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
 def make_rig_recorder(
     env: gym.Env, duo: FrankaDuo, data: DataSet | str | Path, actor: Actor, **options: Any
 ) -> Recorder:
-    """Record an environment on a rig with all its cameras; every episode waits for a decision.
-
-    Args:
-        env: The environment.
-        duo: Its rig.
-        data: Data set that episodes are added to, or its folder.
-        actor: Who acts.
-        options: More options of `Recorder`.
-    """
+    """A `Recorder` with all cameras of a rig, in which every episode waits for a decision."""
     rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
     return Recorder(env, data, actor, is_reviewed=True, rig=rig, **options)
 
@@ -84,7 +76,6 @@ class PlayedEpisode:
     """An episode that was played, and is still to be decided."""
 
     steps: int
-    """Its control steps."""
     stopped: str = ""
     """Why the arms ended it; empty if they did not."""
     fault: FaultKind | None = None
@@ -116,12 +107,7 @@ class PlayedEpisode:
 
 
 class PolicyRunner:
-    """One policy on the arms.
-
-    Args:
-        env: The environment that it plays in, recorded or not.
-        source: The policy.
-    """
+    """One policy on the arms, in an environment that is recorded or not."""
 
     def __init__(self, env: DuoWrapper, source: PolicySource) -> None:
         self.env = FixedLayout(env)
@@ -138,7 +124,7 @@ class PolicyRunner:
         """Play an episode.
 
         Args:
-            seed: Its seed.
+            seed: Seed of the episode.
             options: Options of the reset, the layout among them.
             watchers: Called in this order.
             on_start: Called once the arms are at home and the policy begins.
@@ -146,8 +132,7 @@ class PolicyRunner:
         """
         self.env.options = options
         ending = _Ending(on_start, on_step)
-        error: PolicyError | None = None
-        failure: DuoBenchError | None = None
+        error = failure = None
         try:
             rollout(self.env, self.policy, seed=seed, watchers=[*watchers, ending])
         except PolicyError as caught:
@@ -185,13 +170,10 @@ class _Ending:
         self.terminated = False
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """The arms are at home, and the policy begins."""
         self._on_start()
 
     def on_step(self, step: Step) -> None:
-        """Keep a step."""
         self.info, self.number, self.terminated = step.info, step.number, step.terminated
         self._on_step(step.number)
 
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """What was kept stays."""
+    def on_episode_end(self, error: BaseException | None) -> None: ...

@@ -68,7 +68,6 @@ class SessionView(Protocol):
 
     def publish(self) -> None:
         """Show the session as it is now."""
-        ...
 
     def next(self) -> messages.Message | None:
         """What the operator wants next; None after a while without a word.
@@ -76,23 +75,15 @@ class SessionView(Protocol):
         Raises:
             Stopped: The operator ends the session.
         """
-        ...
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
-        ...
 
 
 class RigSession:
-    """Leads an operator through episodes; what becomes of one is for those who inherit.
-
-    Args:
-        duo: The rig.
-        judge: The operator, as the environments ask for the stage.
-    """
+    """Leads an operator through episodes; what becomes of one is for those who inherit."""
 
     view: SessionView
-    """What the operator sees."""
 
     def __init__(self, duo: FrankaDuo, judge: HumanJudge) -> None:
         self.duo, self.judge = duo, judge
@@ -131,7 +122,7 @@ class RigSession:
         """Do at once what cannot wait: a hold, and the word that a stage is reached.
 
         Returns:
-            Whether the message was meant for this, so that nothing else is to be done.
+            Whether the message was one of these, so that nothing else is to be done.
 
         Raises:
             MessageError: It is not for the phase of the session.
@@ -168,11 +159,7 @@ class RigSession:
         self.judge.begin()
 
     def place(self) -> None:
-        """Wait until the objects are placed and the operator has said that the arms may move.
-
-        Raises:
-            Stopped: The operator ends the session instead.
-        """
+        """Wait until the objects are placed and the operator has said that the arms may move."""
         while True:
             match self.view.next():
                 case messages.Placed():
@@ -225,12 +212,7 @@ class RigSession:
     def decide(self, played: PlayedEpisode, message: str) -> str:
         """Wait for the operator's word; why the episode does not count, empty if it does.
 
-        Args:
-            played: The episode.
-            message: How it ended, for the operator.
-
-        Raises:
-            Stopped: The operator ends the session instead.
+        The message is for the operator, and says how the episode ended.
         """
         self.phase, self.message = Phase.JUDGING, message
         while True:

@@ -22,7 +22,7 @@ from duobench.randomness import TRAIN, episode_seed
 from duobench.tasks.task import Task
 from duobench.teleop.hands import KEEP, ButtonPresses
 from duobench.teleop.intent import Device, Intent
-from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, read
+from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message
 from duobench.types import CONTROL_HZ, SIDES, DuoState, Side
 
 if TYPE_CHECKING:
@@ -116,17 +116,9 @@ class Teleoperation:
 
     # --- from any thread ---------------------------------------------------------------------
 
-    def receive(self, data: bytes | str, now_s: float) -> None:
-        """Take a message of the operator.
-
-        Args:
-            data: The message, as it came.
-            now_s: When it arrived, on the clock of `advance`.
-
-        Raises:
-            MessageError: It is refused; the session goes on as if it had not come.
-        """
-        self._inbox.put(read(data), now_s)
+    def receive(self, message: Message, now_s: float) -> None:
+        """Take a message of the operator, which arrived at a time on the clock of `advance`."""
+        self._inbox.put(message, now_s)
 
     def leave(self, now_s: float) -> None:
         """The operator has gone, or the connection is lost: both hands let go, and time stops."""

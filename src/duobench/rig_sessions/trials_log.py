@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -65,6 +65,39 @@ class LogEntry:
     """Whether the last stage still held; whether an invalid trial was found so by a machine."""
     at: str = ""
     """Date and time of day in UTC, for people; nothing depends on it."""
+
+
+@dataclass(kw_only=True, slots=True)
+class TrialsProgress:
+    """How far an evaluation is, by its log."""
+
+    valid: dict[int, int] = field(default_factory=dict[int, int])
+    """Attempt that counts, by the trial's number."""
+    attempts: dict[int, int] = field(default_factory=dict[int, int])
+    """How often a trial was begun, by its number."""
+    invalid: dict[int, list[str]] = field(default_factory=dict[int, list[str]])
+    """Why attempts do not count, by the trial's number."""
+    cut: tuple[int, int] | None = None
+    """Trial and attempt that was being played when the log ended; None if none was."""
+
+    @staticmethod
+    def of(entries: Iterable[LogEntry]) -> TrialsProgress:
+        """What a log adds up to."""
+        progress = TrialsProgress()
+        for entry in entries:
+            match entry.kind:
+                case LogKind.BEGIN:
+                    progress.attempts[entry.trial] = entry.attempt
+                case LogKind.START:
+                    progress.cut = entry.trial, entry.attempt
+                case LogKind.VALID:
+                    progress.valid[entry.trial], progress.cut = entry.attempt, None
+                case LogKind.INVALID:
+                    progress.invalid.setdefault(entry.trial, []).append(entry.text)
+                    progress.cut = None
+                case _:
+                    pass
+        return progress
 
 
 class TrialLog:

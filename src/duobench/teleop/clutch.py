@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from duobench.spatial import SE3, product, rotation_by, rotation_vector
+from duobench.spatial import SE3, product
 from duobench.teleop.messages import Hand
 
 CLOSES, OPENS = 0.5, 0.3
@@ -18,14 +18,7 @@ class Clutch:
     same rotation about them, however the hand was held.
     """
 
-    def __init__(self, scale: float = 1.0, turn_scale: float = 1.0) -> None:
-        """Begin open.
-
-        Args:
-            scale: Metres that the tool moves for one of the hand.
-            turn_scale: Radians that the tool turns for one of the hand.
-        """
-        self._scale, self._turn_scale = scale, turn_scale
+    def __init__(self) -> None:
         self._is_armed = False
         self._anchor: tuple[SE3, SE3] | None = None
 
@@ -39,10 +32,9 @@ class Clutch:
         self._is_armed, self._anchor = False, None
 
     def wants(self, hand: Hand | None) -> bool:
-        """Whether a hand keeps the clutch closed, or would close it; a release arms it.
+        """Whether a hand, None if lost, keeps the clutch closed or would close it.
 
-        Args:
-            hand: The hand now; None where it is lost.
+        A release arms it.
         """
         if hand is None or not hand.sure:
             self.open()
@@ -52,14 +44,9 @@ class Clutch:
         return self.is_closed or (self._is_armed and hand.squeeze >= CLOSES)
 
     def follow(self, hand: Hand | None, tool: SE3) -> SE3 | None:
-        """Where the hand leads the tool.
+        """Where a hand, None if lost, leads a tool from where that was commanded to be last.
 
-        Args:
-            hand: The hand now; None where it is lost.
-            tool: Where the tool was commanded to be last, in the table frame.
-
-        Returns:
-            The tool's pose in the table frame; None while the clutch is open.
+        Both poses are in the table frame; there is none while the clutch is open.
         """
         if not self.wants(hand) or hand is None:
             return None
@@ -69,6 +56,4 @@ class Clutch:
         hand_then, tool_then = self._anchor
         shift = now.translation - hand_then.translation
         turn = product(now.rotation, hand_then.rotation.T)
-        if self._turn_scale != 1.0:
-            turn = rotation_by(self._turn_scale * rotation_vector(turn))
-        return SE3(product(turn, tool_then.rotation), tool_then.translation + self._scale * shift)
+        return SE3(product(turn, tool_then.rotation), tool_then.translation + shift)

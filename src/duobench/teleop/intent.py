@@ -28,50 +28,31 @@ class Device(Protocol):
     """Name of what the numbers of its actions mean."""
 
     def begin(self, command: DuoCommand) -> None:
-        """A new episode waits for the operator.
-
-        Args:
-            command: Where the arms are.
-        """
-        ...
+        """A new episode waits for the operator, with the arms where they are commanded to be."""
 
     def take(self, message: Message, arrival_s: float) -> None:
         """A message of the operator has arrived; the device may have no use for it."""
-        ...
 
     def lose(self) -> None:
         """The operator has gone: everything is let go."""
-        ...
 
     def is_away(self, now_s: float) -> bool:
         """Whether nobody leads for so long that the recording has to wait."""
-        ...
 
     def prompt(self, now_s: float) -> str | None:
         """What the operator has to do before the episode begins; None once it has begun."""
-        ...
 
     def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
-        """The next action.
-
-        Args:
-            now_s: The time on the clock of `take`, in seconds.
-            state: Where the arms are.
-            command: Where they were commanded to be last.
-        """
-        ...
+        """The next action, from where the arms are and where they were commanded to be last."""
 
     @property
     def clutch(self) -> tuple[bool, bool]:
         """Whether the left and the right hand lead their arm."""
-        ...
 
     @property
     def dropped(self) -> int:
         """Samples that arrived too late."""
-        ...
 
     @property
     def sampled_s(self) -> float | None:
         """When the newest sample arrived, in seconds; None before the first one."""
-        ...

@@ -20,6 +20,7 @@ from duobench.rig_sessions.teleop_page import WATCHING
 from duobench.robot.joints import JOINT_RANGES
 from duobench.sim.simulation import Simulation
 from duobench.teleop.hands import DISCARD, KEEP
+from duobench.teleop.messages import Message
 from duobench.types import SIDES, DuoCommand, DuoState
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
@@ -235,8 +236,12 @@ class _LivePage:
         """
         self._arms = arms
         self._server = serve_page(port, lan)
-        self._server.on_message = self._take
-        self._server.on_driver_lost = lambda: arms.leave(time.monotonic())
+        self._server.listen(
+            Message,
+            lambda message: arms.receive(message, time.monotonic()),
+            lambda: arms.leave(time.monotonic()),
+            WATCHING,
+        )
         self._simulation: Simulation | None = None
         self._told: dict[str, Any] = {}
         self._turn = 0
@@ -283,10 +288,3 @@ class _LivePage:
     def close(self) -> None:
         """Let every browser go."""
         self._server.close()
-
-    def _take(self, is_driver: bool, data: bytes) -> str | None:
-        """Take a message, in the server's thread; only who drives leads."""
-        if not is_driver:
-            return WATCHING
-        self._arms.receive(data, time.monotonic())
-        return None

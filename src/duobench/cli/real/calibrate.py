@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from duobench.cli.real.rigs import rig_file
 from duobench.cli.shared.advice import AdvisedError
-from duobench.cli.shared.console import console
+from duobench.cli.shared.console import say
 from duobench.hardware.canonical import nominal_pose
 from duobench.hardware.rig import CameraCalibration, Rig
 from duobench.types import HEAD, Side, wrist_name
@@ -42,7 +43,7 @@ def board(out: Path, paper: Paper = "a4") -> None:
     from duobench.sheets import Paper
 
     write_board(Board(paper=paper), out)
-    console().print(
+    say(
         f"{out}: print it at 100 %, glue it flat onto a plate, and measure its ruler, which should "
         f"be {RULER_MM[Paper(paper)]:g} mm long."
     )
@@ -65,13 +66,13 @@ def lens(
     from duobench.hardware.calibration.board import Board
     from duobench.hardware.calibration.lens import calibrate_lens
 
-    known, sheet = _rig(rig), Board(paper=paper)
+    known, sheet = Rig.read(rig_file(rig)), Board(paper=paper)
     folder = _folder(known, views, camera, None, sheet)
     found = calibrate_lens(folder.images(), sheet)
     pose = tuple(float(each) for each in nominal_pose(camera).tquat)
     note = "lens from a board; place as in the simulation"
     _write(rig, known, camera, replace(found, pose=pose, method=note, views=len(folder)))
-    console().print(
+    say(
         f"{camera}: {found.fx:.1f} x {found.fy:.1f} px, middle {found.cx:.1f}, {found.cy:.1f}, "
         f"distortion {', '.join(f'{each:.4f}' for each in found.distortion)}"
     )
@@ -98,7 +99,7 @@ def head(
     from duobench.hardware.calibration.places import locate_head
     from duobench.spatial import SE3
 
-    known, sheet = _rig(rig), _measured(paper, ruler)
+    known, sheet = Rig.read(rig_file(rig)), _measured(paper, ruler)
     seen = _lens(known, HEAD)
     folder = _folder(known, views, HEAD, None, sheet)
     x, y, angle = at
@@ -128,7 +129,7 @@ def wrist(
     """
     from duobench.hardware.calibration.places import calibrate_wrist
 
-    known, sheet, arm = _rig(rig), _measured(paper, ruler), Side(side)
+    known, sheet, arm = Rig.read(rig_file(rig)), _measured(paper, ruler), Side(side)
     name = wrist_name(arm)
     folder = _folder(known, views, name, arm, sheet)
     found = calibrate_wrist(folder.views(), arm, sheet, _lens(known, name))
@@ -146,11 +147,10 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
     from duobench.hardware.drivers.robotiq import measure_ends
     from duobench.hardware.rig import GripperDriver
 
-    known, arm = _rig(rig), Side(side)
+    known, arm = Rig.read(rig_file(rig)), Side(side)
     if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
         raise AdvisedError(f"The {side} gripper of this rig has no positions to measure.")
-    screen = console()
-    screen.print(
+    say(
         f"The {side} gripper will open and close, with nothing between its fingers. Press Enter to "
         "go on, or Ctrl-C to leave."
     )
@@ -158,13 +158,7 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         raise AdvisedError("Nobody said that the gripper may move.")
     found = measure_ends(known.grippers[arm], SystemClock())
     replace(known, grippers={**known.grippers, arm: found}).write(rig)
-    screen.print(f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}.")
-
-
-def _rig(path: Path) -> Rig:
-    if not path.is_file():
-        raise AdvisedError(f"There is no file {path}. --rig takes a rig.json.")
-    return Rig.read(path)
+    say(f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}.")
 
 
 def _measured(paper: str, ruler: float | None) -> Board:
@@ -193,15 +187,15 @@ def _lens(rig: Rig, camera: str) -> CameraCalibration:
     device = open_rig(rig, SystemClock(), guard=False).cameras[camera]
     try:
         device.connect()
-        facts = getattr(device, "facts", None)
+        lens = getattr(device, "lens", None)
     finally:
         device.close()
-    if facts is None or facts.lens is None:
+    if lens is None:
         raise AdvisedError(
             f"The lens of {camera} is not known. Measure it first: duobench real calibrate lens "
             f"{camera}"
         )
-    return facts.lens
+    return lens
 
 
 def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) -> ViewFolder:
@@ -222,49 +216,43 @@ def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet
 
     if camera not in rig.cameras:
         raise AdvisedError(f"The rig has no camera {camera}.")
-    detector, screen = Detector(sheet), console()
+    detector = Detector(sheet)
     duo = open_rig(rig, SystemClock(), guard=False)
     device, arm = duo.cameras[camera], None if side is None else duo.arms[side]
-    closing: list[Callable[[], None]] = []
-    try:
-        closing.append(device.close)
-        device.connect()
-        if arm is not None:
-            closing.append(arm.close)
-            arm.connect()
-        screen.print("Enter takes an image, d and Enter ends. The arm has to be at rest.")
+    with ExitStack() as ending:
+        for each in (device, arm):
+            if each is not None:
+                ending.callback(each.close)
+                each.connect()
+        say("Enter takes an image, d and Enter ends. The arm has to be at rest.")
         while (line := sys.stdin.readline()) and line.strip() != "d":
             frame = device.latest()
             reading = None if arm is None else arm.read()
             found = None if frame is None else detector.find(frame.image)
             if frame is None or device.fault is not None:
-                screen.print("The camera gives no image.")
+                say("The camera gives no image.")
             elif reading is not None and abs(reading.velocities).max() > _AT_REST:
-                screen.print("The arm moves; not taken.")
+                say("The arm moves; not taken.")
             elif found is None:
-                screen.print("The board is not seen; not taken.")
+                say("The board is not seen; not taken.")
             else:
                 folder.add(frame.image, None if reading is None else reading.joints)
-                screen.print(f"{len(folder)}: {len(found.points)} of 28 corners")
-    finally:
-        for close in closing:
-            close()
+                say(f"{len(folder)}: {len(found.points)} of 28 corners")
 
 
 def _finish(path: Path, rig: Rig, camera: str, found: Measured) -> None:
     _write(path, rig, camera, found.calibration)
     x, y, z = (1000.0 * each for each in found.calibration.pose[:3])
-    screen = console()
-    screen.print(
+    say(
         f"{camera}: at {x:.1f}, {y:.1f}, {z:.1f} mm, from {found.calibration.views} images; what "
         f"was held out is off by {found.calibration.error_px:.2f} px"
         + ("" if found.error_mm is None else f" and {found.error_mm:.2f} mm")
     )
     for note in found.notes:
-        screen.print(note, style="yellow")
+        say(note, style="yellow")
 
 
 def _write(path: Path, rig: Rig, camera: str, calibration: CameraCalibration) -> None:
     changed = replace(rig.cameras[camera], calibration=calibration)
     replace(rig, cameras={**rig.cameras, camera: changed}).write(path)
-    console().print(f"Written to {path}; the rig has a new hash.")
+    say(f"Written to {path}; the rig has a new hash.")

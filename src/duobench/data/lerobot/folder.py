@@ -57,11 +57,9 @@ class SourceEpisode:
     length: int
     """Number of its actions, and of its rows in the export."""
     instruction: str
-    """Instruction of the policy."""
     data_set: int = 0
     """Which of the data sets it is from, in the order in which they were given."""
     domain: Domain = Domain.SIM
-    """Where it was played."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,11 +67,9 @@ class Export:
     """Everything that the exported files follow from."""
 
     options: ExportOptions
-    """What was chosen."""
     suite_version: str
-    """Version of the benchmark's episodes."""
     versions: dict[str, str]
-    """Versions of the packages that the images depend on."""
+    """Of the packages that the images depend on."""
     episodes: tuple[SourceEpisode, ...]
     """What is exported, in the order of the export."""
     object_state_names: tuple[str, ...] = ()
@@ -133,7 +129,6 @@ class Residual:
     max_rotation: float = 0.0
 
     def __add__(self, other: Residual) -> Residual:
-        """The residual of both together."""
         return Residual(
             targets=self.targets + other.targets,
             sum_position=self.sum_position + other.sum_position,
@@ -167,7 +162,6 @@ class ExportFolder:
     """Names in the folder of an export."""
 
     path: Path
-    """The folder, absolute."""
 
     @property
     def meta(self) -> Path:
@@ -179,13 +173,8 @@ class ExportFolder:
         """What is exported: our own file, unknown to LeRobot."""
         return self.meta / "duobench.json"
 
-    @property
-    def info(self) -> Path:
-        """LeRobot's description; written last, so that it says that the export is whole."""
-        return self.meta / "info.json"
-
     def facts(self, index: int) -> Path:
-        """What was noted about a finished episode."""
+        """What is noted about a finished episode."""
         return self.meta / "duobench" / f"{index:06d}.json"
 
     def data(self, index: int) -> Path:
@@ -215,8 +204,9 @@ class ExportFolder:
 
     def read_facts(self, index: int) -> EpisodeFacts:
         """What was noted about a finished episode."""
-        advice = "Delete the file and export again."
-        return read(self.facts(index), EpisodeFacts, SCHEMA, advice=advice)
+        return read(
+            self.facts(index), EpisodeFacts, SCHEMA, advice="Delete the file and export again."
+        )
 
 
 def location(index: int) -> tuple[int, int]:

@@ -39,11 +39,11 @@ _Statistics = dict[str, dict[str, list[Any]]]
 """Lists of numbers by feature and name."""
 
 
-def finish(folder: ExportFolder, export: Export) -> Residual | None:
+def finish(folder: ExportFolder, export: Export) -> list[Residual]:
     """Write everything that describes the data set as a whole, whose episodes are all finished.
 
     Returns:
-        What inverse kinematics left in all episodes, if it was used.
+        What inverse kinematics left in each episode, where it was used.
     """
     cameras = export.options.cameras
     names = columns(export.vectors)
@@ -65,8 +65,8 @@ def finish(folder: ExportFolder, export: Export) -> Residual | None:
     write(folder.meta / "tasks.parquet", to_bytes(_tasks(export.tasks)))
     table = pa.Table.from_pylist(episodes)
     write(folder.meta / "episodes/chunk-000/file-000.parquet", to_bytes(table))
-    write(folder.info, _json(_info(export)))
-    return sum(residuals, Residual()) if residuals else None
+    write(folder.meta / "info.json", _json(_info(export)))  # last: it says that all is there
+    return residuals
 
 
 def _read(

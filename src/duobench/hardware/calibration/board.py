@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from duobench.sheets import CAPITAL, Paper, Sheet, pdf
 from duobench.spatial import SE3
 from duobench.types import Array
 
+T = TypeVar("T")
 COLUMNS, ROWS = 8, 5
 """Squares of the board."""
 BITS = 4
@@ -43,8 +44,6 @@ _LINES = (
     "Print at 100 % (actual size, no fit to page), on stiff paper or glued flat onto a plate.",
     "Then measure this ruler from its first to its last mark, and give its length in mm.",
 )
-
-
 SQUARE_MM = {Paper.A4: 30.0, Paper.A3: 42.0}
 """Edge of a square in mm by the size of the sheet, which lies on its longer side."""
 RULER_MM = {Paper.A4: 200.0, Paper.A3: 300.0}
@@ -65,10 +64,7 @@ class Board:
             raise OptionError(f"A board's scale is about 1, got {self.scale}.")
 
     def measured(self, ruler_mm: float) -> Board:
-        """The board as it was printed.
-
-        Args:
-            ruler_mm: Length of its printed ruler in mm, measured with another ruler.
+        """The board as it was printed, with a ruler of that many mm by another ruler.
 
         Raises:
             CalibrationError: The length is too far from what it should be.
@@ -173,21 +169,6 @@ def opencv() -> Any:
     return cv2
 
 
-def detector_of(board: Board) -> Any:
-    """OpenCV's detector of a board.
-
-    Raises:
-        CalibrationError: OpenCV is missing.
-    """
-    cv2 = opencv()
-    lists = [cv2.aruco.Dictionary.getByteListFromBits(bits) for bits in markers()]
-    words = cv2.aruco.Dictionary(np.concatenate(lists), BITS, (DISTANCE - 1) // 2)
-    known = cv2.aruco.CharucoBoard(
-        (COLUMNS, ROWS), board.square, MARKER_SHARE * board.square, words
-    )
-    return cv2.aruco.CharucoDetector(known)
-
-
 # --- the sheet ---
 
 
@@ -252,12 +233,16 @@ class Detector:
     """Finds the corners of a board in images.
 
     Raises:
-        CalibrationError: OpenCV is missing.
+        CalibrationError: OpenCV is missing, or too new.
     """
 
     def __init__(self, board: Board) -> None:
-        self.board = board
-        self._detector: Any = detector_of(board)
+        aruco = opencv().aruco
+        lists = [aruco.Dictionary.getByteListFromBits(bits) for bits in markers()]
+        words = aruco.Dictionary(np.concatenate(lists), BITS, (DISTANCE - 1) // 2)
+        marker = MARKER_SHARE * board.square
+        known = aruco.CharucoBoard((COLUMNS, ROWS), board.square, marker, words)
+        self._detector: Any = aruco.CharucoDetector(known)
         self._corners = board.corners
 
     def find(self, image: Image) -> Detection | None:
@@ -267,24 +252,16 @@ class Detector:
         corners, numbers, _, _ = self._detector.detectBoard(grey)
         if numbers is None or len(numbers) < FEWEST_CORNERS:
             return None
-        pixels = self._refined(grey, np.asarray(corners, np.float32).reshape(-1, 1, 2))
-        return Detection(points=self._corners[np.ravel(numbers)], pixels=pixels)
-
-    def _refined(self, grey: NDArray[np.uint8], corners: NDArray[np.float32]) -> Array:
-        """Corners (n, 2) where the middle of the first pixel is 0.
-
-        Those that the board's detector gives are half a pixel off in some versions of OpenCV
-        (measured in 4.13).
-        """
-        cv2 = opencv()
-        places = corners.reshape(-1, 2)
+        # Corners that the board's detector gives are half a pixel off in some versions of OpenCV
+        # (measured in 4.13); these are 0 in the middle of the first pixel.
+        places = np.asarray(corners, np.float32).reshape(-1, 2)
         distances = np.linalg.norm(places[:, None] - places[None], axis=-1)
         np.fill_diagonal(distances, np.inf)
-        square = float(np.median(distances.min(axis=1)))
-        half = int(np.clip(WINDOW * square, 2, 6))
+        half = int(np.clip(WINDOW * np.median(distances.min(axis=1)), 2, 6))
         ends = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-3)
-        refined = cv2.cornerSubPix(grey, corners, (half, half), (-1, -1), ends)
-        return refined.reshape(-1, 2).astype(np.float64)
+        refined = cv2.cornerSubPix(grey, places.reshape(-1, 1, 2), (half, half), (-1, -1), ends)
+        pixels = refined.reshape(-1, 2).astype(np.float64)
+        return Detection(points=self._corners[np.ravel(numbers)], pixels=pixels)
 
     def find_all(self, images: Sequence[Image], fewest: int) -> list[tuple[int, Detection]]:
         """Corners of the images that show the board, with the number of each image.
@@ -292,22 +269,14 @@ class Detector:
         Raises:
             CalibrationError: Too few images show it.
         """
-        found = [
-            (number, detection)
-            for number, image in enumerate(images)
-            if (detection := self.find(image)) is not None
-        ]
+        tried = enumerate(map(self.find, images))
+        found = [(number, each) for number, each in tried if each is not None]
         if len(found) < fewest:
             raise CalibrationError(
                 f"{len(found)} of {len(images)} images show at least {FEWEST_CORNERS} corners of "
                 f"the board; {fewest} are needed. The board has to be sharp, lit evenly, and flat."
             )
         return found
-
-
-def matrix_of(lens: CameraCalibration) -> Array:
-    """Matrix (3, 3) of a lens."""
-    return np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
 
 
 def board_pose(detection: Detection, lens: CameraCalibration) -> SE3:
@@ -317,8 +286,9 @@ def board_pose(detection: Detection, lens: CameraCalibration) -> SE3:
         CalibrationError: The corners show no pose.
     """
     cv2 = opencv()
+    matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
     is_found, turn, shift = cv2.solvePnP(
-        detection.points, detection.pixels, matrix_of(lens), np.array(lens.distortion)
+        detection.points, detection.pixels, matrix, np.array(lens.distortion)
     )
     if not is_found or not np.all(np.isfinite(shift)) or shift[2, 0] <= 0.0:
         raise CalibrationError("The corners of the board show no pose.")
@@ -337,7 +307,8 @@ def rms(parts: Sequence[Array]) -> float:
     return float(np.sqrt(np.mean(np.sum(together**2, axis=-1))))
 
 
-def split_views(count: int) -> tuple[list[int], list[int]]:
-    """Numbers of the views to measure from, and of those that are held out, every fifth one."""
-    held = [number for number in range(count) if number % 5 == 4]  # noqa: PLR2004 - the fifth
-    return [number for number in range(count) if number not in held], held
+def split_views(views: Sequence[T]) -> tuple[list[T], list[T]]:
+    """The views to measure from, and those that are held out, every fifth one."""
+    used, held = list(views), list(views[4::5])
+    del used[4::5]
+    return used, held

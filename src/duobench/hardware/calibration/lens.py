@@ -10,7 +10,6 @@ from duobench.backend import Image
 from duobench.errors import CalibrationError
 from duobench.hardware.calibration.board import (
     Board,
-    Detection,
     Detector,
     board_pose,
     offsets,
@@ -18,12 +17,11 @@ from duobench.hardware.calibration.board import (
     rms,
     split_views,
 )
-from duobench.hardware.rig import CameraCalibration
+from duobench.hardware.rig import UNPOSED, CameraCalibration
 
 FEWEST_VIEWS = 10
 LARGEST_ERROR_PX = 1.0
 """Error on held-out images from which something is wrong."""
-UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def calibrate_lens(images: Sequence[Image], board: Board) -> CameraCalibration:
@@ -39,26 +37,13 @@ def calibrate_lens(images: Sequence[Image], board: Board) -> CameraCalibration:
     Raises:
         CalibrationError: Too few images show the board, or they do not fit one lens.
     """
-    detections = [found for _, found in Detector(board).find_all(images, FEWEST_VIEWS)]
-    return lens_of(detections, (images[0].shape[0], images[0].shape[1]))
-
-
-def lens_of(detections: Sequence[Detection], size: tuple[int, int]) -> CameraCalibration:
-    """The lens that shows some corners; see `calibrate_lens`.
-
-    Args:
-        detections: Corners in at least ten images.
-        size: Height and width of the images in pixels.
-
-    Raises:
-        CalibrationError: They do not fit one lens.
-    """
-    cv2 = opencv()
-    used, held = split_views(len(detections))
-    _, matrix, distortion, _, _ = cv2.calibrateCamera(
-        [detections[number].points.astype(np.float32) for number in used],
-        [detections[number].pixels.astype(np.float32) for number in used],
-        (size[1], size[0]),
+    height, width, _ = images[0].shape
+    found = Detector(board).find_all(images, FEWEST_VIEWS)
+    used, held = split_views([detection for _, detection in found])
+    _, matrix, distortion, _, _ = opencv().calibrateCamera(
+        [each.points.astype(np.float32) for each in used],
+        [each.pixels.astype(np.float32) for each in used],
+        (width, height),
         None,
         None,
     )
@@ -70,8 +55,7 @@ def lens_of(detections: Sequence[Detection], size: tuple[int, int]) -> CameraCal
         distortion=tuple(float(each) for each in np.ravel(distortion)[:5]),
         pose=UNPOSED,
     )
-    tests = [detections[number] for number in held]
-    error = rms([offsets(each, board_pose(each, lens), lens) for each in tests])
+    error = rms([offsets(each, board_pose(each, lens), lens) for each in held])
     if error > LARGEST_ERROR_PX:
         raise CalibrationError(
             f"Images that were held out are off by {error:.2f} px with the lens that was found; at "

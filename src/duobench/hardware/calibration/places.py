@@ -48,7 +48,7 @@ class Measured:
     """What a calibration has found."""
 
     calibration: CameraCalibration
-    error_mm: float | None
+    error_mm: float | None = None
     """How far the board's middle is from where it should be, on held-out views; None for a single
     place of the board."""
     notes: tuple[str, ...] = ()
@@ -72,37 +72,19 @@ def locate_head(
     found = [each for _, each in Detector(board).find_all(images, 1)]
     points = np.concatenate([each.points for each in found])
     pixels = np.concatenate([each.pixels for each in found])
-    corners = np.unique(points, axis=0)
-    is_held = np.isin(np.arange(len(corners)) % 5, 4)
-    held = {tuple(corner) for corner in corners[is_held].tolist()}
-    is_test = np.array([tuple(point) in held for point in points.tolist()])
+    _, numbers = np.unique(points, axis=0, return_inverse=True)
+    is_test = numbers.ravel() % 5 == 4  # noqa: PLR2004 - the fifth
     pose = board_pose(Detection(points=points[~is_test], pixels=pixels[~is_test]), lens)
     test = Detection(points=points[is_test], pixels=pixels[is_test])
     table_from_camera = table_from_board @ pose.inverse()
     error = rms([offsets(test, pose, lens)])
-    calibration = _described(lens, table_from_camera, "one pose of a board", len(found), error)
-    return Measured(
-        calibration=calibration, error_mm=None, notes=_checked(HEAD, calibration, error)
-    )
+    return _measured(HEAD, lens, table_from_camera, "one pose of a board", len(found), error)
 
 
-def _described(
-    lens: CameraCalibration, pose: SE3, method: str, views: int, error_px: float
-) -> CameraCalibration:
-    """A lens with a place, and how it was found."""
-    return replace(
-        lens,
-        pose=tuple(float(each) for each in pose.tquat),
-        method=method,
-        views=views,
-        error_px=round(error_px, 4),
-        opencv=str(opencv().__version__),
-        date=datetime.now(UTC).date().isoformat(),
-    )
-
-
-def _checked(camera: str, calibration: CameraCalibration, error_px: float) -> tuple[str, ...]:
-    """What is remarkable about a place.
+def _measured(
+    camera: str, lens: CameraCalibration, pose: SE3, method: str, views: int, error_px: float
+) -> Measured:
+    """A lens with a place, how it was found, and what is remarkable about it.
 
     Raises:
         CalibrationError: The error is too large, or the place can hardly be true.
@@ -112,7 +94,7 @@ def _checked(camera: str, calibration: CameraCalibration, error_px: float) -> tu
             f"What was held out is off by {error_px:.2f} px; at most {LARGEST_ERROR_PX:g} is "
             "usual. Did the board move, or was it bent? Are the joints those of this arm?"
         )
-    distance, angle = SE3.from_tquat(calibration.pose).distance(nominal_pose(camera))
+    distance, angle = pose.distance(nominal_pose(camera))
     degrees = math.degrees(angle)
     text = (
         f"{camera} was found {1000 * distance:.0f} mm and {degrees:.1f} degrees from where the "
@@ -123,7 +105,17 @@ def _checked(camera: str, calibration: CameraCalibration, error_px: float) -> tu
             f"{text}. Does the board lie where it was said, with its ruler on the side that was "
             "said, and is it the right camera?"
         )
-    return (f"{text}.",) if distance > NOTED_M or degrees > NOTED_DEG else ()
+    is_far = distance > NOTED_M or degrees > NOTED_DEG
+    calibration = replace(
+        lens,
+        pose=tuple(float(each) for each in pose.tquat),
+        method=method,
+        views=views,
+        error_px=round(error_px, 4),
+        opencv=str(opencv().__version__),
+        date=datetime.now(UTC).date().isoformat(),
+    )
+    return Measured(calibration=calibration, notes=(f"{text}.",) if is_far else ())
 
 
 # --- a wrist camera ---
@@ -182,8 +174,7 @@ def calibrate_wrist(
         _Seen(detection=each, table_from_flange=flange_pose(side, views[number].joints))
         for number, each in found
     ]
-    used, held = split_views(len(seen))
-    train, test = [seen[number] for number in used], [seen[number] for number in held]
+    train, test = split_views(seen)
     _check_turns([each.table_from_flange for each in train])
     flange_from_camera, table_from_board, scale = _solve(train, lens)
     if abs(scale - 1.0) > LARGEST_SCALE_ERROR:
@@ -192,21 +183,20 @@ def calibrate_wrist(
             "ruler. Measure the ruler again, and look whether the board has moved."
         )
     expected = [_camera_from_board(each, flange_from_camera, table_from_board) for each in test]
-    error = rms(
-        [offsets(each.detection, pose, lens) for each, pose in zip(test, expected, strict=True)]
-    )
-    error_mm = _distance_mm(test, expected, board, lens)
+    tests = [each.detection for each in test]
+    error = rms([offsets(*each, lens) for each in zip(tests, expected, strict=True)])
+    seen_at = np.array([board_pose(each, lens).apply(board.middle) for each in tests])
+    due_at = np.array([pose.apply(board.middle) for pose in expected])
+    error_mm = 1000.0 * float(np.mean(np.linalg.norm(seen_at - due_at, axis=-1)))
     if error_mm > LARGEST_ERROR_MM:
         raise CalibrationError(
             f"On held-out views the board is {error_mm:.1f} mm from where it should be; at most "
             f"{LARGEST_ERROR_MM:g} is usual. Did the board move, or were the arm's joints read "
             "while it moved?"
         )
-    calibration = _described(
-        lens, flange_from_camera, "hand-eye (Park), refined on pixels", len(seen), error
-    )
-    notes = _checked(wrist_name(side), calibration, error)
-    return Measured(calibration=calibration, error_mm=error_mm, notes=notes)
+    camera, method = wrist_name(side), "hand-eye (Park), refined on pixels"
+    found = _measured(camera, lens, flange_from_camera, method, len(seen), error)
+    return replace(found, error_mm=error_mm)
 
 
 def _check_turns(poses: Sequence[SE3]) -> None:
@@ -268,16 +258,3 @@ def _moved(pose: SE3, change: Array) -> SE3:
 
 def _camera_from_board(seen: _Seen, flange_from_camera: SE3, table_from_board: SE3) -> SE3:
     return (seen.table_from_flange @ flange_from_camera).inverse() @ table_from_board
-
-
-def _distance_mm(
-    seen: Sequence[_Seen], expected: Sequence[SE3], board: Board, lens: CameraCalibration
-) -> float:
-    """Mean distance between the board's middle as seen and as expected, in mm."""
-    distances = [
-        np.linalg.norm(
-            board_pose(each.detection, lens).apply(board.middle) - pose.apply(board.middle)
-        )
-        for each, pose in zip(seen, expected, strict=True)
-    ]
-    return 1000.0 * float(np.mean(distances))

@@ -7,7 +7,7 @@ at which joints. A folder that holds images only is enough for lenses and for th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +39,7 @@ class ViewList:
     """What a folder holds."""
 
     camera: str
-    views: tuple[ViewEntry, ...] = field(default_factory=tuple)
+    views: tuple[ViewEntry, ...] = ()
 
 
 class ViewFolder:
@@ -57,8 +57,8 @@ class ViewFolder:
         if file.exists():
             self._list = files.read(file, ViewList, VIEWS_SCHEMA)
         elif path.is_dir():
-            found = sorted(each for each in path.iterdir() if each.suffix.lower() in _ENDINGS)
-            entries = tuple(ViewEntry(image=each.name) for each in found)
+            names = sorted(each.name for each in path.iterdir() if each.suffix.lower() in _ENDINGS)
+            entries = tuple(ViewEntry(image=name) for name in names)
             self._list = ViewList(camera=camera, views=entries)
         if self._list.camera != camera:
             raise CalibrationError(
@@ -80,7 +80,7 @@ class ViewFolder:
             Pictures.fromarray(image).save(temporary, format="PNG", compress_level=1)
         measured = None if joints is None else tuple(float(each) for each in joints)
         entry = ViewEntry(image=name, joints=measured)
-        self._list = ViewList(camera=self._list.camera, views=(*self._list.views, entry))
+        self._list = replace(self._list, views=(*self._list.views, entry))
         files.write(self.path / VIEWS_FILE, files.encode(self._list, VIEWS_SCHEMA))
 
     def images(self) -> list[Image]:
@@ -104,16 +104,14 @@ class ViewFolder:
             CalibrationError: There are none, or joints are missing.
             FileError: An image cannot be read.
         """
-        images = self.images()
-        joints = [entry.joints for entry in self._list.views]
-        if None in joints:
-            raise CalibrationError(
-                f"{self.path / VIEWS_FILE} has to say the joints of the arm for every image."
-            )
-        return [
-            View(image=image, joints=np.array(row))
-            for image, row in zip(images, joints, strict=True)
-        ]
+        views = []
+        for image, entry in zip(self.images(), self._list.views, strict=True):
+            if entry.joints is None:
+                raise CalibrationError(
+                    f"{self.path / VIEWS_FILE} has to say the joints of the arm for every image."
+                )
+            views.append(View(image=image, joints=np.array(entry.joints)))
+        return views
 
 
 def _read(path: Path) -> Image:

@@ -26,6 +26,14 @@ class Outcome(StrEnum):
     """It does not apply, or could not be made."""
     FAILED = "failed"
 
+    def of(self, name: str, value: str, advice: str = "") -> Check:
+        """A check that ended like this."""
+        return Check(name=name, outcome=self, value=value, advice=advice)
+
+    def unless(self, is_well: bool, name: str, value: str, advice: str = "") -> Check:
+        """A check that went well, or ended like this with a piece of advice."""
+        return Outcome.OK.of(name, value) if is_well else self.of(name, value, advice)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Check:
@@ -37,26 +45,6 @@ class Check:
     """What was found, in words and numbers."""
     advice: str = ""
     """What to do about it; empty where nothing is to be done."""
-
-    @staticmethod
-    def ok(name: str, value: str) -> Check:
-        """A check that went well."""
-        return Check(name=name, outcome=Outcome.OK, value=value)
-
-    @staticmethod
-    def note(name: str, value: str, advice: str = "") -> Check:
-        """A check that found something to know."""
-        return Check(name=name, outcome=Outcome.NOTE, value=value, advice=advice)
-
-    @staticmethod
-    def skipped(name: str, value: str) -> Check:
-        """A check that was not made; the value says why."""
-        return Check(name=name, outcome=Outcome.SKIPPED, value=value)
-
-    @staticmethod
-    def failed(name: str, value: str, advice: str = "") -> Check:
-        """A check that found something wrong."""
-        return Check(name=name, outcome=Outcome.FAILED, value=value, advice=advice)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -94,16 +82,7 @@ def is_well(checks: Iterable[Check]) -> bool:
 
 
 def write_checks(folder: Path, rig: str, rig_hash: str, checks: Sequence[Check]) -> Path:
-    """Write `doctor.json` into a run's folder, in place of an earlier one.
-
-    Args:
-        folder: The folder, which is made if it is missing.
-        rig: Name of the rig.
-        rig_hash: Hash of its file.
-        checks: What was found.
-
-    Returns:
-        The file.
+    """Write `doctor.json` into a run's folder, which is made if it is missing; gives the file.
 
     Raises:
         OutputError: It cannot be written.

@@ -8,14 +8,15 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from duobench.hardware.doctor.checks import Check
+from duobench.hardware.doctor.checks import Check, Outcome
 from duobench.hardware.rig import ArmDriver, CameraDriver, GripperDriver, Rig
 from duobench.machine import install_extra
 from duobench.versions import __version__
 
 PRIORITY = 80
 """Realtime priority that the arm's library asks for [libfranka: the highest that is allowed]."""
-LIBRARIES = {
+OPENCV = "opencv-python-headless"
+LIBRARIES: dict[str, tuple[str, ...]] = {
     ArmDriver.FRANKY: ("franky-control",),
     GripperDriver.ROBOTIQ: ("pymodbus", "pyserial"),
     CameraDriver.REALSENSE: ("pyrealsense2",),
@@ -33,12 +34,8 @@ def computer_checks(rig: Rig, sys: Path = Path("/sys")) -> list[Check]:
     is_needed = any(
         arm.driver is not ArmDriver.SIMULATED and arm.is_realtime for arm in rig.arms.values()
     )
-    return [
-        _kernel(is_needed, sys),
-        _rights(is_needed),
-        _governor(is_needed, sys),
-        *_versions(rig),
-    ]
+    checks = (_kernel(is_needed, sys), _rights(is_needed), _governor(is_needed, sys))
+    return [*checks, *_versions(rig)]
 
 
 def _kernel(is_needed: bool, sys: Path) -> Check:
@@ -46,59 +43,50 @@ def _kernel(is_needed: bool, sys: Path) -> Check:
         is_realtime = (sys / "kernel" / "realtime").read_text().strip() == "1"
     except OSError:
         is_realtime = "PREEMPT_RT" in platform.version()
-    return _needed(
-        "realtime kernel",
-        is_realtime,
-        is_needed,
-        f"{platform.release()} {'with' if is_realtime else 'without'} PREEMPT_RT",
-        "Boot a kernel with PREEMPT_RT (Ubuntu Pro: pro enable realtime-kernel).",
-    )
+    value = f"{platform.release()} {'with' if is_realtime else 'without'} PREEMPT_RT"
+    advice = "Boot a kernel with PREEMPT_RT (Ubuntu Pro: pro enable realtime-kernel)."
+    return _needed(is_needed, is_realtime, "realtime kernel", value, advice)
 
 
 def _rights(is_needed: bool) -> Check:
     priority = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
     locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
+    is_high = priority == resource.RLIM_INFINITY or priority >= PRIORITY
     is_unlimited = resource.RLIM_INFINITY in (priority, locked) or locked > 1 << 30
     words = "without limit" if locked == resource.RLIM_INFINITY else f"{locked >> 10} KiB"
-    return _needed(
-        "realtime rights",
-        (priority == resource.RLIM_INFINITY or priority >= PRIORITY) and is_unlimited,
-        is_needed,
-        f"priority up to {priority}, locked memory {words}",
-        f"Give the group of the user rtprio 99 and memlock unlimited in /etc/security/limits.conf; "
-        f"at least {PRIORITY} is asked for.",
+    value = f"priority up to {priority}, locked memory {words}"
+    advice = (
+        "Give the group of the user rtprio 99 and memlock unlimited in /etc/security/limits.conf; "
+        f"at least {PRIORITY} is asked for."
     )
+    return _needed(is_needed, is_high and is_unlimited, "realtime rights", value, advice)
+
+
+def _needed(is_needed: bool, is_well: bool, name: str, value: str, advice: str) -> Check:
+    if is_needed or is_well:
+        return Outcome.FAILED.unless(is_well, name, value, advice)
+    return Outcome.SKIPPED.of(name, f"{value}; not needed by this rig")
 
 
 def _governor(is_needed: bool, sys: Path) -> Check:
-    files = sorted(sys.glob("devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"))
-    found = {file.read_text().strip() for file in files}
+    name, pattern = "processor speed", "devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"
+    found = {file.read_text().strip() for file in sys.glob(pattern)}
     if not found:
-        return Check.skipped("processor speed", "not told by the kernel")
-    value = f"governor {', '.join(sorted(found))}"
-    if found == {"performance"} or not is_needed:
-        return Check.ok("processor speed", value)
-    return Check.note("processor speed", value, "Choose it: cpupower frequency-set -g performance")
-
-
-def _needed(name: str, is_well: bool, is_needed: bool, value: str, advice: str) -> Check:
-    if is_well:
-        return Check.ok(name, value)
-    if not is_needed:
-        return Check.skipped(name, f"{value}; not needed by this rig")
-    return Check.failed(name, value, advice)
+        return Outcome.SKIPPED.of(name, "not told by the kernel")
+    is_well = found == {"performance"} or not is_needed
+    advice = "Choose it: cpupower frequency-set -g performance"
+    return Outcome.NOTE.unless(is_well, name, f"governor {', '.join(sorted(found))}", advice)
 
 
 def _versions(rig: Rig) -> Iterator[Check]:
-    yield Check.ok("version", f"duobench {__version__}, Python {platform.python_version()}")
-    drivers = {each.driver for each in (*rig.arms.values(), *rig.grippers.values())}
-    drivers |= {each.driver for each in rig.cameras.values()}
-    wanted = {name for driver in drivers for name in LIBRARIES.get(driver, ())}
+    python = platform.python_version()
+    yield Outcome.OK.of("version", f"duobench {__version__}, Python {python}")
+    wanted = {name for driver in rig.drivers for name in LIBRARIES.get(driver, ())}
     if any(camera.calibration is not None for camera in rig.cameras.values()):
-        wanted.add("opencv-python-headless")
+        wanted.add(OPENCV)
     for name in sorted(wanted):
-        missing = Check.note if "opencv" in name else Check.failed
         try:
-            yield Check.ok(name, version(name))
+            yield Outcome.OK.of(name, version(name))
         except PackageNotFoundError:
-            yield missing(name, "not installed", install_extra("hardware"))
+            missing = Outcome.NOTE if name == OPENCV else Outcome.FAILED
+            yield missing.of(name, "not installed", install_extra("hardware"))

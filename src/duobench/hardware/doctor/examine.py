@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from statistics import median
 
 import numpy as np
@@ -10,8 +10,8 @@ import numpy as np
 from duobench.backend import Image
 from duobench.errors import BackendError, OptionError
 from duobench.hardware.canonical import CanonicalView
-from duobench.hardware.devices import ArmReading, Frame
-from duobench.hardware.doctor.checks import Check
+from duobench.hardware.devices import ArmReading
+from duobench.hardware.doctor.checks import Check, Outcome
 from duobench.hardware.doctor.computer import computer_checks
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig, CameraDriver, GripperConfig, GripperDriver
@@ -33,19 +33,15 @@ LEAST_COVERAGE = 0.98
 class _Measurement:
     """What is counted while the arms hold."""
 
-    def __init__(self, duo: FrankaDuo) -> None:
+    def __init__(self, duo: FrankaDuo, seconds: float) -> None:
+        """Hold for a time and count; without the operator's word only count."""
         self.duo = duo
-        self.frames: dict[str, list[tuple[int, float]]] = {name: [] for name in duo.cameras}
+        self.frames: dict[str, list[int]] = {name: [] for name in duo.cameras}
         self.rates: list[float] = []
         self.late: list[float] = []
-        self.seconds = 0.0
         self.trouble: str | None = None
-
-    def run(self, seconds: float) -> None:
-        """Hold for a time and count; without the operator's word only count."""
-        duo = self.duo
         for name, camera in duo.cameras.items():
-            camera.listen(self._counter(name))
+            camera.listen(lambda frame, seen=self.frames[name]: seen.append(frame.index))
         start = duo.clock.now()
         try:
             step = 0
@@ -66,9 +62,6 @@ class _Measurement:
             self.seconds = duo.clock.now() - start
             for camera in duo.cameras.values():
                 camera.listen(None)
-
-    def _counter(self, name: str) -> Callable[[Frame], None]:
-        return lambda frame: self.frames[name].append((frame.index, frame.time_s))
 
 
 def examine(
@@ -91,10 +84,9 @@ def examine(
     try:
         duo.start()
     except BackendError as error:
-        return (*checks, Check.failed("connection", str(error)))
-    checks.append(Check.ok("connection", "all devices answer"))
-    measured = _Measurement(duo)
-    measured.run(seconds)
+        return (*checks, Outcome.FAILED.of("connection", str(error)))
+    checks.append(Outcome.OK.of("connection", "all devices answer"))
+    measured = _Measurement(duo, seconds)
     checks += [*_arm_checks(measured), mount_check(duo.readings())]
     checks += [_gripper_check(duo, side) for side in SIDES]
     for name, config in duo.rig.cameras.items():
@@ -108,101 +100,85 @@ def _arm_checks(measured: _Measurement) -> Iterator[Check]:
     duo, seconds = measured.duo, measured.seconds
     is_confirmed = duo.supervisor.is_confirmed
     if (reason := measured.trouble or duo.held) is not None:
-        yield Check.failed("holding", reason)
+        yield Outcome.FAILED.of("holding", reason)
     elif not is_confirmed:
-        yield Check.skipped("holding", "the operator has not confirmed")
+        yield Outcome.SKIPPED.of("holding", "the operator has not confirmed")
     elif measured.late:
         late = f"steps were late by {1000 * max(measured.late):.1f} ms at most"
-        yield Check.ok("holding", f"{seconds:.0f} s; {late}")
+        yield Outcome.OK.of("holding", f"{seconds:.0f} s; {late}")
     name = "control commands in time"
     if not measured.rates:
-        yield Check.skipped(name, "not told by these arms")
+        yield Outcome.SKIPPED.of(name, "not told by these arms")
     elif not is_confirmed:
-        yield Check.skipped(name, "only known while the arms hold")
+        yield Outcome.SKIPPED.of(name, "only known while the arms hold")
     else:
         # The first ones are of the time before control.
         least = min(measured.rates[len(measured.rates) // 10 :])
         value = f"{least:.1%} at least over {seconds:.0f} s"
-        if least >= LEAST_SUCCESS:
-            yield Check.ok(name, value)
-        else:
-            advice = (
-                "Look at the realtime kernel, at the network (one port and cable an arm, no "
-                "switch), and move policies and images to another computer."
-            )
-            yield Check.failed(name, value, advice)
+        advice = (
+            "Look at the realtime kernel, at the network (one port and cable an arm, no switch), "
+            "and move policies and images to another computer."
+        )
+        yield Outcome.FAILED.unless(least >= LEAST_SUCCESS, name, value, advice)
 
 
 def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     config, name = duo.rig.grippers[side], f"{side} gripper"
     reading = duo.grippers[side].read()
     if reading.fault is not None:
-        return Check.failed(name, reading.fault.text)
+        return Outcome.FAILED.of(name, reading.fault.text)
     active = "active" if reading.is_active else "not activated yet"
     value = f"{active}, opening {reading.opening:.2f}"
     answers = [float(each) for each in getattr(duo.grippers[side], "round_trips", ())]
     if not answers:
-        return Check.ok(name, value)
+        return Outcome.OK.of(name, value)
     typical = median(answers)
     value += f", answers in {1000 * typical:.1f} ms ({1000 * max(answers):.1f} ms at most)"
     if typical > LONGEST_ANSWER_S:
         advice = "Set the latency timer of its adapter to 1 ms (see docs/real_setup.md)."
-        return Check.failed(name, value, advice)
-    nominal = GripperConfig()
-    ends, usual = ((each.open_count, each.closed_count) for each in (config, nominal))
-    if config.driver is GripperDriver.ROBOTIQ and ends == usual:
-        advice = (
-            f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
-        )
-        return Check.note(name, value, advice)
-    return Check.ok(name, value)
+        return Outcome.FAILED.of(name, value, advice)
+    ends, usual = ((each.open_count, each.closed_count) for each in (config, GripperConfig()))
+    is_measured = config.driver is not GripperDriver.ROBOTIQ or ends != usual
+    advice = f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
+    return Outcome.NOTE.unless(is_measured, name, value, advice)
 
 
 def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> Iterator[Check]:
     camera, frames = measured.duo.cameras[name], measured.frames[name]
     title = f"{name} camera"
     if camera.fault is not None:
-        yield Check.failed(title, camera.fault.text)
+        yield Outcome.FAILED.of(title, camera.fault.text)
         return
     rate = len(frames) / measured.seconds if measured.seconds > 0.0 else 0.0
-    lost = frames[-1][0] - frames[0][0] + 1 - len(frames) if frames else 0
+    lost = frames[-1] - frames[0] + 1 - len(frames) if frames else 0
     value = f"{rate:.1f} images a second of {config.fps}, {lost} lost"
     is_slow = rate < LEAST_RATE * config.fps - 1.0 / max(measured.seconds, 0.1)
-    facts = getattr(camera, "facts", None)
-    usb = "" if facts is None else facts.usb
-    if usb:
+    if usb := getattr(camera, "usb", ""):
         value += f", USB {usb}"
     is_old = bool(usb) and float(usb.split()[0]) < 3.0  # noqa: PLR2004 - USB 3
-    if is_slow or is_old:
-        advice = (
-            "Plug it in again, quickly, into a USB 3 port of its own, with a short cable and "
-            "without a hub."
-        )
-        yield Check.failed(title, value, advice)
-    else:
-        yield Check.ok(title, value)
-    yield from _settings_checks(title, name, config)
-
-
-def _settings_checks(title: str, name: str, config: CameraConfig) -> Iterator[Check]:
+    advice = (
+        "Plug it in again, quickly, into a USB 3 port of its own, with a short cable and without a "
+        "hub."
+    )
+    yield Outcome.FAILED.unless(not (is_slow or is_old), title, value, advice)
     if config.driver in {CameraDriver.SIMULATED, CameraDriver.FILE}:
         return
     if config.exposure_us is None:
         value = "chosen by the camera, which varies it"
         advice = "Lock exposure_us and gain in the rig's file."
-        yield Check.note(f"{title}'s exposure", value, advice)
+        yield Outcome.NOTE.of(f"{title}'s exposure", value, advice)
     title = f"{title}'s calibration"
     calibration = config.calibration
     if calibration is None:
         value = "none; its images are not remapped"
-        yield Check.note(title, value, "Calibrate it: docs/real_cameras.md.")
+        yield Outcome.NOTE.of(title, value, "Calibrate it: docs/real_cameras.md.")
         return
     coverage = CanonicalView(name, calibration, config.size).coverage
     value = (
         f"{calibration.date or 'no date'}, {calibration.error_px or 0:.2f} px; it sees "
         f"{coverage:.1%} of the simulation's image"
     )
-    yield Check.ok(title, value) if coverage >= LEAST_COVERAGE else Check.note(title, value)
+    yield Outcome.NOTE.unless(coverage >= LEAST_COVERAGE, title, value)
 
 
 # --- the place of the head camera ----------------------------------------------------------------
@@ -260,23 +236,23 @@ def shift_between(image: Image, reference: Image) -> tuple[float, float] | None:
 def _drift_check(duo: FrankaDuo, reference: Image | None) -> Check:
     name = "head camera's place"
     if reference is None:
-        return Check.skipped(name, "no reference was stored")
+        return Outcome.SKIPPED.of(name, "no reference was stored")
     if HEAD not in duo.frames():
-        return Check.failed(name, "it gives no image")
+        return Outcome.FAILED.of(name, "it gives no image")
     image = duo.images([HEAD], (reference.shape[0], reference.shape[1]))[HEAD]
     try:
         shift = shift_between(image, reference)
     except ImportError:
-        return Check.note(name, "OpenCV is not installed", install_extra("hardware"))
+        return Outcome.NOTE.of(name, "OpenCV is not installed", install_extra("hardware"))
     if shift is None:
         value = "too little is as it was when the reference was stored"
-        return Check.note(name, value, "Clear the table, bring the arms home, and look again.")
+        return Outcome.NOTE.of(name, value, "Clear the table, bring the arms home, and look again.")
     pixels = float(np.hypot(*shift))
     value = f"{pixels:.1f} px from the reference ({shift[0]:+.1f}, {shift[1]:+.1f})"
     if pixels > LARGEST_SHIFT_PX:
         advice = "The camera was moved: move it back, or calibrate it again."
-        return Check.failed(name, value, advice)
-    return Check.ok(name, value) if pixels <= NOTED_SHIFT_PX else Check.note(name, value)
+        return Outcome.FAILED.of(name, value, advice)
+    return Outcome.NOTE.unless(pixels <= NOTED_SHIFT_PX, name, value)
 
 
 # --- left and right ------------------------------------------------------------------------------
@@ -308,8 +284,7 @@ def gravity_torques(joints: Array) -> Array:
     sim.data.qpos[places] = joints
     sim.data.qvel[:] = 0.0
     mujoco.mj_forward(sim.model, sim.data)
-    dof_of = dict(zip(sim.model.jnt_qposadr.tolist(), sim.model.jnt_dofadr.tolist(), strict=True))
-    dofs = np.array([[dof_of[place] for place in row] for row in places.tolist()])
+    dofs = sim.model.jnt_dofadr[np.searchsorted(sim.model.jnt_qposadr, places)]
     return sim.data.qfrc_bias[dofs]
 
 
@@ -319,7 +294,7 @@ def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
     joints = np.array([readings[side].joints for side in SIDES])
     felt = np.array([readings[side].torques for side in SIDES])
     if np.linalg.norm(felt, axis=-1).min() < SMALLEST:
-        return Check.skipped(name, "the arms feel no torques")
+        return Outcome.SKIPPED.of(name, "the arms feel no torques")
     own = np.linalg.norm(felt - gravity_torques(joints), axis=-1)
     # The same joints in the other arm's mount.
     other = np.linalg.norm(felt - gravity_torques(joints[::-1])[::-1], axis=-1)
@@ -327,13 +302,11 @@ def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
         f"{side}: {own[side.index]:.1f} N·m off as {side}, {other[side.index]:.1f} as {side.other}"
         for side in SIDES
     )
-    if np.all(own <= CLEAR * other):
-        return Check.ok(name, value)
     if np.all(other <= CLEAR * own):
         advice = "The arms are swapped: exchange their addresses in the rig's file, or cables."
-        return Check.failed(name, value, advice)
+        return Outcome.FAILED.of(name, value, advice)
     advice = (
         "Torques fit neither mount well: look at the mass of the tool that the control box knows, "
         "and at whether something touches an arm."
     )
-    return Check.note(name, value, advice)
+    return Outcome.NOTE.unless(bool(np.all(own <= CLEAR * other)), name, value, advice)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from duobench.backend import Image
 from duobench.errors import BackendError
@@ -21,23 +20,6 @@ JOIN_S = 3.0
 """Seconds that a thread has to end; one that waits for a camera that hangs is left behind."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CameraFacts:
-    """What a camera says about itself once it is connected."""
-
-    name: str = ""
-    serial: str = ""
-    firmware: str = ""
-    usb: str = ""
-    """The USB version of its connection, such as 3.2; empty where it is not known."""
-    exposure_us: float | None = None
-    """Exposure in microseconds that is locked; None where the camera chooses it."""
-    gain: float | None = None
-    """Gain that is locked, in the camera's units; None where the camera chooses it."""
-    lens: CameraCalibration | None = None
-    """The manufacturer's lens, with no pose; None where it is not known."""
-
-
 class LatestFrame:
     """The latest frame of a camera; frames come from one thread, questions from any.
 
@@ -51,12 +33,15 @@ class LatestFrame:
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
         self.config, self.clock, self.name = config, clock, name or config.device
-        self.facts = CameraFacts()
+        self.usb = ""
+        """The USB version of its connection, such as 3.2; empty where it is not known."""
+        self.lens: CameraCalibration | None = None
+        """The manufacturer's lens, with no pose; None where it is not known."""
         self.trouble = ""
         """What went wrong last, in words."""
         self._frame: Frame | None = None
         self._call: Callable[[Frame], None] | None = None
-        self._connected_at: float | None = None
+        self._connected_at: float | None = None  # since when a missing frame is a fault
 
     def latest(self) -> Frame | None:
         """The latest frame; None before the first one."""
@@ -76,17 +61,14 @@ class LatestFrame:
         if age <= self.stale_s:
             return None
         why = f": {self.trouble}" if self.trouble else ""
-        text = f"The camera {self.name} has given no image for {age:.1f} s{why}."
-        return Fault(kind=FaultKind.COMMUNICATION, text=text)
+        return FaultKind.COMMUNICATION.fault(
+            f"The camera {self.name} has given no image for {age:.1f} s{why}."
+        )
 
     def begin(self) -> None:
         """Have a missing frame be a fault from now on, and forget earlier ones."""
         self._frame, self.trouble = None, ""
         self._connected_at = self.clock.now()
-
-    def end(self) -> None:
-        """Have a missing frame be no fault any more."""
-        self._connected_at = None
 
     def publish(self, image: Image, time_s: float, index: int) -> None:
         """Take a frame, and give it to who listens.
@@ -128,11 +110,7 @@ class TickedCamera(LatestFrame, ABC):
         """
 
     def connect(self) -> None:
-        """Begin to take images.
-
-        Raises:
-            BackendError: There is no first one, or it has another size.
-        """
+        """Begin to take images; the first one decides whether they are as the rig says."""
         if self._ticker is not None:
             return
         self._index = 0
@@ -146,10 +124,10 @@ class TickedCamera(LatestFrame, ABC):
 
     def close(self) -> None:
         """Take no more images; closing twice is harmless."""
-        self.end()
-        ticker, self._ticker = self._ticker, None
-        if ticker is not None:
-            ticker.stop()
+        self._connected_at = None
+        if self._ticker is not None:
+            self._ticker.stop()
+            self._ticker = None
 
     def _tick(self) -> None:
         try:
@@ -191,19 +169,15 @@ class ThreadedCamera(LatestFrame, ABC):
         """Close the camera, in its thread; it may never have been opened."""
 
     def connect(self) -> None:
-        """Open the camera and wait for its first image.
-
-        Raises:
-            BackendError: It cannot be opened, gives no image, or images of another size.
-        """
+        """Open the camera and wait for its first image."""
         if self._thread is not None:
             return
         self._is_closing.clear()
         self._has_begun.clear()
         self._error = None
-        thread = threading.Thread(target=self._run, name=f"camera {self.name}", daemon=True)
-        self._thread = thread
-        thread.start()
+        name = f"camera {self.name}"
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
         is_in_time = self._has_begun.wait(FIRST_S + self.opening_s)
         if self._error is not None or not is_in_time:
             self.close()
@@ -211,7 +185,7 @@ class ThreadedCamera(LatestFrame, ABC):
 
     def close(self) -> None:
         """Let go of the camera; closing twice is harmless."""
-        self.end()
+        self._connected_at = None
         self._is_closing.set()
         if self._thread is not None and threading.current_thread() is not self._thread:
             self._thread.join(JOIN_S)

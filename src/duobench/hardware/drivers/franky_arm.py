@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
@@ -51,12 +51,7 @@ MODES_OF_PEOPLE = ("UserStopped", "Guiding")
 
 
 class FrankyArm:
-    """An `Arm` over `franky.Robot` and its `JointImpedanceTracker`.
-
-    Args:
-        config: Its address, gains and thresholds.
-        clock: Gives the times of readings, and a thread that asks.
-    """
+    """An `Arm` over `franky.Robot` and its `JointImpedanceTracker`."""
 
     def __init__(self, config: ArmConfig, clock: Clock) -> None:
         self._config, self._clock = config, clock
@@ -108,11 +103,12 @@ class FrankyArm:
                 raise BackendError(
                     f"The arm at {config.address} does not begin to track: {error}"
                 ) from error
-        self._wait(lambda: self.read().is_tracking or self.read().fault is not None)
-        if not self.read().is_tracking:
-            fault = self.read().fault
-            why = "it says nothing about why" if fault is None else fault.text
-            raise BackendError(f"The arm at {config.address} does not begin to track: {why}")
+        end = self._clock.now() + START_S
+        while not (reading := self.read()).is_tracking:
+            if reading.fault is not None or self._clock.now() >= end:
+                why = "it says nothing about why" if reading.fault is None else reading.fault.text
+                raise BackendError(f"The arm at {config.address} does not begin to track: {why}")
+            self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
 
     def command(self, joints: Array, velocities: Array) -> None:
         """Track a point of a smooth path; a stopped arm says nothing, see `read`."""
@@ -156,15 +152,14 @@ class FrankyArm:
     def close(self) -> None:
         """Stop, and let go of the arm."""
         self.stop()
-        ticker, self._ticker = self._ticker, None
-        if ticker is not None:
-            ticker.stop()
+        if self._ticker is not None:
+            self._ticker.stop()
+            self._ticker = None
         self._robot = None
 
     # --- asking ----------------------------------------------------------------------------------
 
     def _poll(self) -> None:
-        """Ask the arm how it is; the clock calls this in a thread of its own."""
         robot = self._robot
         if robot is None:
             return
@@ -178,8 +173,14 @@ class FrankyArm:
             return
         mode = str(state.robot_mode).rpartition(".")[2]
         fault = self._fault or fault_of_errors(errors_in(state.current_errors), mode)
-        self._reading = reading_of(
-            state, now, is_tracking=is_tracking and fault is None, fault=fault
+        self._reading = ArmReading(
+            time_s=now,
+            joints=np.array(state.q, dtype=np.float64),
+            velocities=np.array(state.dq, dtype=np.float64),
+            torques=np.array(state.tau_J, dtype=np.float64),
+            is_tracking=is_tracking and fault is None,
+            fault=fault,
+            state=state_of(state),
         )
 
     def _is_running(self) -> bool:
@@ -229,18 +230,8 @@ class FrankyArm:
     def _errors(self) -> tuple[type[Exception], ...]:
         return (self._known().Exception, RuntimeError, OSError)
 
-    def _wait(self, is_done: Callable[[], bool]) -> None:
-        end = self._clock.now() + START_S
-        while not is_done() and self._clock.now() < end:
-            self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
-
 
 def _library() -> ModuleType:
-    """The library, loaded at first use.
-
-    Raises:
-        BackendError: It is not installed.
-    """
     try:
         import franky  # pyright: ignore[reportMissingImports]
     except ImportError as error:
@@ -263,36 +254,28 @@ def fault_of_errors(names: Iterable[str], mode: str = "") -> Fault | None:
     """The fault that errors and the mode of an arm are; None where there is none.
 
     A packet that was lost is nobody's fault who leads the arm; a reflex is.
-
-    Args:
-        names: Names of errors.
-        mode: Name of the robot's mode, such as "Reflex".
     """
     names = tuple(names)
     if names:
         is_lost = all(name == COMMUNICATION for name in names)
         kind = FaultKind.COMMUNICATION if is_lost else FaultKind.REFLEX
-        return Fault(kind=kind, text=", ".join(names))
+        return kind.fault(", ".join(names))
     if mode == "Reflex":
-        return Fault(kind=FaultKind.REFLEX, text="The arm is in its reflex mode.")
+        return FaultKind.REFLEX.fault("The arm is in its reflex mode.")
     if mode in MODES_OF_PEOPLE:
-        return Fault(kind=FaultKind.DEVICE, text=f"The arm is in the mode {mode}.")
+        return FaultKind.DEVICE.fault(f"The arm is in the mode {mode}.")
     return None
 
 
 def fault_of_exception(error: BaseException, lost: tuple[type[BaseException], ...]) -> Fault:
-    """The fault that an error of the library is.
+    """The fault that an error of the library is; `lost` are those of networks and packets.
 
     What stopped an arm stands in the text as a list of names in quotation marks.
-
-    Args:
-        error: The error.
-        lost: The library's errors of networks and packets.
     """
     text = str(error).strip() or type(error).__name__
     names = set(re.findall(r'"(\w+)"', text))
     is_lost = isinstance(error, lost) or names == {COMMUNICATION}
-    return Fault(kind=FaultKind.COMMUNICATION if is_lost else FaultKind.REFLEX, text=text)
+    return (FaultKind.COMMUNICATION if is_lost else FaultKind.REFLEX).fault(text)
 
 
 def state_of(state: Any) -> Mapping[str, Array]:
@@ -306,16 +289,3 @@ def state_of(state: Any) -> Mapping[str, Array]:
         for name, value in found.items()
         if value is not None
     }
-
-
-def reading_of(state: Any, time_s: float, *, is_tracking: bool, fault: Fault | None) -> ArmReading:
-    """The reading of a robot state that was read at a time of the rig's clock."""
-    return ArmReading(
-        time_s=time_s,
-        joints=np.array(state.q, dtype=np.float64),
-        velocities=np.array(state.dq, dtype=np.float64),
-        torques=np.array(state.tau_J, dtype=np.float64),
-        is_tracking=is_tracking,
-        fault=fault,
-        state=state_of(state),
-    )

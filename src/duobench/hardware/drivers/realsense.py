@@ -17,8 +17,8 @@ import numpy as np
 from duobench.backend import Image
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock
-from duobench.hardware.drivers.frames import CameraFacts, ThreadedCamera
-from duobench.hardware.rig import CameraCalibration, CameraConfig
+from duobench.hardware.drivers.frames import ThreadedCamera
+from duobench.hardware.rig import UNPOSED, CameraCalibration, CameraConfig
 from duobench.machine import install_extra
 
 RECORDINGS = frozenset({".db3", ".bag"})
@@ -30,7 +30,6 @@ ATTEMPTS = 3
 RESET_S = 15.0
 """Seconds in which a camera that was reset has to be back."""
 WAIT_S = 0.5
-_UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class RealSenseCamera(ThreadedCamera):
@@ -50,27 +49,24 @@ class RealSenseCamera(ThreadedCamera):
         device = self.config.device
         if self._is_recording and not Path(device).is_file():
             raise BackendError(f"There is no recording {device}.")
-        if not self._is_recording and device not in (found := _serials(rs)):
+        if not self._is_recording and device not in (found := _devices(rs)):
             raise BackendError(
                 f"There is no RealSense camera {device!r} for {self.name}; connected are: "
                 f"{', '.join(found) or 'none'}."
             )
-        error: Exception | None = None
-        for attempt in range(ATTEMPTS):
-            if attempt == ATTEMPTS - 1 and not self._is_recording:
+        for left in reversed(range(1 if self._is_recording else ATTEMPTS)):
+            if left == 0 and not self._is_recording:
                 self._reset()
             try:
                 self._start(rs)
                 return
-            except RuntimeError as found:
-                error = found
+            except RuntimeError as error:
                 self._shut()
-                if self._is_recording:
-                    break
-        raise BackendError(
-            f"The camera {self.name} ({device}) gives no images: {error}. Plug it in again, "
-            "quickly, into a USB 3 port."
-        ) from error
+                if left == 0:
+                    raise BackendError(
+                        f"The camera {self.name} ({device}) gives no images: {error}. Plug it in "
+                        "again, quickly, into a USB 3 port."
+                    ) from error
 
     def _start(self, rs: Any) -> None:
         """Start its stream and wait until an image comes; RuntimeError where none does."""
@@ -86,7 +82,10 @@ class RealSenseCamera(ThreadedCamera):
         device = profile.get_device()
         if not self._is_recording:
             self._lock_exposure(rs, device)
-        self.facts = self._read_facts(rs, device, profile)
+        usb = rs.camera_info.usb_type_descriptor
+        self.usb = device.get_info(usb) if device.supports(usb) else ""
+        stream = profile.get_stream(rs.stream.color).as_video_stream_profile()
+        self.lens = _lens(rs, stream.get_intrinsics())
         self._pipeline.wait_for_frames(round(HANG_S * 1000))
         self._first = None
 
@@ -124,43 +123,29 @@ class RealSenseCamera(ThreadedCamera):
             sensor.set_option(rs.option.enable_auto_exposure, 1)
             return
         sensor.set_option(rs.option.enable_auto_exposure, 0)
-        for option, value in (
-            (rs.option.exposure, config.exposure_us),
-            (rs.option.gain, config.gain),
-        ):
-            if value is not None:
-                _set(sensor, option, value, self.name)
+        wanted = {rs.option.exposure: config.exposure_us, rs.option.gain: config.gain}
+        for option, value in wanted.items():
+            if value is None:
+                continue
+            span = sensor.get_option_range(option)
+            if not span.min <= value <= span.max:
+                raise BackendError(
+                    f"The camera {self.name} takes {option} of {span.min:g} to {span.max:g}, got "
+                    f"{value:g}."
+                )
+            sensor.set_option(option, value)
         if sensor.supports(rs.option.enable_auto_white_balance):
             sensor.set_option(rs.option.enable_auto_white_balance, 0)
-
-    def _read_facts(self, rs: Any, device: Any, profile: Any) -> CameraFacts:
-        def text(fact: Any) -> str:
-            return device.get_info(fact) if device.supports(fact) else ""
-
-        info = rs.camera_info
-        stream = profile.get_stream(rs.stream.color).as_video_stream_profile()
-        return CameraFacts(
-            name=text(info.name),
-            serial=text(info.serial_number),
-            firmware=text(info.firmware_version),
-            usb=text(info.usb_type_descriptor),
-            exposure_us=self.config.exposure_us,
-            gain=self.config.gain,
-            lens=_lens(rs, stream.get_intrinsics()),
-        )
 
     def _reset(self) -> None:
         """Reset the camera as pulling its plug does, and wait until it is back."""
         rs, serial = self._library, self.config.device
-        for device in rs.context().query_devices():
-            if device.get_info(rs.camera_info.serial_number) == serial:
-                device.hardware_reset()
-                break
-        else:
+        if (device := _devices(rs).get(serial)) is None:
             return
+        device.hardware_reset()
         end = time.monotonic() + RESET_S
         time.sleep(2.0)  # until then it is still listed
-        while time.monotonic() < end and serial not in _serials(rs):
+        while time.monotonic() < end and serial not in _devices(rs):
             time.sleep(0.5)
 
 
@@ -175,10 +160,10 @@ def _library() -> Any:
     return pyrealsense2
 
 
-def _serials(rs: Any) -> list[str]:
-    return [
-        device.get_info(rs.camera_info.serial_number) for device in rs.context().query_devices()
-    ]
+def _devices(rs: Any) -> dict[str, Any]:
+    """The cameras that are connected, by serial number."""
+    devices = rs.context().query_devices()
+    return {device.get_info(rs.camera_info.serial_number): device for device in devices}
 
 
 def _colour_sensor(rs: Any, device: Any) -> Any:
@@ -186,15 +171,6 @@ def _colour_sensor(rs: Any, device: Any) -> Any:
         if any(each.stream_type() == rs.stream.color for each in sensor.get_stream_profiles()):
             return sensor
     raise BackendError("The camera has no sensor that gives colour.")
-
-
-def _set(sensor: Any, option: Any, value: float, name: str) -> None:
-    span = sensor.get_option_range(option)
-    if not span.min <= value <= span.max:
-        raise BackendError(
-            f"The camera {name} takes {option} of {span.min:g} to {span.max:g}, got {value:g}."
-        )
-    sensor.set_option(option, value)
 
 
 def _lens(rs: Any, found: Any) -> CameraCalibration | None:
@@ -208,6 +184,6 @@ def _lens(rs: Any, found: Any) -> CameraCalibration | None:
         cx=found.ppx,
         cy=found.ppy,
         distortion=coefficients,
-        pose=_UNPOSED,
+        pose=UNPOSED,
         method="factory",
     )

@@ -13,6 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -87,10 +88,7 @@ class Status:
 class RobotiqGripper:
     """A gripper that a ticker of the clock asks 30 times a second, and tells what is new.
 
-    Args:
-        config: Port, ends, speed and force.
-        clock: Gives the times of readings, and calls.
-        answer_s: Seconds in which an answer has to come.
+    An answer has to come in `answer_s` seconds.
     """
 
     def __init__(self, config: GripperConfig, clock: Clock, *, answer_s: float = ANSWER_S) -> None:
@@ -107,18 +105,11 @@ class RobotiqGripper:
         self._was_active = False
         self._trouble = ""
         self._next_open = 0.0
-        self.is_low_latency = False
-        """Whether the port took the mode without which an adapter waits 16 ms for each answer."""
         self.round_trips: deque[float] = deque(maxlen=300)
         """Seconds that the latest answers took."""
 
     def connect(self) -> None:
-        """Open the port and ask the gripper; nothing moves.
-
-        Raises:
-            BackendError: pymodbus or pyserial is missing, the port cannot be opened, or nothing
-                answers.
-        """
+        """Open the port and ask the gripper; nothing moves."""
         if self._ticker is not None:
             return
         port = self._config.port
@@ -139,10 +130,7 @@ class RobotiqGripper:
                 f"The port {port!r} of a gripper cannot be opened: {_why(port)} Its name is best "
                 "one of /dev/serial/by-id/."
             )
-        for _ in range(TRIES):
-            if self._ask():
-                break
-        else:
+        if not any(self._ask() for _ in range(TRIES)):
             self._client.close()
             raise BackendError(
                 f"No gripper answers at {port} as device {DEVICE_ID} with {BAUD} bits a second; "
@@ -168,8 +156,7 @@ class RobotiqGripper:
         while self._clock.now() < end:
             self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
             reading = self.read()
-            is_communicating = reading.fault is None or reading.fault.kind is FaultKind.DEVICE
-            if not is_communicating:
+            if reading.fault is not None and reading.fault.kind is not FaultKind.DEVICE:
                 break
             if not self._activation and reading.is_active and reading.fault is None:
                 return
@@ -177,17 +164,14 @@ class RobotiqGripper:
         raise BackendError(f"The gripper at {self._config.port} was not activated: {why}")
 
     def read(self) -> GripperReading:
-        """The latest reading; its fault says what is wrong now, silence included.
-
-        Raises:
-            BackendError: It was not connected.
-        """
+        """The latest reading; its fault says what is wrong now, silence included."""
         if self._newest is None:
             raise BackendError("A gripper is read after it was connected.")
         time_s, status = self._newest
+        low, high = self._config.open_count, self._config.closed_count
         return GripperReading(
             time_s=time_s,
-            opening=self._opening(status.position),
+            opening=min(max((high - status.position) / (high - low), 0.0), 1.0),
             is_active=status.is_activated,
             has_object=status.is_activated and status.contact not in {_MOVING, _AT_GOAL},
             fault=self._fault(time_s, status),
@@ -226,26 +210,21 @@ class RobotiqGripper:
         if self._client is not None:
             self._client.close()
 
-    def _opening(self, count: int) -> float:
-        low, high = self._config.open_count, self._config.closed_count
-        return min(max((high - count) / (high - low), 0.0), 1.0)
-
     def _fault(self, time_s: float, status: Status) -> Fault | None:
         port = self._config.port
         silence = self._clock.now() - time_s
         if silence > SILENT_S:
             text = f"The gripper at {port} has not answered for {silence:.1f} s ({self._trouble})."
-            return Fault(kind=FaultKind.COMMUNICATION, text=text)
+            return FaultKind.COMMUNICATION.fault(text)
         if (meaning := _FAULTS.get(status.fault)) is not None:
             text = f"The gripper at {port} reports fault 0x{status.fault:02X}: {meaning}."
-            return Fault(kind=FaultKind.DEVICE, text=text)
+            return FaultKind.DEVICE.fault(text)
         if self._was_active and not status.is_activated and not self._activation:
             text = f"The gripper at {port} is active no more; it lost its power, or was reset."
-            return Fault(kind=FaultKind.DEVICE, text=text)
+            return FaultKind.DEVICE.fault(text)
         return None
 
     def _tick(self) -> None:
-        """Tell the gripper what is new, and ask how it is."""
         if not self._client.connected and (self._clock.now() < self._next_open or not self._open()):
             return
         if (news := self._news()) is not None and self._exchange(news) is not None:
@@ -292,8 +271,7 @@ class RobotiqGripper:
         return answer.registers
 
     def _ask(self) -> bool:
-        registers = self._exchange(None)
-        if registers is None:
+        if (registers := self._exchange(None)) is None:
             return False
         status = Status.of(registers)
         self._newest = self._clock.now(), status
@@ -304,26 +282,18 @@ class RobotiqGripper:
         self._next_open = self._clock.now() + REOPEN_S
         if not self._client.connect():
             return False
-        try:
+        # Without this mode, which not every port has, an adapter waits 16 ms for each answer.
+        with suppress(OSError, ValueError, NotImplementedError, AttributeError):
             self._client.socket.set_low_latency_mode(True)
-            self.is_low_latency = True
-        except (OSError, ValueError, NotImplementedError, AttributeError):
-            self.is_low_latency = False  # a port that has no such mode
         return True
 
 
 def measure_ends(
     config: GripperConfig, clock: Clock, *, answer_s: float = ANSWER_S
 ) -> GripperConfig:
-    """Open and close an empty gripper, and see where it stops. Only on a person's word.
+    """Open and close an empty gripper, and give it with the ends where it stops.
 
-    Args:
-        config: The gripper; its ends are not looked at.
-        clock: Waits meanwhile.
-        answer_s: Seconds in which an answer has to come.
-
-    Returns:
-        The gripper with its ends.
+    Only on a person's word; the ends that it has are not looked at.
 
     Raises:
         BackendError: It cannot be reached or activated, stops answering, or something was between

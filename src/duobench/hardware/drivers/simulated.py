@@ -6,7 +6,6 @@ what happens when something breaks. Arms have no mass and grippers touch nothing
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -35,31 +34,19 @@ MARKS = 24
 
 
 class SimulatedArm:
-    """An arm that tracks as a damped spring does, or exactly after a lag.
+    """An arm at first at joints (7,) in radians, which tracks as a damped spring does."""
 
-    Args:
-        clock: The rig's clock.
-        joints: Where it is at first (7,), in radians.
-        is_exact: Whether it is where it is told to be, `lag_s` later.
-        lag_s: Seconds that an exact arm is behind.
-    """
-
-    def __init__(
-        self, clock: Clock, joints: Array, *, is_exact: bool = False, lag_s: float = 0.0
-    ) -> None:
-        self._clock, self._is_exact, self._lag = clock, is_exact, lag_s
+    def __init__(self, clock: Clock, joints: Array) -> None:
+        self._clock = clock
         self._joints = np.array(joints, dtype=np.float64)
         self._velocities = np.zeros(ARM_JOINTS)
         self._target, self._speed = self._joints.copy(), np.zeros(ARM_JOINTS)
-        self._waiting: deque[tuple[float, Array, Array]] = deque()
         self._time = clock.now()
         self._is_tracking = False
         self._fault: Fault | None = None
         self._last: ArmReading | None = None
         self.is_silent = False
         """Whether it gives no new readings, as an arm whose cable is out."""
-        self.is_stubborn = False
-        """Whether a fault stays when a person wants to clear it."""
         self.is_reachable = True
         self.commands: int = 0
         """How often it was told where to be."""
@@ -91,7 +78,6 @@ class SimulatedArm:
             raise BackendError(f"The arm cannot start: {self._fault.text}")
         self._move()
         self._target, self._speed = self._joints.copy(), np.zeros(ARM_JOINTS)
-        self._waiting.clear()
         self._is_tracking = True
 
     def command(self, joints: Array, velocities: Array) -> None:
@@ -99,7 +85,7 @@ class SimulatedArm:
         self.commands += 1
         self._move()
         if self._is_tracking:
-            self._waiting.append((self._clock.now() + self._lag, joints.copy(), velocities.copy()))
+            self._target, self._speed = joints.copy(), velocities.copy()
 
     def stop(self) -> None:
         """Come to rest where it is."""
@@ -108,8 +94,6 @@ class SimulatedArm:
 
     def recover(self) -> None:
         """Clear a fault."""
-        if self._fault is not None and self.is_stubborn:
-            raise BackendError(f"The fault stays: {self._fault.text}")
         self._fault = None
 
     def close(self) -> None:
@@ -119,7 +103,7 @@ class SimulatedArm:
     def fail(self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.REFLEX) -> None:
         """Report a fault from now on, and follow no more commands."""
         self.stop()
-        self._fault = Fault(kind=kind, text=text)
+        self._fault = kind.fault(text)
 
     def put(self, joints: Array) -> None:
         """Put the arm elsewhere, as a person does who leads it by hand."""
@@ -127,30 +111,18 @@ class SimulatedArm:
         self._joints = np.array(joints, dtype=np.float64)
         self._velocities = np.zeros(ARM_JOINTS)
         self._target = self._joints.copy()
-        self._waiting.clear()
 
     def _move(self) -> None:
         now = self._clock.now()
         while self._time < now:
             end = min(now, self._time + STEP_S)
-            if self._waiting and self._waiting[0][0] < end:
-                end = max(self._time, self._waiting[0][0])
-            self._step(end - self._time)
-            self._time = end
-            while self._waiting and self._waiting[0][0] <= end:
-                _, self._target, self._speed = self._waiting.popleft()
-        while self._waiting and self._waiting[0][0] <= now:
-            _, self._target, self._speed = self._waiting.popleft()
-
-    def _step(self, dt: float) -> None:
-        if self._is_exact and self._is_tracking:
-            self._joints, self._velocities = self._target.copy(), self._speed.copy()
-            return
-        pull = ARM_RATE * ARM_RATE * (self._target - self._joints) if self._is_tracking else 0.0
-        speed = self._speed if self._is_tracking else 0.0
-        push = 2.0 * ARM_RATE * (speed - self._velocities)
-        self._velocities = self._velocities + dt * (pull + push)
-        self._joints = self._joints + dt * self._velocities
+            dt, self._time = end - self._time, end
+            pull, speed = 0.0, 0.0
+            if self._is_tracking:
+                pull, speed = ARM_RATE * ARM_RATE * (self._target - self._joints), self._speed
+            push = 2.0 * ARM_RATE * (speed - self._velocities)
+            self._velocities = self._velocities + dt * (pull + push)
+            self._joints = self._joints + dt * self._velocities
 
 
 class SimulatedGripper:
@@ -181,8 +153,7 @@ class SimulatedGripper:
             age = now - self._last.time_s
             if age > SILENCE_S:
                 text = f"The gripper has not answered for {age:.2f} s."
-                fault = Fault(kind=FaultKind.COMMUNICATION, text=text)
-                return replace(self._last, fault=fault)
+                return replace(self._last, fault=FaultKind.COMMUNICATION.fault(text))
             return self._last
         self._move()
         self._last = GripperReading(
@@ -224,10 +195,7 @@ class SimulatedGripper:
 class SimulatedCamera(TickedCamera):
     """A camera of which every image shows its number, or what a source gives.
 
-    Args:
-        clock: The rig's clock.
-        fps: Images a second.
-        source: Gives the image (720, 1280, 3) of a number and a time; a pattern without one.
+    The source gives the image (720, 1280, 3) of a number and a time.
     """
 
     stale_s = 0.5
@@ -265,20 +233,15 @@ class SimulatedCamera(TickedCamera):
 def numbered_image(index: int, _time_s: float = 0.0) -> Image:
     """An image (720, 1280, 3) that shows a number as white and black squares along its top."""
     image = _BACKGROUND.copy()
-    for digit in range(MARKS):
-        value = 255 if index >> digit & 1 else 0
-        image[:MARK, digit * MARK : (digit + 1) * MARK] = value
+    digits = index >> np.arange(MARKS) & 1
+    image[:MARK, : MARKS * MARK] = np.repeat(255 * digits, MARK)[:, None]
     return image
 
 
 def number_of(image: Image) -> int:
     """The number that `numbered_image` wrote into an image of native size, encoded or not."""
-    middle = MARK // 2
-    return sum(
-        1 << digit
-        for digit in range(MARKS)
-        if int(image[middle, digit * MARK + middle].astype(int).sum()) > 3 * 127
-    )
+    middles = image[MARK // 2, MARK // 2 : MARKS * MARK : MARK]
+    return int((middles.sum(axis=-1) > 3 * 127) @ (1 << np.arange(MARKS)))
 
 
 def _background() -> Image:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from av.error import FFmpegError
 from duobench.backend import Image
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock
-from duobench.hardware.drivers.frames import CameraFacts, ThreadedCamera, TickedCamera
+from duobench.hardware.drivers.frames import ThreadedCamera, TickedCamera
 from duobench.hardware.rig import CameraConfig
 
 GENERATED = "lavfi:"
@@ -55,9 +55,7 @@ class UvcCamera(ThreadedCamera):
         self._container = opened(self.name, device, "v4l2", options)
         self._frames = self._container.decode(video=0)
         self._last = None
-        self.facts = CameraFacts(
-            name=device, usb=usb_of(device), exposure_us=config.exposure_us, gain=config.gain
-        )
+        self.usb = usb_of(device)
 
     def _wait(self) -> tuple[Image, float, int]:
         try:
@@ -89,58 +87,40 @@ class FileCamera(TickedCamera):
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
         super().__init__(config, clock, name)
-        self._container: Any = None
-        self._frames: Iterator[Any] = iter(())
-        self._still: Image | None = None
-        self.facts = CameraFacts(name=config.device)
-
-    def connect(self) -> None:
-        """Open the film, and begin to play it.
-
-        Raises:
-            BackendError: It cannot be read, or its images have another size.
-        """
-        if self._ticker is None:
-            self._still = None
-        super().connect()
+        self._images = self._play()
 
     def close(self) -> None:
         """Close the film; closing twice is harmless."""
         super().close()
-        if self._container is not None:
-            self._container.close()
-            self._container = None
+        self._images.close()
+        self._images = self._play()
 
     def _take(self) -> None:
-        image = self._still if self._still is not None else self._image()
+        try:
+            image = next(self._images)
+        except BackendError:
+            self._images = self._play()  # try again
+            raise
         index, self._index = self._index, self._index + 1
         self.publish(image, self.clock.now(), index)
 
-    def _image(self) -> Image:
-        """The next image; after the last one comes the first one."""
-        frame = self._next() if self._container is not None else None
-        if frame is None and self._index == 1 and (latest := self.latest()) is not None:
-            self._still = latest.image
-            return latest.image
-        if frame is None:  # at the beginning, and at each end
-            if self._container is not None:
-                self._container.close()
-            device = self.config.device
-            is_generated = device.startswith(GENERATED)
-            self._container = opened(
-                self.name, device.removeprefix(GENERATED), "lavfi" if is_generated else None
-            )
-            self._frames = self._container.decode(video=0)
-            frame = self._next()
-        if frame is None:
-            raise BackendError(f"{self.config.device} holds no images.")
-        return pixels(frame, is_side_by_side=self.config.is_side_by_side)
-
-    def _next(self) -> Any:
-        try:
-            return next(self._frames, None)
-        except FFmpegError as error:
-            raise BackendError(f"{self.config.device} cannot be decoded: {error}") from error
+    def _play(self) -> Generator[Image, None, None]:
+        """All images, again and again; one that is alone is decoded once."""
+        device, is_side_by_side = self.config.device, self.config.is_side_by_side
+        kind = "lavfi" if device.startswith(GENERATED) else None
+        while True:
+            image, count = None, 0
+            with opened(self.name, device.removeprefix(GENERATED), kind) as container:
+                try:
+                    for frame in container.decode(video=0):
+                        image, count = pixels(frame, is_side_by_side=is_side_by_side), count + 1
+                        yield image
+                except FFmpegError as error:
+                    raise BackendError(f"{device} cannot be decoded: {error}") from error
+            if image is None:
+                raise BackendError(f"{device} holds no images.")
+            while count == 1:
+                yield image
 
 
 def opened(name: str, device: str, kind: str | None, options: dict[str, str] | None = None) -> Any:
@@ -206,15 +186,10 @@ def lock_exposure(device: str, exposure_us: float | None, gain: float | None) ->
         os.close(descriptor)
 
 
-def usb_of(device: str, sys: Path = Path("/sys")) -> str:
-    """The USB version by which a video device is connected, such as 3.2; empty if not known.
-
-    Args:
-        device: A video device, or a link to one.
-        sys: Where Linux tells of devices.
-    """
-    file = sys / "class" / "video4linux" / Path(device).resolve().name / "device" / ".." / "version"
+def usb_of(device: str) -> str:
+    """The USB version by which a video device, or a link to one, is connected; empty if unknown."""
+    name = Path(device).resolve().name
     try:
-        return file.read_text().strip()
+        return Path(f"/sys/class/video4linux/{name}/device/../version").read_text().strip()
     except OSError:
         return ""

@@ -153,8 +153,10 @@ class PolicyHost:
             reason = str(error).encode()[:_LONGEST_REASON].decode(errors="ignore")
             await connection.close(_TRY_AGAIN, reason)
         except DuoBenchError as error:
+            is_late = isinstance(error, PolicyTimeoutError)
+            words = f"{PolicyTimeoutError.__name__}: {error}" if is_late else str(error)
             with suppress(TimeoutError, websockets.ConnectionClosed):
-                await _send(connection, _words(error))
+                await _send(connection, words)
             reason = "Internal server error. Traceback included in previous frame."
             await connection.close(_INTERNAL_ERROR, reason)
         finally:
@@ -171,11 +173,7 @@ class _RequestedEpisode:
     session_id: object = None
 
     def changed_by(self, request: dict[str, Any]) -> _RequestedEpisode:
-        """The episode that a request belongs to; takes what only says that out of it.
-
-        Raises:
-            MessageError: If the prompt is no text or the seed no whole number.
-        """
+        """The episode that a request belongs to; takes what only says that out of it."""
         prompt, seed = request.get("prompt", self.prompt), request.pop("seed", self.seed)
         session_id = request.pop("session_id", self.session_id)
         if not isinstance(prompt, str):
@@ -231,7 +229,7 @@ class ClientSession:
         self._timing = {"prev_total_ms": (time.monotonic() - self._received) * _MILLI}
 
     def close(self) -> None:
-        """The connection is over."""
+        """End the episode, if there is one."""
         if self._session is not None:
             self._loop.end(self._session)
             self._session = None
@@ -280,13 +278,6 @@ class ClientSession:
             raise BusyError("The policy's server has ended.") from None
 
 
-def _words(error: DuoBenchError) -> str:
-    """The text of an error for a client: a traceback of the policy, or what went wrong."""
-    if isinstance(error, PolicyTimeoutError):
-        return f"{PolicyTimeoutError.__name__}: {error}"
-    return str(error)
-
-
 async def _unless_gone(
     connection: ServerConnection, answering: Coroutine[Any, Any, bytes]
 ) -> bytes | None:
@@ -302,25 +293,15 @@ async def _unless_gone(
 
 
 async def _send(connection: ServerConnection, message: str | bytes) -> None:
-    """Send a message to a client that reads it."""
     async with asyncio.timeout(limits.SEND_S):
         await connection.send(message)
 
 
 def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetadata, Batching]:
-    """Make a policy of either kind for many episodes at a time.
+    """Make a policy of either kind, what it says about itself, and how it is asked.
 
-    Args:
-        name: A baseline's name, or `module:attribute`.
-        batching: How many observations are answered together. A plain policy answers one after
-            the other, with an object for each episode and as many as this has places.
-
-    Returns:
-        The policy, what it says about itself, and how it is asked.
-
-    Raises:
-        UnknownNameError: If there is no baseline of that name.
-        PolicyError: If it cannot be made.
+    A plain policy answers one observation after the other, with an object for each episode and as
+    many as `batching` has places; errors are those of `duobench.policy.make`.
     """
     objects = batching.size
     made, metadata, together = make_batched(PolicyName.parse(name), batching, objects=objects)

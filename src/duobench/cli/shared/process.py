@@ -1,7 +1,7 @@
-"""Ctrl-C: a verb that has nothing to put away is left at once, an evaluation is ended.
+"""The process of a verb: it loads MuJoCo, and answers Ctrl-C.
 
-Python raises `KeyboardInterrupt` wherever it happens to be. Libraries that try optional imports
-swallow it there, and the run would go on. So nothing is raised while a verb loads its libraries.
+A verb that has nothing to put away is left at once. Libraries that try optional imports swallow a
+`KeyboardInterrupt`, so nothing is raised while a verb loads its libraries.
 """
 
 from __future__ import annotations
@@ -11,11 +11,32 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from types import FrameType
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
-if TYPE_CHECKING:
-    from rich.console import Console
+from duobench.errors import RenderingError
+
+ASKED = "MUJOCO_GL"
+
+
+def load_engine() -> None:
+    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names.
+
+    Raises:
+        RenderingError: `MUJOCO_GL` names something that MuJoCo does not know or cannot load.
+    """
+    try:
+        import_module("mujoco")
+    except (RuntimeError, AttributeError, ImportError, OSError) as error:
+        asked = os.environ.get(ASKED)
+        if not asked:
+            raise
+        raise RenderingError(
+            f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to egl, "
+            "osmesa or glfw, whichever is installed, or unset it: then one that works is found."
+        ) from error
+
 
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
@@ -35,7 +56,7 @@ def leave(number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoRet
 
 
 def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
-    """Interrupt the block; pressed again, because it was swallowed or takes long: leave."""
+    # Pressed again, because it was swallowed or takes long, it leaves.
     signal.signal(signal.SIGINT, leave)
     raise KeyboardInterrupt
 
@@ -48,13 +69,15 @@ def leaving_at_once() -> Iterator[None]:
 
 
 @contextmanager
-def raising(screen: Console) -> Iterator[None]:
+def raising() -> Iterator[None]:
     """Let Ctrl-C raise `KeyboardInterrupt` in the block, and say that what it finished is kept."""
     try:
         with _answered_by(_raise, signal.SIGINT):
             yield
     except KeyboardInterrupt:
-        screen.print("What is finished is kept; the same command goes on from there.")
+        from duobench.cli.shared.console import say
+
+        say("What is finished is kept; the same command goes on from there.")
         raise
 
 
