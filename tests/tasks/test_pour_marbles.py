@@ -1,11 +1,10 @@
 import math
 
-import numpy as np
 import pytest
 
 from duobench.experts.motion import Arms, Script, move, release, together
 from duobench.experts.scripts.pour_marbles import script, take
-from duobench.objects.cup import HEAP, HEIGHT, INNER_RADIUS, MARBLE_RADIUS, OUTER_RADIUS, WALL
+from duobench.objects.cup import HEAP, HEIGHT, MARBLE_RADIUS, OUTER_RADIUS, WALL
 from duobench.sim.contacts import Limb, limb_owner
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
@@ -13,7 +12,7 @@ from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.steps import Act, back, do
 from tests.task_harness import TaskHarness
-from tests.ways.pour_marbles import Pouring, done, pour_with
+from tests.ways.pour_marbles import Pouring, done, marbles_in, pour_with
 
 IN_CUP = SE3.at(z=0.001)
 BESIDE_CUP = SE3.at(x=OUTER_RADIUS + MARBLE_RADIUS, z=MARBLE_RADIUS)
@@ -69,12 +68,6 @@ def _put_moving(bench: TaskHarness, speed: float, prop: str, pose: SE3) -> int:
     bench.sim.place(prop, pose)
     bench.push(prop, speed, first=2)
     return bench.judge()
-
-
-def _in_cup(bench: TaskHarness, side: Side) -> int:
-    local = bench.sim.pose(CUPS[side]).inverse().apply([bench.sim.position(m) for m in MARBLES])
-    across = np.hypot(local[:, 0], local[:, 1]) < INNER_RADIUS
-    return int((across & (local[:, 2] > 0) & (local[:, 2] < HEIGHT)).sum())
 
 
 @pytest.mark.parametrize("source", SIDES)
@@ -275,4 +268,4 @@ def test_every_marble_begins_in_the_full_cup(bench: TaskHarness) -> None:
     for seed in range(2):
         source, _ = _sides(bench, seed)
         assert bench.hold(30) == 0
-        assert _in_cup(bench, source) == len(MARBLES)
+        assert marbles_in(bench.sim, source) == len(MARBLES)

@@ -36,7 +36,7 @@ def in_bowl(bench: TaskHarness) -> bool:
     return bool(np.hypot(*offset[:2]) < RADIUS) and "bowl" in touching and "table" not in touching
 
 
-# --- what must not count; what two arms can do of it is in tests/ways ---------------------
+# --- what must not count; what two arms can do of it is in tests/ways ----------------------------
 
 
 def test_both_arms_hold_what_they_have_lifted(table: TaskHarness) -> None:

@@ -49,7 +49,7 @@ def on_mat_in_hand(bench: TaskHarness) -> bool:
     return contacts.grasped(LEFT, "block") and contacts.between("block", "mat")
 
 
-# --- what must not count; what two arms can do of it is in tests/ways ---------------------
+# --- what must not count; what two arms can do of it is in tests/ways ----------------------------
 
 
 @pytest.mark.parametrize(

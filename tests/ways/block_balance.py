@@ -130,6 +130,10 @@ def build(arms: Arms, *sides: Side) -> Script:
             yield from act(arms, side, name)
 
 
+def take_both(arms: Arms) -> Script:
+    yield from together(*(take_block(arms, side) for side in SIDES))
+
+
 def tool_at(arms: Arms, side: Side) -> SE3:
     x, y, z = arms.sim.position(f"{side}_block")
     return down(x, y, z + GRASP, yaw=outward(side))
@@ -193,10 +197,6 @@ def lay_aslant(arms: Arms) -> Script:
     lying = SE3.at(x, y - CUBE_EDGE / 2 - OFF_CENTRE, CUBE_EDGE + BEAM[2] / 2)
     goal = tool_for(arms, RIGHT, "beam", lying)
     yield from place(arms, RIGHT, goal, above=0.06, retreat=0.15, speed=0.3)
-
-
-def take_both(arms: Arms) -> Script:
-    yield from together(*(take_block(arms, side) for side in SIDES))
 
 
 def put_on_and_off(arms: Arms) -> Script:
@@ -308,7 +308,7 @@ def apart(arms: Arms, seconds: float, *, twice: bool = False) -> Script:
     that, and put on again together.
     """
     yield from lay_beam(arms)
-    yield from together(*(take_block(arms, side) for side in SIDES))
+    yield from take_both(arms)
     yield from lower(arms, gap=HOVER)
     late = chain(wait(round(seconds * CONTROL_HZ)), down_by(arms, HOVER, RIGHT))
     yield from together(down_by(arms, HOVER, LEFT), late)
