@@ -15,7 +15,7 @@ from duobench.looks.colours import colour_name, shifted
 from duobench.looks.look import CameraOffset, Light, Look, Material
 from duobench.looks.textures import TEXTURES, texture
 from duobench.robot.workcell import FLOOR_Z, ROOM_X, ROOM_Y
-from duobench.sim.appearance import resolve_materials
+from duobench.sim.appearance import Appearance
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.types import HEAD
@@ -121,7 +121,7 @@ def test_random_looks_keep_the_names_of_the_colours_of_objects(name: str) -> Non
     rgba = simulation.model.geom_rgba
     moved = 0
     for number in range(100):
-        found = resolve_materials(simulation.model, Look(seed=number, colour_variation=1.0))
+        found = Appearance(simulation.model, Look(seed=number, colour_variation=1.0))
         after: dict[tuple[float, ...], set[tuple[float, ...]]] = {}
         for geom, paint in found.by_geom.items():
             before = tuple(rgba[geom, :3].tolist())
@@ -143,7 +143,7 @@ def test_a_colour_takes_the_place_of_the_main_one_only() -> None:
     props = catalog.get("transfer_gate").props
     model = Simulation(props).model
     red = (0.8, 0.1, 0.1)
-    by_geom = resolve_materials(model, Look(objects={"gate": Material(colour=red)})).by_geom
+    by_geom = Appearance(model, Look(objects={"gate": Material(colour=red)})).by_geom
     assert {model.geom(geom).name for geom in by_geom} == {"gate:image0"}
     assert {paint.rgb for paint in by_geom.values()} == {red}
 
@@ -173,5 +173,5 @@ def test_furniture_stands_on_the_floor_along_the_walls() -> None:
 def test_looks_name_what_there_is() -> None:
     simulation = Simulation()
     for one in map(look, [*LOOKS, *RANDOM]):
-        resolve_materials(simulation.model, one)
+        Appearance(simulation.model, one)
         assert HEAD in one.cameras or not one.cameras

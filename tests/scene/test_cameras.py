@@ -3,12 +3,14 @@
 import json
 import math
 from collections.abc import Iterator
+from itertools import product
 
 import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from duobench.objects.pot import PLATE
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import sphere
 from duobench.objects.solid import Solid
@@ -19,6 +21,7 @@ from duobench.scene.naming import flange_name, tcp_name
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
+from duobench.tasks.carry_pot import TASK
 from duobench.types import HEAD, POLICY_CAMERAS, SIDES, Side, wrist_name
 
 Array = NDArray[np.float64]
@@ -190,6 +193,14 @@ def test_a_small_image_is_the_native_one_made_small(simulation: Simulation) -> N
     # Only outlines differ: one point a pixel against the mean of 128.
     assert np.median(np.abs(small - made_small)) < 1.0
     assert np.abs(small - made_small).mean() < 4.0
+
+
+def test_the_head_sees_the_whole_stove_plate_of_every_layout(simulation: Simulation) -> None:
+    place, (length, width, height) = TASK.placements["stove"], PLATE
+    for x, y, yaw in product(*((u.low, u.high) for u in (place.x, place.y, place.yaw))):
+        for corner in product((-length / 2, length / 2), (-width / 2, width / 2), (0.0, height)):
+            shown = project(simulation, HEAD, SE3.at(x, y, yaw=yaw).apply(corner))
+            assert 0.01 < shown.min() <= shown.max() < 0.99, (x, y, yaw)
 
 
 def test_no_camera_looks_into_a_void(simulation: Simulation, square: Renderer) -> None:

@@ -10,9 +10,9 @@ from duobench.errors import DuoBenchError, UnknownNameError
 from duobench.kinematics.inverse import Kinematics
 from duobench.robot.joints import HOME_JOINTS
 from duobench.scene.compose import SUBSTEPS, compose
-from duobench.scene.naming import arm_joint_names, gripper_name, pad_names, tcp_name
+from duobench.scene.naming import arm_joint_names, pad_names, tcp_name
 from duobench.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
-from duobench.sim.duo import HOME, Duo, names_of, resolve, resolve_all
+from duobench.sim.duo import HOME, Duo, names_of, resolve
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
@@ -31,24 +31,9 @@ def sim(shared: Simulation) -> Simulation:
     return shared
 
 
-@pytest.fixture
-def duo(sim: Simulation) -> Duo:
-    return sim.duo
-
-
 def command(left: float = 0.0, right: float = 0.0, opening: float = 1.0) -> DuoCommand:
     joints = HOME.joints + np.array([[left], [right]])
     return DuoCommand(joints=joints, openings=np.full(2, opening))
-
-
-def test_the_robot_is_found_by_its_names(sim: Simulation) -> None:
-    for side in SIDES:
-        for column, name in enumerate(arm_joint_names(side)):
-            assert sim.duo.joints[side.index, column] == sim.model.joint(name).qposadr[0]
-    names = [sim.model.actuator(number).name for number in range(sim.model.nu)]
-    assert names == [
-        name for side in SIDES for name in (*arm_joint_names(side), gripper_name(side))
-    ]
 
 
 def test_a_model_without_the_robot_is_refused() -> None:
@@ -86,18 +71,18 @@ def test_targets_move_linearly_over_the_step(sim: Simulation) -> None:
     assert np.ptp(ramped(sim, goal), axis=0).max() == 0.0, "a repeated command is no ramp"
 
 
-def test_a_command_can_be_read_back_exactly(sim: Simulation, duo: Duo) -> None:
+def test_a_command_can_be_read_back_exactly(sim: Simulation) -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
         joints = HOME.joints + rng.uniform(-0.1, 0.1, size=(2, 7))
         sent = DuoCommand(joints=joints, openings=rng.uniform(size=2))
         sim.step(sent)
-        assert np.array_equal(duo.command().joints, sent.joints)
-        assert duo.command().openings == pytest.approx(sent.openings, abs=1e-12)
+        assert np.array_equal(sim.duo.command().joints, sent.joints)
+        assert sim.duo.command().openings == pytest.approx(sent.openings, abs=1e-12)
 
 
-def test_states_and_commands_are_copies(sim: Simulation, duo: Duo) -> None:
-    read, state = duo.command(), duo.read()
+def test_states_and_commands_are_copies(sim: Simulation) -> None:
+    read, state = sim.duo.command(), sim.duo.read()
     kept = read.flat, state.flat.copy(), state.tcp_poses.copy()
     for _ in range(5):
         sim.step(command(left=0.2, opening=0.0))
@@ -211,12 +196,12 @@ def test_the_quaternion_of_a_tool_that_points_down_does_not_flip(sim: Simulation
     assert (quaternions[:, 0] >= 0).all()
 
 
-def test_arms_are_put_at_home_with_open_grippers_only(sim: Simulation, duo: Duo) -> None:
-    duo.set_configuration(command(left=0.3))
+def test_arms_are_put_at_home_with_open_grippers_only(sim: Simulation) -> None:
+    sim.duo.set_configuration(command(left=0.3))
     sim.forward()
-    assert duo.read().joints[0] == pytest.approx(HOME_JOINTS[0] + 0.3)
+    assert sim.duo.read().joints[0] == pytest.approx(HOME_JOINTS[0] + 0.3)
     with pytest.raises(ValueError, match="open grippers"):
-        duo.set_configuration(command(opening=0.5))
+        sim.duo.set_configuration(command(opening=0.5))
 
 
 TOY = """
@@ -231,28 +216,21 @@ TOY = """
 """
 
 
-@pytest.fixture(scope="module")
-def toy() -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_string(TOY)
-
-
-KINDS = [
-    (mujoco.mjtObj.mjOBJ_BODY, "body", "pendulum", 1),
-    (mujoco.mjtObj.mjOBJ_JOINT, "joint", "pivot", 0),
-    (mujoco.mjtObj.mjOBJ_SITE, "site", "tip", 0),
-    (mujoco.mjtObj.mjOBJ_ACTUATOR, "actuator", "drive", 0),
-]
-
-
-@pytest.mark.parametrize(("kind", "word", "name", "number"), KINDS)
-def test_names_become_ids(
-    toy: mujoco.MjModel, kind: mujoco.mjtObj, word: str, name: str, number: int
-) -> None:
-    assert resolve(toy, kind, name) == number
-    assert resolve_all(toy, kind, [name, name]).tolist() == [number, number]
-    with pytest.raises(UnknownNameError, match=f"{word} '{name}x'.*Did you mean '{name}'"):
-        resolve(toy, kind, name + "x")
-
-
-def test_nameless_elements_are_not_listed(toy: mujoco.MjModel) -> None:
-    assert names_of(toy, mujoco.mjtObj.mjOBJ_SITE) == ["tip"]
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("body", ["world", "pendulum"]),
+        ("joint", ["pivot"]),
+        ("site", ["tip"]),  # the nameless one is not listed
+        ("actuator", ["drive"]),
+    ],
+)
+def test_names_become_ids(kind: str, names: list[str]) -> None:
+    model, number = (
+        mujoco.MjModel.from_xml_string(TOY),
+        getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"),
+    )
+    assert names_of(model, number) == names
+    assert [resolve(model, number, name) for name in names] == list(range(len(names)))
+    with pytest.raises(UnknownNameError, match=f"{kind} '{names[-1]}x'.*mean '{names[-1]}'"):
+        resolve(model, number, names[-1] + "x")

@@ -14,7 +14,7 @@ from duobench.robot.cameras import (
     WRIST_FOCAL,
     View,
 )
-from duobench.scene.surfaces import CollisionGroup, add_box, collide_as_metal, distal
+from duobench.scene.surfaces import DISTAL, CollisionGroup, add_box, collide_as_metal
 from duobench.spatial import SE3
 from duobench.types import HEAD, Side, wrist_name
 
@@ -70,7 +70,7 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
     at = flange_from_body @ SE3.at(0.046, 0.0, 0.020)
     bracket = add_box(flange, at, (0.008, 0.032, 0.052), _HOUSING)
     for part in (housing, bracket):
-        collide_as_metal(part, distal(side))
+        collide_as_metal(part, DISTAL[side])
 
 
 def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:

@@ -27,22 +27,40 @@ from duobench.scene.surfaces import (
     stiffen,
     visual_only,
 )
-from duobench.scene.workcell import SCENE_CENTRE, SCENE_EXTENT, add_workcell
+from duobench.scene.workcell import add_workcell
 from duobench.types import CONTROL_HZ
 
 SUBSTEPS = 16
 """Physics steps in one control step."""
-TIMESTEP = 1.0 / (CONTROL_HZ * SUBSTEPS)
-"""Physics time step in seconds, 1/480."""
-MEMORY_BYTES = 32 * 2**20
-"""Arena for contacts and constraints; twenty marbles in a cup need about a tenth of it."""
-SHADOW_MAP_SIZE = 704
-"""Side of the shadow map in texels; together with its reach, 2.5 mm a texel, about a pixel of a
-square wrist image. Rendering the map is the slowest part of an image on a processor."""
-SHADOW_REACH = 0.62
-"""Half the side of the shadow map as a share of the scene's extent: table and arms."""
-BALL_SLICES, BALL_STACKS = 12, 6
-"""Fineness of balls in images, 120 triangles: twenty marbles must not cost as much as the robot."""
+_OPTIONS = f"""
+<mujoco model="duobench">
+  <compiler angle="radian"/>
+  <!-- For contacts and constraints; twenty marbles in a cup need about a tenth of it. -->
+  <size memory="32M"/>
+  <!-- Elliptic cones with a high impedance ratio keep grasped objects from creeping out of the
+       pads; they are also what the published gripper model asks for. -->
+  <option timestep="{1.0 / (CONTROL_HZ * SUBSTEPS)!r}" integrator="implicitfast" cone="elliptic"
+          impratio="10">
+    <!-- A diverged simulation must be reported, not silently reset by the engine. -->
+    <flag autoreset="disable"/>
+  </option>
+  <!-- Centre and radius (metres) of what lights and shadows must cover; fixed, so that the image
+       does not depend on a task's objects. -->
+  <statistic center="0.4 0 0.1" extent="1.4"/>
+  <visual>
+    <!-- Of the offscreen buffer, large enough for a native image. -->
+    <global offwidth="{NATIVE_WIDTH}" offheight="{NATIVE_HEIGHT}"/>
+    <!-- The reach is half the side of the shadow map as a share of the extent: table and arms. With
+         the size in texels, 2.5 mm a texel, about a pixel of a square wrist image. Rendering the
+         map is the slowest part of an image on a processor. -->
+    <map znear="0.01" zfar="5" shadowclip="0.62"/>
+    <!-- Lights are far away and highlights soft, so one quad a side looks the same as many. Balls
+         have 120 triangles: twenty marbles must not cost as much as the robot. -->
+    <quality shadowsize="704" offsamples="0" numquads="1" numslices="12" numstacks="6"/>
+    <headlight ambient="0.43 0.43 0.44" diffuse="0 0 0" specular="0 0 0"/>
+  </visual>
+</mujoco>
+"""
 
 
 def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoco.MjSpec:
@@ -57,31 +75,7 @@ def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoc
         `scene.naming` and of the props.
     """
     _check_in_room(overview)
-    spec = mujoco.MjSpec()
-    spec.modelname = "duobench"
-    spec.compiler.degree = False
-    spec.memory = MEMORY_BYTES
-    spec.option.timestep = TIMESTEP
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # Elliptic cones with a high impedance ratio keep grasped objects from creeping out of the
-    # pads; they are also what the published gripper model asks for.
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 10.0
-    # A diverged simulation must be reported, not silently reset by the engine.
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    spec.stat.center, spec.stat.extent = SCENE_CENTRE, SCENE_EXTENT
-    spec.visual.quality.shadowsize = SHADOW_MAP_SIZE
-    spec.visual.quality.offsamples = 0
-    # Lights are far away and highlights soft, so one quad a side looks the same as many.
-    spec.visual.quality.numquads = 1
-    spec.visual.quality.numslices = BALL_SLICES
-    spec.visual.quality.numstacks = BALL_STACKS
-    spec.visual.map.shadowclip = SHADOW_REACH
-    # Properties of the offscreen buffer, large enough for a native image.
-    getattr(spec.visual, "global").offwidth = NATIVE_WIDTH
-    getattr(spec.visual, "global").offheight = NATIVE_HEIGHT
-    spec.visual.map.znear = 0.01
-    spec.visual.map.zfar = 5.0
+    spec = mujoco.MjSpec.from_string(_OPTIONS)
     add_workcell(spec)
     add_robot(spec)
     add_head_camera(spec.worldbody)
@@ -150,7 +144,6 @@ def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
 def _fill(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, prop: Prop, *, moving: bool = False
 ) -> None:
-    """Give a body its mass, its collision shapes and its image."""
     properties = mass_properties(solid)
     body.explicitinertial = True
     body.mass = properties.mass
@@ -170,7 +163,11 @@ def _fill(
         collide_as(geom, group)
     if not rendered_alone:
         for number, image in enumerate(_images(solid)):
-            _add_image(spec, body, f"{body.name}:image{number}", image)
+            name = f"{body.name}:image{number}"
+            add_visual_mesh(spec, name, add_ribs(image.mesh) if image.shadow else image.mesh)
+            geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+            geom.rgba = image.rgba
+            visual_only(geom, shadow=image.shadow)
 
 
 def _images(solid: Solid) -> tuple[Image, ...]:
@@ -179,17 +176,6 @@ def _images(solid: Solid) -> tuple[Image, ...]:
     if solid.mesh is not None:
         return (Image(mesh=solid.mesh, rgba=solid.rgba),)
     return images_of(solid.shapes, solid.rgba)
-
-
-def _add_image(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, image: Image) -> None:
-    mesh = add_ribs(image.mesh) if image.shadow else image.mesh
-    geom = body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_visual_mesh(spec, name, mesh),
-        rgba=image.rgba,
-    )
-    visual_only(geom, shadow=image.shadow)
 
 
 def _add_shape(

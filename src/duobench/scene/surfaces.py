@@ -19,7 +19,7 @@ from duobench.types import Side
 
 
 class CollisionGroup(IntFlag):
-    """Collision groups."""
+    """Groups that collide with each other, or not."""
 
     LEFT_PROXIMAL = 1
     LEFT_DISTAL = 2
@@ -32,14 +32,10 @@ class CollisionGroup(IntFlag):
 _EVERYTHING = 63
 
 
-def proximal(side: Side) -> CollisionGroup:
-    """Links 0 to 5 of an arm."""
-    return CollisionGroup.LEFT_PROXIMAL if side is Side.LEFT else CollisionGroup.RIGHT_PROXIMAL
-
-
-def distal(side: Side) -> CollisionGroup:
-    """Links 6 and 7, gripper and wrist camera of an arm."""
-    return CollisionGroup.LEFT_DISTAL if side is Side.LEFT else CollisionGroup.RIGHT_DISTAL
+PROXIMAL = {Side.LEFT: CollisionGroup.LEFT_PROXIMAL, Side.RIGHT: CollisionGroup.RIGHT_PROXIMAL}
+"""Links 0 to 5 of an arm."""
+DISTAL = {Side.LEFT: CollisionGroup.LEFT_DISTAL, Side.RIGHT: CollisionGroup.RIGHT_DISTAL}
+"""Links 6 and 7, gripper and wrist camera of an arm."""
 
 
 def collide_as(geom: mujoco.MjsGeom, group: CollisionGroup) -> None:

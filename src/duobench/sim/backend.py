@@ -120,12 +120,11 @@ class SimBackend:
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
         """Render the current state; see `DuoBackend.images`."""
         start = time.perf_counter()
-        height, width = shape
         if shape not in self._renderers:
+            height, width = shape
             self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
         renderer = self._renderers[shape]
-        if renderer.look != self._look:
-            renderer.set_look(self._look)
+        renderer.set_look(self._look)
         images = renderer.render_all(self.simulation.data, cameras)
         self.rendering_s += time.perf_counter() - start
         return images

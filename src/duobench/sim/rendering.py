@@ -71,6 +71,7 @@ class Renderer:
         self._closed = False
         self._open: tuple[RenderThread, OffscreenRenderer] | None = None
         self._free: weakref.finalize[Any, Any] | None = None
+        self._look, self._appearance = Look(), None
         self.set_look(look or Look())
 
     @property
@@ -84,8 +85,9 @@ class Renderer:
         Args:
             look: The look; `Look()` is the scene as it was composed.
         """
-        self._appearance = None if look == Look() else Appearance(self._model, look)
-        self._look = look
+        if look != self._look:
+            self._appearance = None if look == Look() else Appearance(self._model, look)
+            self._look = look
 
     def render(self, data: mujoco.MjData, camera: str) -> Image:
         """Render one image, a new array (height, width, 3), from one camera; see `render_all`."""
