@@ -23,17 +23,10 @@ _STARTS = 1 << 18
 
 
 def apply(look: Look, image: Image, time: float, positions: Array, camera: int) -> Image:
-    """An image as the look's camera takes it.
+    """A rendered image (height, width, 3) as the look's camera takes it.
 
     Noise is a function of the look's seed and noise, the image's size, the camera's number and
-    the simulation state (time and positions), never of what was rendered before.
-
-    Args:
-        look: The look.
-        image: As it was rendered (height, width, 3).
-        time: Time of the state in seconds.
-        positions: Its positions (n,).
-        camera: Number of the camera.
+    the simulation state (time in seconds and positions), never of what was rendered before.
     """
     if look.blur:
         image = _blurred(image, look.blur * image.shape[0])

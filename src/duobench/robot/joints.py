@@ -62,14 +62,9 @@ _LOW, _HIGH = JOINT_RANGES.T
 
 
 def speed_limits(joints: Array) -> tuple[Array, Array]:
-    """The lowest and highest velocity of each joint of one arm.
+    """Lowest velocities (7,), at most 0, and highest ones, at least 0, of one arm, in rad/s.
 
-    Args:
-        joints: Joint positions (7,) in radians.
-
-    Returns:
-        Lowest velocities (7,), at most 0, and highest ones (7,), at least 0, in rad/s:
-        |dq| <= min(limit, sqrt(2 d (end - q)) - offset).
+    At joint positions (7,) in radians: |dq| <= min(limit, sqrt(2 d (end - q)) - offset).
     """
     down = np.sqrt(_TWICE * np.maximum(joints - _LOW, 0.0)) - _OFFSETS
     up = np.sqrt(_TWICE * np.maximum(_HIGH - joints, 0.0)) - _OFFSETS

@@ -54,13 +54,7 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
 
 
 def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) -> None:
-    """Add a RealSense D405 (42 x 42 x 23 mm) in front of the gripper, its bracket and its camera.
-
-    Args:
-        flange: Body that carries the flange.
-        flange_from_body: Pose of the flange in that body.
-        side: Whose wrist it is.
-    """
+    """Add a RealSense D405 (42 x 42 x 23 mm) in front of the gripper, its bracket and camera."""
     pose = flange_from_body @ FLANGE_FROM_WRIST
     _add_camera(flange, wrist_name(side), pose, WRIST_FOCAL)
     housing = add_box(flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.042, 0.042, 0.0230), _ALUMINIUM)

@@ -64,15 +64,10 @@ _OPTIONS = f"""
 
 
 def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoco.MjSpec:
-    """Build the model's specification.
+    """The model's specification with a task's objects, each of which has a unique name.
 
-    Args:
-        props: The task's objects, each with a unique name.
-        overview: What the camera for people sees.
-
-    Returns:
-        A specification that is ready to be compiled. Body, joint and geom names are those of
-        `scene.naming` and of the props.
+    The camera for people has the given view. Body, joint and geom names are those of `scene.naming`
+    and of the props.
     """
     _check_in_room(overview)
     spec = mujoco.MjSpec.from_string(_OPTIONS)
@@ -118,13 +113,14 @@ def add_prop(spec: mujoco.MjSpec, prop: Prop) -> None:
     root = spec.worldbody.add_body(name=prop.name, mocap=prop.fixed)
     if not prop.fixed:
         root.add_freejoint(name=prop.name)
-    _fill(spec, root, prop.solid, prop)
+    group = CollisionGroup.FIXTURE if prop.fixed else CollisionGroup.OBJECT
+    _fill(spec, root, prop.solid, group)
     for part in prop.parts:
         name = prop.part_name(part.name)
         body = root.add_body(name=name, pos=part.pose.translation, quat=part.pose.wxyz)
         if part.hinge is not None:
             _add_hinge(body, name, part.hinge)
-        _fill(spec, body, part.solid, prop, moving=part.hinge is not None)
+        _fill(spec, body, part.solid, CollisionGroup.OBJECT if part.hinge else group)
 
 
 def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
@@ -141,22 +137,18 @@ def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
     )
 
 
-def _fill(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, prop: Prop, *, moving: bool = False
-) -> None:
+def _fill(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, group: CollisionGroup) -> None:
     properties = mass_properties(solid)
     body.explicitinertial = True
     body.mass = properties.mass
     body.ipos = properties.centre
     i = properties.inertia
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
-    group = CollisionGroup.FIXTURE if prop.fixed and not moving else CollisionGroup.OBJECT
     kinds = [shape.kind for shape in solid.shapes]
     rendered_alone = solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
     for number, shape in enumerate(solid.shapes):
         geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
-        geom.rgba = shape.rgba or solid.rgba
-        geom.friction = solid.friction
+        geom.rgba, geom.friction = shape.rgba or solid.rgba, solid.friction
         geom.condim = solid.condim
         stiffen(geom)
         geom.group = VISUAL_GEOM_GROUP if rendered_alone else COLLISION_GEOM_GROUP

@@ -142,13 +142,8 @@ def _unit(vectors: Array) -> Array:
 def add_visual_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh, crease: float = CREASE) -> str:
     """Add a mesh with normals to a model under construction, and return its name.
 
-    MuJoCo takes one normal a vertex, so a vertex on a sharp edge is there once for each side.
-
-    Args:
-        spec: The model.
-        name: Its name.
-        mesh: The mesh.
-        crease: Largest angle in radians between triangles that looks round.
+    MuJoCo takes one normal a vertex, so a vertex on a sharp edge is there once for each side. The
+    crease is the largest angle in radians between triangles that looks round.
     """
     vertices, faces = mesh.vertices, mesh.faces
     normals = corner_normals(vertices, faces, crease)

@@ -198,13 +198,9 @@ _PAD_MASS = 0.00175
 
 
 def add_gripper(spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_z: float) -> None:
-    """Hang a gripper with its linkage, constraints and actuator on a flange.
+    """Hang a gripper with its linkage, constraints and actuator on the flange of a body.
 
-    Args:
-        spec: The model under construction.
-        side: Whose gripper it is; its names start with `<side>/gripper`.
-        flange: The body that carries the flange.
-        flange_z: Height of the flange in that body, in metres.
+    The flange is at height `flange_z` in the body's frame, in metres.
     """
     prefix = gripper_name(side)
     base = add_link(flange, f"{prefix}/base", _BASE)

@@ -107,15 +107,7 @@ def add_box(
     *,
     shadow: bool = True,
 ) -> mujoco.MjsGeom:
-    """Add a visible box without contacts.
-
-    Args:
-        body: What carries it.
-        pose: Its middle, in the frame of that body.
-        size: Full lengths of its edges in metres.
-        rgba: Its colour.
-        shadow: Whether it casts one.
-    """
+    """Add a visible box without contacts; the pose of its middle, and full lengths in metres."""
     geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=np.array(size) / 2,

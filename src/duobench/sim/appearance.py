@@ -201,10 +201,7 @@ class Appearance:
     def apply(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int) -> None:
         """Change a scene that the engine has just made, all but its shapes and where they are.
 
-        Args:
-            scene: The scene.
-            geoms: Its geoms, with room for the furniture.
-            camera: The camera that looks at it.
+        Its geoms have room for the furniture, and the camera is the one that looks at it.
         """
         if offset := self._cameras.get(camera):
             for lens in scene.camera:

@@ -85,9 +85,7 @@ class SimBackend:
         return self.simulation.duo.joint_velocities()
 
     def command(self, command: DuoCommand) -> DuoCommand:
-        """Advance one control step towards a command.
-
-        It is sent as it is, unless the arms are held or keep slower limits.
+        """Advance one control step towards a command, limited where the arms keep slower limits.
 
         Raises:
             SimulationError: The physics diverged.

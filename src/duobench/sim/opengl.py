@@ -131,15 +131,10 @@ def choose(processes: int = 1) -> str:
 
 
 def probe(backend: str, *, processes: int = 1, seconds: float = 0.0) -> RenderingInfo | str:
-    """Let child processes render with a backend.
+    """Let some child processes render with a backend at the same time.
 
-    Args:
-        backend: One of `BACKENDS`.
-        processes: How many children render at the same time.
-        seconds: How long each goes on rendering after its first image.
-
-    Returns:
-        What rendered, or, where any child failed, the reason.
+    Each goes on rendering for some seconds after its first image. Returns what rendered, or, where
+    any child failed, the reason.
     """
     call = f"import sys; sys.path[:] = {sys.path!r}; from duobench.sim import offscreen; "
     call += f"offscreen.answer({backend!r}, {seconds!r})"

@@ -38,12 +38,9 @@ class PhysicsScaler:
     def apply(self, *, mass: float = 1.0, friction: float = 1.0, spring: float = 1.0) -> None:
         """Scale what was compiled, not what is there; factors of 1 bring that back to the bit.
 
-        Call it before a reset: no state is touched, and none is right for the new model.
-
-        Args:
-            mass: Factor on masses and inertias of the objects.
-            friction: Factor on the sliding friction of all surfaces, the robot's included.
-            spring: Factor on stiffness and damping of the hinges of objects.
+        Call it before a reset: no state is touched, and none is right for the new model. Factors
+        are on masses and inertias of the objects, on the sliding friction of all surfaces, the
+        robot's included, and on stiffness and damping of the hinges of objects.
         """
         if self._is_scaled:
             for name, values in self._compiled.items():
