@@ -5,9 +5,9 @@ The inputs of the physics can be compared exactly and as a whole. Numbers of a t
 written out, so that a difference tells what changed; of the robot and of long lists there are
 digests, one for each property.
 
-Numbers are rounded, to `DIGITS` significant digits or, where they are lengths and directions, to
-`DECIMALS` places, so that the last bits of a sine do not matter. What the compiler computes from a
-mesh is left out: of a hull the description is used, and where it is.
+Numbers are rounded, to `DIGITS` significant digits or, lengths and directions, to `DECIMALS`
+places: the last bits of a sine do not matter. Of a hull the description is used, and where it is,
+not what the compiler computes from its mesh.
 """
 
 import hashlib
@@ -68,6 +68,7 @@ CONTACT = _names(
     contype conaffinity condim friction solref solimp solmix margin gap priority adhesion surfacevel
     """
 )
+HINGE_TYPE = mujoco.mjtJoint.mjJNT_HINGE
 HINGE = ("stiffness", "range", "axis", "pos")
 HINGE_DOF = ("damping", "armature", "frictionloss")
 
@@ -133,10 +134,7 @@ def _object(model: mujoco.MjModel, body: int, solid: Solid) -> Description:
     geoms = _colliding(model, np.array([body]))
     hulls = [shape for shape in solid.shapes if shape.kind is ShapeKind.HULL]
     placed = [lengths(model.body_pos[body]), _turns(model.body_quat[[body]])]
-    drawn = [
-        lengths(np.vstack([hull.pose.rotation, hull.pose.translation, hull.points]))
-        for hull in hulls
-    ]
+    drawn = [lengths([*hull.pose.rotation, hull.pose.translation, *hull.points]) for hull in hulls]
     told: Description = {
         "mass": significant(model.body_mass[body]),
         "inertia": significant(model.body_inertia[body]),
@@ -146,7 +144,7 @@ def _object(model: mujoco.MjModel, body: int, solid: Solid) -> Description:
         "contact": digest(list(_digests(model, "geom", CONTACT, geoms).values())),
         "geometry": digest([placed, _primitives(model, geoms), drawn]),
     }
-    joints = np.flatnonzero((model.jnt_bodyid == body) & (model.jnt_type == _HINGE_TYPE))
+    joints = np.flatnonzero((model.jnt_bodyid == body) & (model.jnt_type == HINGE_TYPE))
     for joint in joints.tolist():
         dof, angle = model.jnt_dofadr[joint], model.jnt_qposadr[joint]
         told |= {name: significant(getattr(model, f"jnt_{name}")[joint]) for name in HINGE}
@@ -158,10 +156,6 @@ def _object(model: mujoco.MjModel, body: int, solid: Solid) -> Description:
     return told
 
 
-_HINGE_TYPE = mujoco.mjtJoint.mjJNT_HINGE
-_MESH = mujoco.mjtGeom.mjGEOM_MESH
-
-
 def _colliding(model: mujoco.MjModel, bodies: np.ndarray) -> np.ndarray:
     """Numbers of the geoms of some bodies that can touch anything."""
     touchable = (model.geom_contype | model.geom_conaffinity) != 0
@@ -170,17 +164,13 @@ def _colliding(model: mujoco.MjModel, bodies: np.ndarray) -> np.ndarray:
 
 def _primitives(model: mujoco.MjModel, geoms: np.ndarray) -> list[Any]:
     """Type, size and pose of each geom that is no mesh, and the type alone of one that is."""
-    return [
-        [
-            int(model.geom_type[geom]),
-            lengths(model.geom_size[geom]),
-            lengths(model.geom_pos[geom]),
-            _turns(model.geom_quat[[geom]]),
-        ]
-        if model.geom_type[geom] != _MESH
-        else [int(_MESH)]
-        for geom in geoms.tolist()
-    ]
+    told = []
+    for geom in geoms.tolist():
+        told.append([int(model.geom_type[geom])])
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+            told[-1] += [lengths(model.geom_size[geom]), lengths(model.geom_pos[geom])]
+            told[-1].append(_turns(model.geom_quat[[geom]]))
+    return told
 
 
 def _turns(quaternions: np.ndarray) -> list[Any]:

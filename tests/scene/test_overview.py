@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import duobench
 from duobench.errors import DuoBenchError
 from duobench.robot.cameras import OVERVIEW, OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
@@ -11,7 +10,7 @@ from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.types import SIDES
-from tests.envs.tools import sim_of
+from tests.sim.props import at_reset
 
 LEAST = 10
 """Pixels of an image of 640x480 by which a body counts as seen."""
@@ -19,12 +18,9 @@ LEAST = 10
 
 def pixels(name: str) -> tuple[Simulation, np.ndarray]:
     """The simulation of a task at a reset, and how often the overview shows each geom."""
-    env = duobench.make(name, cameras=False)
-    env.reset(seed=0)
-    sim = sim_of(env).simulation
+    sim = at_reset(name, seed=0)
     with Renderer(sim.model, height=480, width=640) as renderer:
         geoms = renderer.segment(sim.data, OVERVIEW)
-    env.close()
     return sim, np.bincount(geoms[geoms >= 0], minlength=sim.model.ngeom)
 
 

@@ -8,8 +8,6 @@ import mujoco
 import numpy as np
 import pytest
 
-import duobench
-from duobench.envs.sim_env import sim_of
 from duobench.objects.blocks import WHITE
 from duobench.objects.bowl import FLOOR, RADIUS, bowl
 from duobench.objects.bowl import WALL as BOWL_WALL
@@ -23,6 +21,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS
+from tests.sim.props import at_reset
 
 FINE_SHADOWS = 4096
 """Side of a shadow map in texels with which light leaks nowhere."""
@@ -72,9 +71,7 @@ def test_no_light_leaks_through_the_seam_of_a_wall_and_a_floor(solid: Solid) -> 
 @pytest.mark.parametrize("name", catalog.names())
 def test_a_shadow_makes_no_object_brighter(name: str) -> None:
     """Where two faces coincide, the light that casts shadows is added once for each."""
-    env = duobench.make(name, cameras=False)
-    env.reset(seed=1)
-    simulation = sim_of(env).simulation
+    simulation = at_reset(name, seed=1)
     model, data = simulation.model, simulation.data
     robot = {model.body(f"{side}/link0").id for side in ("left", "right")}
     objects = ~np.isin(model.body_rootid[model.geom_bodyid], [0, *robot])
@@ -84,7 +81,6 @@ def test_a_shadow_makes_no_object_brighter(name: str) -> None:
         seen = {camera: objects[renderer.segment(data, camera)] for camera in cameras}
         model.light_castshadow[:] = False
         without = renderer.render_all(data, cameras)
-    env.close()
     for camera in cameras:
         brighter = (with_shadows[camera].astype(int) - without[camera]).max(axis=2)
         assert np.count_nonzero(brighter[seen[camera]] > ROUNDING) <= STRAY_PIXELS, camera

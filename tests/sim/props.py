@@ -5,9 +5,19 @@ from duobench.objects.bowl import bowl
 from duobench.objects.chest import chest
 from duobench.objects.prop import Prop
 from duobench.sim.simulation import Simulation
+from duobench.tasks import catalog
 
 EDGE = 0.032
 LID = "chest/lid"
+
+
+def at_reset(name: str, seed: int) -> Simulation:
+    """A task's simulation as a reset leaves it."""
+    task = catalog.get(name)
+    simulation = Simulation(task.props, task.overview)
+    simulation.apply(next(iter(task.layouts(seed))))
+    simulation.settle()
+    return simulation
 
 
 def scene() -> Simulation:
