@@ -3,17 +3,15 @@
 from itertools import combinations_with_replacement
 
 import mujoco
-import numpy as np
 import pytest
 
 from duobench.errors import UnknownNameError
-from duobench.scene.naming import TABLE, tcp_name
+from duobench.scene.naming import TABLE
 from duobench.sim.contacts import Contacts, HingeAxis, Limb, limb_owner
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
-from duobench.spatial import SE3
-from duobench.types import SIDES, DuoCommand, Side
-from tests.sim.props import EDGE, scene
+from duobench.types import SIDES, Side
+from tests.sim.props import EDGE, hold, scene
 
 # Two arms of nothing but the parts that contacts tell apart, and two balls on a table; the second
 # ball is held 1 mm above it, within its geoms' margin.
@@ -226,25 +224,17 @@ def test_fingers_grasp_only_what_they_press_on_from_both_sides(
 # --- the real robot ------------------------------------------------------------------------------
 
 
-def held_cube(sim: Simulation, depth: float = 0.0) -> None:
+def held_cube(depth: float = 0.0) -> Simulation:
     """The left gripper closes on a cube that was put between its fingers, so deep in metres."""
-    sim.reset_data()
-    for name, x in (("slab", 0.4), ("bowl", 0.6), ("chest", 0.8)):
-        sim.place(name, SE3.at(x, -0.5, 0.011))
-    sim.forward()
-    tool = sim.site_pose(tcp_name(Side.LEFT)) @ SE3.at(z=-depth)
-    grasp = DuoCommand(joints=HOME.joints, openings=np.array([0.0, 1.0]))
-    for _ in range(15):
-        sim.place("cube", tool)
-        sim.forward()
-        sim.step(grasp)
+    sim = scene()
+    hold(sim, "cube", steps=15, depth=depth)
     for _ in range(5):
-        sim.step(grasp)
+        sim.step(sim.duo.command())
+    return sim
 
 
 def test_a_real_gripper_pinches_and_lets_go() -> None:
-    sim = scene()
-    held_cube(sim)
+    sim = held_cube()
     assert sim.contacts.grasped(Side.LEFT, "cube")
     assert sim.contacts.gripper(Side.LEFT, "cube")
     assert not sim.contacts.gripper(Side.RIGHT, "cube")
@@ -259,16 +249,14 @@ def test_a_real_gripper_pinches_and_lets_go() -> None:
 
 @pytest.mark.parametrize("depth", [-0.010, 0.0, 0.012, 0.024, 0.036])
 def test_a_real_gripper_grasps_at_its_tips_and_deep_in_its_fingers(depth: float) -> None:
-    sim = scene()
-    held_cube(sim, depth)
+    sim = held_cube(depth)
     for _ in range(10):
         assert sim.contacts.grasped(Side.LEFT, "cube")
         sim.step(sim.duo.command())
 
 
 def test_the_set_is_the_engines_list() -> None:
-    sim = scene()
-    held_cube(sim)
+    sim = held_cube()
     bodies = [sim.model.body(body).name for body in sim.model.geom_bodyid]
     listed = {
         frozenset(owner_of(bodies[geom]) for geom in contact.geom)

@@ -16,7 +16,7 @@ from duobench.sim.duo import HOME, Duo, names_of, resolve
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
-from tests.sim.props import scene
+from tests.sim.props import hold, scene
 
 
 @pytest.fixture(scope="module")
@@ -106,10 +106,10 @@ def test_the_grippers_open_as_far_as_told(sim: Simulation, opening: float) -> No
     assert np.all((state.openings >= 0) & (state.openings <= 1))
 
 
-def gap(sim: Simulation, side: Side) -> float:
-    """Distance in metres between the pads of a gripper."""
-    left, right = (sim.position(name) for name in pad_names(side))
-    opening = sim.site_pose(tcp_name(side)).rotation[:, 1]
+def gap(sim: Simulation) -> float:
+    """Distance in metres between the pads of the left gripper."""
+    left, right = (sim.position(name) for name in pad_names(Side.LEFT))
+    opening = sim.site_pose(tcp_name(Side.LEFT)).rotation[:, 1]
     return abs(float((left - right) @ opening))
 
 
@@ -118,10 +118,10 @@ def test_fingers_move_at_the_speed_of_a_real_gripper(sim: Simulation, opening: f
     """The data sheet's 150 mm/s at most, and not much less."""
     for _ in range(30):
         sim.step(command(opening=1.0 - opening))
-    gaps = [gap(sim, Side.LEFT)]
+    gaps = [gap(sim)]
     for _ in range(30):
         sim.step(command(opening=opening))
-        gaps.append(gap(sim, Side.LEFT))
+        gaps.append(gap(sim))
     speeds = np.abs(np.diff(gaps)) * CONTROL_HZ
     assert speeds.max() <= MAX_FINGER_SPEED
     if opening != 0.5:
@@ -133,13 +133,7 @@ def test_fingers_move_at_the_speed_of_a_real_gripper(sim: Simulation, opening: f
 def test_fingers_press_with_a_set_force(opening: float) -> None:
     """Whatever opening is commanded, as long as it is narrower than what they hold."""
     sim = scene()
-    tool = sim.site_pose(tcp_name(Side.LEFT))
-    for name, x in (("slab", 0.4), ("bowl", 0.6), ("chest", 0.8)):
-        sim.place(name, SE3.at(x, -0.5, 0.011))
-    for _ in range(25):
-        sim.place("cube", tool)
-        sim.forward()
-        sim.step(DuoCommand(joints=HOME.joints, openings=np.array([opening, 1.0])))
+    hold(sim, "cube", steps=25, opening=opening)
     for pad in pad_names(Side.LEFT):
         assert normal_force(sim, pad, "cube") == pytest.approx(GRIP_FORCE, rel=0.05)
 
@@ -164,16 +158,6 @@ def test_arms_that_are_driven_into_each_other_do_not_sink_in(sim: Simulation) ->
         sim.step(DuoCommand.from_flat(sim.duo.limits.clip(flat, sim.duo.command().flat)))
         deepest = max([deepest, *(depth for *_, depth in sim.contacts.deepest(0.0))])
     assert 0.0005 < deepest < 0.005
-
-
-def test_tool_poses_are_those_of_the_sites_and_of_forward_kinematics(sim: Simulation) -> None:
-    for _ in range(30):
-        state = sim.step(command(left=0.2, right=-0.1))
-    forward = Kinematics().forward(state.joints)
-    for side, numbers in zip(SIDES, state.tcp_poses, strict=True):
-        pose = SE3.from_tquat(numbers)
-        assert max(pose.distance(sim.site_pose(tcp_name(side)))) < 1e-9
-        assert max(pose.distance(forward[side])) < 1e-6
 
 
 def test_the_quaternion_of_a_tool_that_points_down_does_not_flip(sim: Simulation) -> None:
