@@ -247,13 +247,9 @@ def _add_finger(
             if name != "tongue":
                 back = tuple(map(operator.add, position, part.hull_setback))
                 collide_unseen(add_mesh(spec, body, f"{mesh}:hull", back, wxyz), DISTAL[side])
-    _add_pad(bodies["follower"], f"{prefix}_pad", side)
-
-
-def _add_pad(follower: mujoco.MjsBody, name: str, side: Side) -> None:
-    """Add the rubber pad of a finger, and the metal tongue behind it."""
-    pad = add_link(follower, name, _PAD)
-    fingertip = follower.add_geom(
+    # The rubber pad, and the metal tongue behind it.
+    pad = add_link(bodies["follower"], f"{prefix}_pad", _PAD)
+    fingertip = bodies["follower"].add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=FINGERTIP_SIZE,
         pos=(_FOLLOWER_FROM_PAD @ SE3.at(*FINGERTIP_POSITION)).translation,

@@ -1,10 +1,4 @@
-"""Surfaces: who collides with whom, how hard and how rough they are, and boxes without contacts.
-
-Collisions have one bit a group, in MuJoCo's contype and conaffinity. An arm's proximal links (up to
-the forearm) do not collide with each other: the joint ranges already keep them apart. Its distal
-part (wrist, gripper, camera) collides with everything but itself, so that a gripper cannot pass
-through its own forearm. Fixtures never collide with fixtures.
-"""
+"""Surfaces: who collides with whom, how hard and how rough they are, and boxes without contacts."""
 
 from __future__ import annotations
 
@@ -19,7 +13,11 @@ from duobench.types import Side
 
 
 class CollisionGroup(IntFlag):
-    """Groups that collide with each other, or not."""
+    """Members of a group do not collide with each other, but for objects; one bit each.
+
+    The joint ranges keep an arm's proximal links (up to the forearm) apart. Its distal part (wrist,
+    gripper, camera) collides with everything but itself, so also with its own forearm.
+    """
 
     LEFT_PROXIMAL = 1
     LEFT_DISTAL = 2

@@ -1,8 +1,7 @@
-"""Who touches whom: the only place that reads the engine's contact list.
+"""Who touches whom: the only place that reads the engine's contact list, once a control step.
 
 Every geom belongs to one owner: a finger (its pad and its own linkage), the rest of a gripper, the
-rest of an arm, or the body that carries it. One query a control step turns the contact list
-into the set of pairs of owners that touch; every question after that is a look-up.
+rest of an arm, or the body that carries it.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from duobench.robot.joints import HOME_JOINTS, duo_limits
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
-from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
+from duobench.types import OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
 
 _KINDS = {
     mujoco.mjtObj.mjOBJ_BODY: ("body", "nbody"),
@@ -41,6 +41,7 @@ HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""
 
 _OPENINGS = np.array(OPENING_SLOTS)
+_FRACTIONS = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
 
 
 class Duo:
@@ -61,11 +62,6 @@ class Duo:
         self._qpos, self._ctrl = data.qpos, data.ctrl[_actuators(model)]
         self._site_xpos, self._site_xmat = data.site_xpos, data.site_xmat
         self._quat = np.empty(4)
-        # Copying bytes costs a tenth of assigning arrays, and it is done in every substep.
-        self._rows = np.empty((SUBSTEPS, FLAT_SIZE))
-        self._row_bytes = [row.data.cast("B") for row in self._rows]
-        self._ctrl_bytes = self._ctrl.data.cast("B")
-        self._fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
         self.limits = duo_limits()
         """Limits of the arms."""
 
@@ -77,13 +73,10 @@ class Duo:
             exactly the command's, so that it can be read back and repeated.
         """
         start, end = self._ctrl, self._controls(command)
-        rows = self._rows
-        np.multiply(self._fractions, end - start, out=rows)
-        np.add(rows, start, out=rows)
+        rows = start + _FRACTIONS * (end - start)
         rows[-1] = end
-        target = self._ctrl_bytes
-        for row in self._row_bytes:
-            target[:] = row
+        for row in rows:
+            start[:] = row
             yield
 
     def set_configuration(self, command: DuoCommand) -> None:

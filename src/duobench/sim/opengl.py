@@ -1,9 +1,8 @@
 """Offscreen OpenGL: the choice of a library, its contexts, and a thread that owns one of them.
 
 A driver can be missing, crash its process or hang it for good, and a process that has loaded one
-library cannot turn to another. So child processes try the candidates under a time limit; only then
-does this process load the winner. All calls of one context run on one thread, which lets the caller
-stop waiting for a driver that does not come back.
+library cannot turn to another. So child processes try the candidates under a time limit, and all
+calls of one context run on one thread, which lets the caller stop waiting.
 """
 
 from __future__ import annotations
@@ -77,21 +76,15 @@ class RenderingInfo:
 
 
 def choose(processes: int = 1) -> str:
-    """Find a backend that renders, and tell child processes about it.
+    """Find a backend that renders (what `MUJOCO_GL` says, or the best), and tell child processes.
 
     Call it before starting several processes that render, so that not each of them finds out for
     itself. No OpenGL is loaded into this process.
 
     `MUJOCO_GL` is used without a probe, and so is the choice of a parent process. Otherwise a
-    child process renders an image with each candidate, best first, until one succeeds. The first
-    process that finds only software rendering says so in the log.
-
-    Args:
-        processes: How many processes will render at the same time. With more than one, a graphics
-            card has to serve several children at once before it is chosen.
-
-    Returns:
-        One of `BACKENDS`, or what `MUJOCO_GL` says.
+    child process renders an image with each candidate, best first, until one succeeds. Where more
+    than one process will render at the same time, a graphics card has to serve several children at
+    once before it is chosen. The first process that finds only software rendering logs it.
     """
     name = os.environ.get(ASKED, "").lower().strip()
     if name in _OFF:

@@ -185,18 +185,15 @@ class Simulation:
         return bool(np.abs(missing, out=missing).max() <= SOLVED)
 
     def settle(self) -> int:
-        """Hold the arms still until every object is at rest.
+        """Hold the arms still until every object is at rest, and set time to zero.
 
-        Returns:
-            The control steps it took, at most `MAX_SETTLE_STEPS`. Time is zero afterwards.
+        Returns the control steps it took, at most `MAX_SETTLE_STEPS`.
         """
-        command = self.duo.command()
-        steps = 0
-        while steps < MAX_SETTLE_STEPS:
-            self.step(command)
+        command, steps, is_settled = self.duo.command(), 0, False
+        while steps < MAX_SETTLE_STEPS and not is_settled:
+            self.advance(command)
             steps += 1
-            if (np.abs(self.data.qvel[self._loose]) < self._settled).all():
-                break
+            is_settled = bool((np.abs(self.data.qvel[self._loose]) < self._settled).all())
         self.data.time = 0.0
         return steps
 
