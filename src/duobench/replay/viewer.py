@@ -36,19 +36,19 @@ _IDLE_S = 0.1
 """How often is looked whether an episode is ready, or somebody came, in seconds."""
 
 
-class SelectItem(PageMessage, tag="select"):
+class SelectItem(PageMessage, frozen=True, tag="select"):
     """Show an item, from its beginning."""
 
     id: Annotated[str, msgspec.Meta(max_length=300)]
 
 
-class SeekStep(PageMessage, tag="seek"):
+class SeekStep(PageMessage, frozen=True, tag="seek"):
     """Go to a control step."""
 
     step: Annotated[int, msgspec.Meta(ge=0, le=10**9)]
 
 
-class SetPlaying(PageMessage, tag="play"):
+class SetPlaying(PageMessage, frozen=True, tag="play"):
     """Go on, or stop."""
 
     on: bool

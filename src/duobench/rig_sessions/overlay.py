@@ -77,9 +77,9 @@ def footprints(props: Sequence[Prop], layout: Layout) -> list[Footprint]:
     for prop in props:
         pose = layout.poses[prop.name]
         x_mm, y_mm, z_mm = (1e3 * pose.translation).tolist()
-        on_table = pose.translation[:2]
+        x, y, _ = pose.translation.tolist()
         below = (outline for other in found if z_mm > other.z_mm for outline in other.seen)
-        if any(Path(outline).contains_point(on_table) for outline in below):
+        if any(Path(outline).contains_point((x, y)) for outline in below):
             continue
         seen, contact = (outlines_on_table(prop, layout, below) for below in (None, CONTACT))
         found.append(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from duobench.errors import EvaluationError
 from duobench.files import begin_or_continue, encode, read, write
-from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
+from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.results.folder import RunFolder
 from duobench.rig_sessions.trials_log import (
     LogEntry,
@@ -80,10 +80,6 @@ class TrialsFolder:
                 f"{self.path} holds no evaluation on real arms: {DESCRIPTION} is missing."
             )
         return read(self.description, TrialsPlan, PLAN_SCHEMA)
-
-    def read_doctor(self) -> Report | None:
-        """What `duobench real doctor` has left here; None if nothing."""
-        return read_checks(self.path)
 
     def open_log(self, at: str) -> TrialLog:
         """The log to write on; a trial that was cut is closed as invalid first, at a date and time.

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -45,8 +45,7 @@ class LogKind(StrEnum):
 _CLOSING = (LogKind.VALID, LogKind.INVALID)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LogEntry:
+class LogEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One line of the log."""
 
     kind: LogKind
@@ -134,7 +133,10 @@ class TrialLog:
         Raises:
             OutputError: It cannot be written.
         """
-        line = msgspec.json.encode(_short(entry)) + b"\n"
+        said = msgspec.to_builtins(entry)
+        if entry.kind is LogKind.PRESS:
+            said["stage"] = entry.stage  # null takes a press back
+        line = msgspec.json.encode(said) + b"\n"
         with self._lock, writing(self.path):
             self._file.write(line)
             self._file.flush()
@@ -158,9 +160,3 @@ def read_entries(path: Path) -> Iterable[LogEntry]:
         return [msgspec.json.decode(line, type=LogEntry) for line in lines]
     except (OSError, msgspec.MsgspecError) as error:
         raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
-
-
-def _short(entry: LogEntry) -> Mapping[str, object]:
-    """An entry without what it does not say; a press that takes back says `null`."""
-    kept = {name: value for name, value in asdict(entry).items() if value not in (None, "")}
-    return kept | ({"stage": entry.stage} if entry.kind is LogKind.PRESS else {})

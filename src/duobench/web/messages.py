@@ -36,18 +36,18 @@ class PageMessage(
     """A message from a page; the `kind` of a class `TakeOver` below this one is "take_over"."""
 
 
-class Ping(PageMessage):
+class Ping(PageMessage, frozen=True):
     """The page asks whether the server is there."""
 
     sent: float | None = None
     """When it was sent, in milliseconds of the page's clock."""
 
 
-class Drive(PageMessage):
+class Drive(PageMessage, frozen=True):
     """Its visitor wants to drive, if nobody does."""
 
 
-class TakeOver(PageMessage):
+class TakeOver(PageMessage, frozen=True):
     """Its visitor wants to drive in the place of whoever does."""
 
 

@@ -24,7 +24,7 @@ from duobench.teleop.messages import Message
 from duobench.types import SIDES, DuoCommand, DuoState
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
-from lerobot_env_duobench.config import KEYS, DuoBenchTeleoperatorConfig
+from lerobot_env_duobench.config import KEYS, DuoBenchTeleoperatorConfig, by_key
 from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
 
 PULSES = {f"{side}_pulse": str(side) for side in SIDES}
@@ -124,7 +124,7 @@ class DuoBenchTeleoperator(Teleoperator):
         if self._shadow is not None:
             self._shadow.simulation.advance(command)
             self._page.show()
-        return dict(zip(KEYS, command.flat.tolist(), strict=True))
+        return by_key(command.flat)
 
     @check_if_not_connected
     def get_teleop_events(self) -> dict[TeleopEvents, bool]:

@@ -172,6 +172,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     command = command_line("real eval", evaluate, locals())
     load_engine()
     from duobench.data import DataSet
+    from duobench.hardware.doctor.checks import read_checks
     from duobench.rig_sessions.trials import TrialsSession
 
     policies = _pairs(policy, trained_on)
@@ -193,7 +194,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             data=None if record is None else DataSet.open(record),
             command=command,
         )
-        if remark := _remark(folder.read_doctor(), duo.rig.hash):
+        if remark := _remark(read_checks(folder.path), duo.rig.hash):
             say(f"{remark} See: duobench real doctor --rig {rig.rig} --out {out}")
         _judge(session, folder, server, out)
 

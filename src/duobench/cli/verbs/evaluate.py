@@ -26,7 +26,7 @@ from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from duobench.results.scores import Results
 from duobench.results.shard import WHOLE, Shard
-from duobench.results.suites import PAPER_EXECUTE, SuiteChoice
+from duobench.results.suite import PAPER_EXECUTE, SuiteChoice
 from duobench.runners.ray_process import Cluster
 
 if TYPE_CHECKING:

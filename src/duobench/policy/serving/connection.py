@@ -52,9 +52,6 @@ _LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
 class ConnectedPolicy(ABC):
     """A policy at a server; a subclass knows what is said there.
 
-    Args:
-        server: Where the policy is served.
-
     Raises:
         ServingError: If the server asks for another key, cannot be understood, or contradicts
             the format.
@@ -234,11 +231,7 @@ def reported(words: str) -> PolicyError:
 
 
 def actions_of(answer: Any, key: str) -> Any:
-    """The actions in an answer, which may also be nothing but them.
-
-    Raises:
-        PolicyError: If there are none, or the server reports an error in its answer.
-    """
+    """The actions in an answer, which may also be nothing but them; an error if there are none."""
     if isinstance(answer, np.ndarray):
         return answer
     if not isinstance(answer, dict):
