@@ -18,11 +18,10 @@ from duobench.rig_sessions.teleop_page import WATCHING, TeleopPage
 from duobench.rig_sessions.teleoperation import AWAY, Teleoperation
 from duobench.spatial import SE3
 from duobench.web.geometry import Geometry
-from duobench.web.messages import unpack_frame
 from duobench.web.server import PageServer
 from tests.teleop.operator import NEITHER, hand, led, message, said
 from tests.teleop.paging import lockstep_session
-from tests.web.pages import Page, open_page, wait_until
+from tests.web.pages import Page, open_page, unpack_frame, wait_until
 
 TASK = "carry_pot"
 BOTH = led(left=True, right=True)
