@@ -29,7 +29,7 @@ from duobench.replay.sources import LAYOUTS
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
-from duobench.results.suites import SUITES
+from duobench.results.suite import SUITES
 from duobench.shifts import levels
 from duobench.shifts.shift import AXES, LEVELS
 from duobench.tasks import catalog

@@ -80,6 +80,16 @@ def outlines_of(
     return tuple(sorted(outer, key=_area, reverse=True))
 
 
+def outlines_on_table(prop: Prop, layout: Layout, below: float | None) -> tuple[Array, ...]:
+    """Outlines as of `outlines_of`, but in the table frame, where a layout has the object."""
+    pose = layout.poses[prop.name]
+    upright = SE3.at(*pose.translation[:2], yaw=pose.yaw)
+    return tuple(
+        upright.apply(np.column_stack([outline, np.zeros(len(outline))]))[:, :2]
+        for outline in outlines_of(prop, layout.variants, below=below)
+    )
+
+
 def neutral_layout(task: Task) -> Layout:
     """A layout that belongs to no seed: everything in the middle of where it may be.
 
@@ -133,16 +143,10 @@ def _marks(task: Task, layout: Layout) -> Iterator[_Mark]:
             yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
             continue
         contact, seen = (
-            tuple(_on_table(each, pose) for each in outlines_of(prop, layout.variants, below=below))
+            tuple(1000 * outline for outline in outlines_on_table(prop, layout, below))
             for below in (CONTACT, None)
         )
         yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
-
-
-def _on_table(outline: Array, pose: SE3) -> Array:
-    """An outline in an object's frame as points (n, 2) of the table frame in mm."""
-    points = np.column_stack([outline, np.zeros(len(outline))])
-    return 1000 * SE3.at(*pose.translation[:2], yaw=pose.yaw).apply(points)[:, :2]
 
 
 def _area(polygon: Array) -> float:

@@ -76,7 +76,6 @@ class Entrant:
     title: str
     """Name for people, as given or that of the policy; others may have the same."""
     group: Group
-    """What it may be compared with."""
     key: str = ""
     """Its letter: A, B, ..."""
     name: str = ""

@@ -29,11 +29,9 @@ Axes = Any
 """Axes of matplotlib, whose own types leave what styles a plot unknown; so do those of a figure."""
 P = ParamSpec("P")
 INK = "#1c2024"
-"""Colour of text and axes."""
 CURVE = "#2a6f98"
 """Colour of curves."""
 SUCCESS = "#2a6f97"
-"""Colour of the last stage."""
 _RAMP = ((0x9B, 0x3A, 0x1E), (0xE0, 0x8A, 0x45), (0xF6, 0xDF, 0xB2))
 """Stops of the ramp for the stages before the last, evenly spaced, as RGB."""
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -41,8 +39,7 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 _INK_CHANGE = 0.179
 """Relative luminance at which black and white text have the same contrast, sqrt(1.05 * 0.05) - 0.05
 [WCAG 2.2]; at least one of them always has more than 4.5."""
-_FAINT = "#8a9299"
-"""Colour of grid lines, which works on a light and on a dark page."""
+_FAINT = "#8a9299"  # colour of grid lines, which works on a light and on a dark page
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "text.parse_math": False,  # a title with a dollar is no formula
@@ -81,14 +78,10 @@ DASHES: tuple[Any, ...] = (
 """Dashes of several runs, of another number than colours."""
 Levels = Mapping[str, Mapping[int, Score]]
 """What was reached at each level of each axis."""
-_GAP = 0.5
-"""Between the bars of two tasks, in bars."""
-_LONG_NAME = 27
-"""Letters of a name, its key included, above which a legend has one name a line."""
-_LEVELS_HEIGHT = 1.75
-"""Of a row of panels of levels, in inches."""
-_APART = 0.06
-"""Between the markers of two runs at one level, in levels."""
+_GAP = 0.5  # between the bars of two tasks, in bars
+_LONG_NAME = 27  # letters of a name, its key included, above which a legend has one name a line
+_LEVELS_HEIGHT = 1.75  # of a row of panels of levels, in inches
+_APART = 0.06  # between the markers of two runs at one level, in levels
 _SHORTEST_LABELLED = 0.035
 """Share of a bar below which a segment is too short for its stage's number."""
 
@@ -296,7 +289,6 @@ FIGURES: Mapping[str, Callable[[Results], Figure]] = {
     "stages": stage_bars,
     "progress": progress_over_time,
 }
-"""Every figure of what was played under one condition, by its name."""
 
 
 def plots(results: Results) -> dict[str, str]:

@@ -34,7 +34,6 @@ from duobench.tasks import catalog
 from duobench.tasks.task import Category
 
 SCHEMA = 1
-"""Version of the fields of the JSON form."""
 DOCUMENT = "leaderboard.json"
 """The leaderboard for programs; a folder that has it holds one."""
 VERDICTS = "verification"
@@ -66,7 +65,6 @@ class RefusedBundle:
     file: str
     """Its name in the folder."""
     reason: str
-    """Why, in one line."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -79,7 +77,6 @@ class BoardEntry:
     part: RunPart
     """What was played and adds up to, without the records themselves."""
     commands: tuple[str, ...]
-    """The commands that played it."""
     verdicts: Mapping[str, int]
     """How many episodes have which verdict, by the verdict."""
     lacks: tuple[str, ...]
@@ -118,30 +115,23 @@ class BoardEntry:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Ranked:
-    """An entry and its place."""
-
-    rank: int
-    """1 for the best; equal standings share a place."""
-    entry: BoardEntry
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class Board:
     """All bundles of a folder."""
 
     entries: tuple[BoardEntry, ...]
-    """Those that were verified."""
     refused: tuple[RefusedBundle, ...]
 
-    def ranked(self, *, privileged: bool) -> list[Ranked]:
-        """Entries that have played the whole suite, best first."""
+    def ranked(self, *, privileged: bool) -> list[tuple[int, BoardEntry]]:
+        """Entries that have played the whole suite, best first, each after its place.
+
+        The best one has the place 1; equal standings share a place.
+        """
         complete = sorted(
             (each for each in self.entries if not each.lacks and each.privileged == privileged),
             key=lambda entry: (*(-number for number in entry.standing), entry.digest),
         )
         standings = [entry.standing for entry in complete]
-        return [Ranked(rank=1 + standings.index(entry.standing), entry=entry) for entry in complete]
+        return [(1 + standings.index(entry.standing), entry) for entry in complete]
 
     @property
     def partial(self) -> list[BoardEntry]:
@@ -161,7 +151,7 @@ def make_entry(
     unverifiable: Iterable[Key],
     commands: Iterable[str] = (),
 ) -> BoardEntry:
-    """What a verified bundle adds up to.
+    """What a verified bundle adds up to; see `BoardEntry`.
 
     Args:
         file: Name of the bundle.
@@ -231,14 +221,9 @@ def begin_site(out: Path) -> None:
 
 
 def write_site(board: Board, out: Path) -> Path:
-    """Write all pages and the JSON form; pages of bundles that are gone are removed.
+    """Write all pages and the JSON form into a folder, after `begin_site`; give the first page.
 
-    Args:
-        board: What to show.
-        out: The folder, after `begin_site`.
-
-    Returns:
-        The first page.
+    Pages of bundles that are gone are removed.
     """
     pages = {entry.page: _policy_page(board, entry) for entry in board.entries}
     write_files(out, {**pages, PAGE: _front_page(board), DOCUMENT: _document(board)})
@@ -251,8 +236,8 @@ def write_site(board: Board, out: Path) -> Path:
 
 def _front_page(board: Board) -> str:
     ranked, privileged = (board.ranked(privileged=which) for which in (False, True))
-    shown = [(str(one.rank), one.entry) for one in ranked[:MOST]]
-    shown += [("P", one.entry) for one in privileged[:1]]
+    shown = [(str(rank), entry) for rank, entry in ranked[:MOST]]
+    shown += [("P", entry) for _, entry in privileged[:1]]
     bars = [
         (row[0].task.title, [(word, one) for (word, _), one in zip(shown, row, strict=True)])
         for row in zip(*(entry.results.tasks for _, entry in shown), strict=True)
@@ -281,7 +266,7 @@ def _policy_page(board: Board, entry: BoardEntry) -> str:
         figures.plots(entry.results),
         entry.part,
         entry=entry,
-        rank=next((one.rank for one in ranked if one.entry.digest == entry.digest), None),
+        rank=next((rank for rank, one in ranked if one.digest == entry.digest), None),
         expected=entry.part.suite.episodes if entry.lacks else EPISODES,
     )
 
@@ -291,8 +276,8 @@ def _document(board: Board) -> str:
         "schema": SCHEMA,
         **{
             name: [
-                {"rank": one.rank, **_entry(one.entry)}
-                for one in board.ranked(privileged=privileged)
+                {"rank": rank, **_entry(entry)}
+                for rank, entry in board.ranked(privileged=privileged)
             ]
             for name, privileged in (("ranked", False), ("ranked_privileged", True))
         },

@@ -26,7 +26,6 @@ CSV_HEADER = (
     *("task", "policy", "trained_on", "evaluated_in", "episodes", "successes", "success_rate"),
     *("wilson_low", "wilson_high", "mean_final_progress"),
 )
-"""Columns of the table as CSV."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -37,7 +36,6 @@ class MixedRow:
     policy: str
     """Name of the policy, the same for all of its trainings; may be empty."""
     trained_on: str
-    """What it was trained on."""
     scores: dict[str, Score]
     """What it reached, by where it was evaluated."""
 

@@ -23,14 +23,13 @@ from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, TaskResult
-from duobench.results.suites import execute_text, latency_text, suite_text
+from duobench.results.suite import execute_text, latency_text, suite_text
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
 from duobench.video import last_frame
 from duobench.web.page import EpisodeReplay, replay_fragment
 
 PAGE = "index.html"
-"""The first page of every folder for people."""
 Facts = Mapping[str, str]
 """Values in words by name, in the order in which they are shown."""
 UNKNOWN = "not known"
@@ -41,8 +40,7 @@ _MACHINE = {
     "renderer": "none: no images for the policy",
 }
 """What a record's versions say of the machine, and the word where they do not."""
-_TOLD_BY_RUN = ("inference",)
-"""What they say that the run says too."""
+_TOLD_BY_RUN = ("inference",)  # what they say that the run says too
 
 
 def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:

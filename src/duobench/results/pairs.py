@@ -22,12 +22,11 @@ from duobench.results.statistics import (
     permutation,
     tango_interval,
 )
-from duobench.results.suites import execute_text, latency_text
+from duobench.results.suite import execute_text, latency_text
 
 Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
 
-_DIGITS = 6
-"""Layouts are compared in micrometres: another processor may have another last bit."""
+_DIGITS = 6  # layouts are compared in micrometres: another processor may have another last bit
 _CONDITIONS = ("look", "horizon", "instructions", "split", "speed_fraction", "control_rate_hz")
 """What of a configuration is not the policy's choice."""
 
@@ -40,7 +39,6 @@ class Test:
     episodes: tuple[int, int]
     """Episodes of either run that were tested."""
     successes: tuple[int, int]
-    """How many of them succeeded."""
     only: tuple[int, int] | None = None
     """Episodes that only one of both solved; None if the episodes are not the same."""
     interval: tuple[float, float]
@@ -99,7 +97,6 @@ class Pair:
     left_out: int
     """Finished episodes of common tasks that only one run has, where the tests are paired."""
     tests: tuple[Test, ...]
-    """Row by row; rows that cannot be tested are left out."""
 
     @property
     def crosses_groups(self) -> bool:
@@ -239,9 +236,7 @@ class RunComparison:
     entrants: tuple[Entrant, ...]
     """Column by column, group by group."""
     rows: tuple[TableRow, ...]
-    """Rows, category by category."""
     pairs: tuple[Pair, ...]
-    """What tests say about any two of them."""
 
     @property
     def groups(self) -> list[tuple[Group, list[Entrant]]]:

@@ -38,7 +38,6 @@ class PaperResults:
 
     source: str
     rollouts: int
-    """Episodes of each task."""
     policies: dict[str, str]
     """Names for people, by the name that follows `paper:`."""
     tasks: dict[str, dict[str, Value]]

@@ -31,14 +31,12 @@ from duobench.results.robustness import robustness_of, write_robustness
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, group_by_condition
 from duobench.results.shard import Shard
-from duobench.results.suites import deviations
+from duobench.results.suite import deviations
 
 SUMMARY_SCHEMA = 5
-"""Version of the summary's fields."""
 SUMMARY = "summary.json"
 """The results of a condition for programs."""
-_NAMED = 6
-"""Shards that a sentence names."""
+_NAMED = 6  # shards that a sentence names
 _MOST_UNMET = 6
 """Constraints that did not hold of one stage that the page shows; others are folded away."""
 

@@ -10,7 +10,7 @@ from duobench.errors import EvaluationError
 from duobench.results import figures
 from duobench.results.folder import CONDITIONS
 from duobench.results.pages import PAGE, check_free, json_text, page, write_files
-from duobench.results.scores import RunPart, Score, TaskResult
+from duobench.results.scores import RunPart, Score
 from duobench.shifts.shift import (
     ALL_AXES,
     AXES,
@@ -25,7 +25,6 @@ from duobench.shifts.shift import (
 DOCUMENT = "robustness.json"
 """The results for programs; a folder that has it holds a report."""
 ROBUSTNESS_SCHEMA = 2
-"""Version of the document's fields."""
 BOUNDED = (LAYOUT, PHYSICS, LATENCY)
 """Axes whose levels scripted experts still solve."""
 
@@ -61,20 +60,10 @@ class Robustness:
         found = (part for part in self.parts if part.condition.shift == shift)
         return next((part for part in found if part.results.overall.episodes), None)
 
-    def score(self, axis: str, level: int) -> Score | None:
-        """What was reached there."""
-        part = self.at(axis, level)
-        return part and part.results.overall
-
-    def task(self, axis: str, level: int, task_id: str) -> TaskResult | None:
-        """The same of one task."""
-        part = self.at(axis, level)
-        return part and part.results.played(task_id)
-
     def levels(self, axis: str) -> dict[int, Score]:
         """What was reached at the levels of an axis that were played, 0 included."""
-        each = {level: self.score(axis, level) for level in range(LEVELS + 1)}
-        return {level: score for level, score in each.items() if score}
+        each = {level: self.at(axis, level) for level in range(LEVELS + 1)}
+        return {level: part.results.overall for level, part in each.items() if part}
 
 
 def robustness_of(parts: Sequence[RunPart], title: str = "") -> list[Robustness]:

@@ -188,7 +188,6 @@ class RunPart:
     run: Run
     condition: Condition
     results: Results
-    """What its records add up to."""
 
     @property
     def candidate(self) -> Candidate:

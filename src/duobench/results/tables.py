@@ -14,10 +14,8 @@ from duobench.results.paper import paper_results
 from duobench.results.statistics import LEVEL
 
 COMPARISON_SCHEMA = 2
-"""Version of the fields of a comparison as JSON."""
 MINUS = "\N{MINUS SIGN}"
-_SMALLEST = 0.001
-"""P-values below are not told apart."""
+_SMALLEST = 0.001  # p-values below are not told apart
 _LATEX = str.maketrans(
     {
         **{char: f"\\{char}" for char in "&%$#_{}"},

@@ -25,14 +25,10 @@ LARGEST_ERROR_PX = 1.0
 
 
 def calibrate_lens(images: Sequence[Image], board: Board) -> CameraCalibration:
-    """Focal lengths, middle and distortion of a camera.
+    """Focal lengths, middle and distortion of a camera, without its place.
 
-    Args:
-        images: The board seen from many sides and in all parts of the image, at least ten times.
-        board: The board as it was printed; its scale does not matter here.
-
-    Returns:
-        The lens, without a place; its error is that on every fifth image, which is held out.
+    Images show the board from many sides and in all their parts, at least ten times; every fifth
+    is held out. The scale of the board does not matter here.
 
     Raises:
         CalibrationError: Too few images show the board, or they do not fit one lens.

@@ -1,10 +1,8 @@
 """Where cameras are: the head camera on the table, a wrist camera on the flange.
 
-A wrist camera is measured from many poses of the arm and one of the board. Hand-eye calibration by
-the method of Park and Martin gives a first answer; it is then made better by least squares of the
-pixels of all corners, with the place of the board as a second unknown. The motion of the arm is a
-ruler of its own: it tells how large the board is, and so finds a print whose scale was measured
-wrongly.
+For a wrist camera, hand-eye calibration by the method of Park and Martin gives a first answer; it
+is then made better by least squares of the pixels of all corners, with the place of the board as a
+second unknown. The motion of the arm tells how large the board is, which finds a wrong scale.
 """
 
 from __future__ import annotations
@@ -60,11 +58,8 @@ def locate_head(
 ) -> Measured:
     """The place of the head camera, from a board at a known place on the table.
 
-    Args:
-        images: One or more images of the board, which lies still; every fifth corner is held out.
-        board: The board as it was printed.
-        lens: The camera's lens.
-        table_from_board: Where the board's frame is on the table, in metres.
+    One or more images show the board, as it was printed, which lies still; every fifth corner is
+    held out.
 
     Raises:
         CalibrationError: The board is not seen, or the camera would be somewhere else altogether.
@@ -155,12 +150,8 @@ def calibrate_wrist(
 ) -> Measured:
     """The place of a wrist camera in its flange.
 
-    Args:
-        views: 15 to 25 views of a board that does not move, with the wrist turned by 20 to 40
-            degrees about at least two axes; every fifth is held out.
-        side: Whose wrist.
-        board: The board as it was printed.
-        lens: The camera's lens.
+    There are 15 to 25 views of a board, as it was printed, that does not move. The wrist is turned
+    by 20 to 40 degrees about at least two axes; every fifth view is held out.
 
     Raises:
         CalibrationError: There are too few views, the arm was turned too little, the board's size

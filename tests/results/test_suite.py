@@ -2,39 +2,26 @@ import pytest
 
 from duobench.envs.execution import ChunkExecution
 from duobench.errors import UnknownNameError
-from duobench.results.suites import (
-    SUITES,
-    SuiteChoice,
-    deviations,
-    latency_text,
-    suite_text,
-)
+from duobench.results.suite import SUITES, SuiteChoice, deviations, latency_text, suite_text
 from duobench.tasks import catalog
 
-FIXED = {
-    ("paper", 1): (100, 30),
-    ("quick", 1): (10, 30),
-    ("robust", 1): (20, 30),
-}
+FIXED = {("paper", 1): (100, 30), ("quick", 1): (10, 30), ("robust", 1): (20, 30)}
 """What each version of a suite fixes: a change needs a new version, and a new line here."""
 
 
 def test_what_a_name_stands_for_does_not_change() -> None:
-    now = {
-        (one.name, one.revision): (one.episodes, one.execution.execute) for one in SUITES.values()
-    }
-    assert now == FIXED
+    named = SUITES.values()
+    assert {(x.name, x.revision): (x.episodes, x.execution.execute) for x in named} == FIXED
     assert len(catalog.names()) == 11
 
 
 @pytest.mark.parametrize("name", SUITES)
 def test_suite_is_what_its_name_says(name: str) -> None:
     suite = SuiteChoice(suite=name).make()
-    assert suite.label == f"{name} {SUITES[name].revision}"
+    assert suite_text(suite) == suite.label == f"{name} {SUITES[name].revision}"
     assert [task.id for task in suite.tasks] == list(catalog.names())
     assert suite.execution == ChunkExecution(execute=30)
     assert deviations(suite) == []
-    assert suite_text(suite) == suite.label
 
 
 def test_what_differs_from_the_name_is_said() -> None:
