@@ -304,8 +304,8 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
     with shown, advising(OTHER_RUN):
         board, page = make_leaderboard(folder, out, workers=workers, started=started)
     for title, privileged in (("Ranked", False), ("Privileged", True)):
-        for one in board.ranked(privileged=privileged):
-            say(f"{title} {one.rank}: {_result(one.entry)}")
+        for rank, entry in board.ranked(privileged=privileged):
+            say(f"{title} {rank}: {_result(entry)}")
     for entry in board.partial:
         say(f"Not ranked: {_result(entry)}; {'; '.join(entry.lacks)}")
     for refused in board.refused:
