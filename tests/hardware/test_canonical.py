@@ -56,12 +56,10 @@ def test_a_rendered_image_comes_back() -> None:
     with Renderer(base.simulation.model, height=720, width=1280) as renderer:
         rendered = renderer.render(base.simulation.data, HEAD)
     base.close()
-    through = remapped(rendered, directions_of(ZED) * focal_of(HEAD) + (639.5, 359.5))
-    back = CanonicalView(HEAD, ZED).image(through)
-    seen = remapped(
-        np.full_like(rendered, 255), directions_of(ZED) * focal_of(HEAD) + (639.5, 359.5)
-    )
-    known = CanonicalView(HEAD, ZED).image(seen).min(axis=-1) == 255
+    places = directions_of(ZED) * focal_of(HEAD) + (639.5, 359.5)
+    view, white = CanonicalView(HEAD, ZED), np.full_like(rendered, 255)
+    back = view.image(remapped(rendered, places))
+    known = view.image(remapped(white, places)).min(axis=-1) == 255
     assert known.mean() > 0.98
     error = np.abs(back.astype(int) - rendered)[known]
     assert error.mean() < 2.0
