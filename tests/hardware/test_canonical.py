@@ -14,12 +14,12 @@ from duobench.hardware.canonical import (
     nominal_pose,
     remapped,
 )
-from duobench.hardware.rig import CameraCalibration
+from duobench.hardware.rig import UNPOSED, CameraCalibration
 from duobench.robot.cameras import describe_cameras
 from duobench.sim.rendering import Renderer
 from duobench.tasks import catalog
 from duobench.types import HEAD, POLICY_CAMERAS, Array
-from tests.hardware.lenses import D405, UNPOSED, ZED, directions_of
+from tests.hardware.lenses import D405, ZED, directions_of
 
 
 def pinhole(camera: str) -> CameraCalibration:

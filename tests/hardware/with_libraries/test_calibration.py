@@ -11,8 +11,13 @@ import pytest
 
 from duobench.errors import CalibrationError
 from duobench.hardware.calibration.board import Board, Detector, board_pose
-from duobench.hardware.calibration.lens import calibrate_lens
-from duobench.hardware.calibration.places import View, calibrate_wrist, flange_pose, locate_head
+from duobench.hardware.calibration.places import (
+    View,
+    calibrate_lens,
+    calibrate_wrist,
+    flange_pose,
+    locate_head,
+)
 from duobench.hardware.canonical import distorted, nominal_pose
 from duobench.hardware.rig import CameraCalibration
 from duobench.robot.joints import HOME_JOINTS

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from duobench.cli import main
-from duobench.hardware.doctor import Outcome, examine
-from duobench.hardware.doctor.examine import shift_between
+from duobench.hardware.doctor.checks import Outcome
+from duobench.hardware.doctor.examine import examine, shift_between
 from duobench.hardware.drivers.simulated import SimulatedCamera
 from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
 from duobench.types import HEAD

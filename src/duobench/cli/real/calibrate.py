@@ -63,7 +63,7 @@ def lens(
         paper: Sheet of the board.
     """
     from duobench.hardware.calibration.board import Board
-    from duobench.hardware.calibration.lens import calibrate_lens
+    from duobench.hardware.calibration.places import calibrate_lens
 
     known, sheet = _rig(rig), Board(paper=paper)
     folder = _folder(known, views, camera, None, sheet)

@@ -11,7 +11,7 @@ from duobench.cli.shared.console import console
 
 if TYPE_CHECKING:
     from duobench.backend import Image
-    from duobench.hardware.doctor import Check
+    from duobench.hardware.doctor.checks import Check
     from duobench.hardware.duo import FrankaDuo
 
 _STYLES = {"ok": "green", "note": "yellow", "failed": "bold red", "skipped": "dim"}
@@ -40,7 +40,8 @@ def doctor(
     if seconds <= 0.0:
         raise AdvisedError("--seconds is more than 0.")
     from duobench.hardware.clock import SystemClock, VirtualClock
-    from duobench.hardware.doctor import examine, write_checks
+    from duobench.hardware.doctor.checks import write_checks
+    from duobench.hardware.doctor.examine import examine
     from duobench.hardware.opening import SIMULATED, open_rig
     from duobench.hardware.rig import Rig
 

@@ -21,7 +21,7 @@ from duobench.errors import DuoBenchError, LockedError, OtherRunError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from duobench.hardware.doctor import Report
+    from duobench.hardware.doctor.checks import Report
     from duobench.rig_sessions.trials_report import TrialsReport
 
 _PAGE = PageOptions()
