@@ -25,7 +25,7 @@ from duobench.objects.solid import (
     printable,
 )
 from duobench.policy.serving.vla_eval import MODES
-from duobench.results.suites import SUITES
+from duobench.results.suite import SUITES
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 from duobench.shifts import levels
 from duobench.spatial import SE3

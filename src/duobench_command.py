@@ -9,7 +9,7 @@ from types import FrameType
 
 
 def _leave(number: int, _frame: FrameType | None) -> None:
-    """End the process as `duobench.cli.shared.interrupt.leave` does; nothing is open yet."""
+    """End the process as `duobench.cli.shared.process.leave` does; nothing is open yet."""
     os.write(2, b"\nStopped.\n")
     os._exit(128 + number)
 

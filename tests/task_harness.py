@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,11 @@ from duobench.sim import placement
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.progress import Progress, ProgressState
+from duobench.stages.logic import Predicate
+from duobench.stages.progress import Progress
 from duobench.tasks.task import Task
 from duobench.types import Array, DuoCommand, Side
+from tests.predicate_probe import PredicateProbe
 
 FAST = ("hinge_chest", "transfer_cube", "bin_sort")
 """Tasks whose whole episodes `make test` plays where all tasks have some."""
@@ -32,16 +34,6 @@ MOVED = ("joints", "before", "openings", "targets", "freedom")
 """What a script changes in its arms."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Reached:
-    """A stage that a script has just reached."""
-
-    physics: Array
-    progress: ProgressState
-    history: tuple[int, ...]
-    arms: dict[str, object]
-
-
 class TaskHarness:
     """One task with its simulation and its stage rule, without Gymnasium around it."""
 
@@ -51,7 +43,7 @@ class TaskHarness:
         self.progress = Progress(task.stages)
         self.history: list[int] = []
         self._kinematics = Kinematics()
-        self._reached: dict[tuple[object, ...], Reached] = {}
+        self._reached: dict[tuple[object, ...], Callable[[], None]] = {}
         self.start(0)
 
     def start(self, seed: int = 0, layout: Layout | None = None) -> Layout:
@@ -141,22 +133,27 @@ class TaskHarness:
     ) -> None:
         key = (repr(self._layout.to_json()), script, stage)
         named = not self.history and "<" not in getattr(script, "__qualname__", "<")
-        if not named or key not in self._reached:
-            run()
-            if named:
-                self._reached[key] = Reached(
-                    physics=self.sim.get_state(),
-                    progress=self.progress.get_state(),
-                    history=tuple(self.history),
-                    arms={name: deepcopy(getattr(self.arms, name)) for name in MOVED},
-                )
+        if named and key in self._reached:
+            self._reached[key]()
             return
-        reached = self._reached[key]
-        self.sim.set_state(reached.physics)
-        self.progress.set_state(reached.progress, self._layout.variants)
-        self.history = list(reached.history)
-        for name, value in reached.arms.items():
-            setattr(self.arms, name, deepcopy(value))
+        run()
+        if named:
+            self._reached[key] = self._saved()
+
+    def _saved(self) -> Callable[[], None]:
+        """Save the episode as it is now; what takes it up again."""
+        physics, progress = self.sim.get_state(), self.progress.get_state()
+        history = tuple(self.history)
+        arms = {name: deepcopy(getattr(self.arms, name)) for name in MOVED}
+
+        def take_up() -> None:
+            self.sim.set_state(physics)
+            self.progress.set_state(progress, self._layout.variants)
+            self.history = list(history)
+            for name, value in arms.items():
+                setattr(self.arms, name, deepcopy(value))
+
+        return take_up
 
     def run_until(self, script: Callable[[Arms], Script], met: Callable[[], bool]) -> None:
         """Run a script until a condition is met, whenever that is; fail if it never is."""
@@ -183,6 +180,55 @@ class TaskHarness:
         duo = self.sim.duo
         self.sim.step(DuoCommand.from_flat(duo.limits.clip(action, duo.command().flat)))
         self.judge()
+
+
+@dataclass(frozen=True)
+class Moments:
+    """States of a task by letter, and what is so after a sequence of them."""
+
+    bench: TaskHarness
+    layout: Layout | None = None
+    """That of the episode, if it is not the one of seed 0."""
+    states: dict[str, Array] = field(default_factory=dict)
+
+    def start(self) -> None:
+        self.bench.start(layout=self.layout)
+
+    def keep(self, letter: str) -> None:
+        """Save the state as it is now."""
+        self.states[letter] = self.bench.sim.get_state()
+
+    def edit(self, letter: str, base: str, change: Callable[[Simulation], object]) -> None:
+        """Save what a change makes of another one."""
+        change(self.at(base))
+        self.bench.sim.forward()
+        self.keep(letter)
+
+    def at(self, letter: str) -> Simulation:
+        self.bench.sim.set_state(self.states[letter])
+        return self.bench.sim
+
+    def stage_after(self, *letters: str) -> int:
+        self.start()
+        for letter in "".join(letters):
+            self.at(letter)
+            self.bench.judge()
+        return self.bench.stage
+
+    def answer(
+        self, letters: str, question: Predicate, before: Callable[[int], None] | None = None
+    ) -> bool:
+        """Whether a predicate holds at the end of a sequence, before each of which something may
+        happen.
+        """
+        self.start()
+        probe, yes = PredicateProbe(question, self.bench.sim), False
+        for number, letter in enumerate(letters):
+            if before:
+                before(number)
+            self.at(letter)
+            yes = probe.ask()
+        return yes
 
 
 def set_hinge(sim: Simulation, hinge: str, angle: float, speed: float = 0.0) -> None:

@@ -1,7 +1,7 @@
 """Count how often what is done is refused, over sincere ways of doing it that are not the experts'.
 
 `python -m dev.benchmarks.sincere --episodes 30` takes, for every task, ways at random from
-`tests.sincere` (height, tilt and depth of grasps, places, heights of release, order, arms, slow
+`tests.ways` (height, tilt and depth of grasps, places, heights of release, order, arms, slow
 motion and trembling), plays each in a layout of its own without a time limit, and compares the
 stage that was reached with what a person would call done.
 """
@@ -19,8 +19,8 @@ from rich.progress import track
 from rich.table import Table
 
 from duobench.tasks import catalog
-from tests.sincere.play import Judgement, play, ways_of
 from tests.task_harness import TaskHarness
+from tests.ways.play import Judgement, play, ways_of
 
 EPISODES_A_JOB = 5
 WIDTH = 120
@@ -64,7 +64,7 @@ def run(job: Job) -> list[Outcome]:
     for seed in job.seeds:
         way = sample(np.random.default_rng((seed, 0x776179)))
         judgement = play(bench, way, seed)
-        outcomes.append(Outcome(task=job.task, seed=seed, way=way.name, judgement=judgement))
+        outcomes.append(Outcome(task=job.task, seed=seed, way=str(way), judgement=judgement))
     return outcomes
 
 

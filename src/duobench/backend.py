@@ -64,10 +64,7 @@ class DuoBackend(Protocol):
     def hold(self, reason: str) -> None:
         """Bring both arms to rest and hold them there: until `home`, commands move nothing.
 
-        It may be called from any thread, and again: the first reason is kept.
-
-        Args:
-            reason: Why, in words for people.
+        It may be called from any thread, and again: the first reason, which is for people, is kept.
         """
         ...
 
@@ -81,10 +78,7 @@ class DuoBackend(Protocol):
         ...
 
     def image_ages(self) -> Mapping[str, float]:
-        """Seconds since the latest image of each camera was taken.
-
-        Cameras whose images are taken when they are asked for are left out.
-        """
+        """Seconds since the latest image of each camera that takes them by itself was taken."""
         ...
 
     @property
@@ -120,11 +114,7 @@ class DuoBackend(Protocol):
         ...
 
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> Mapping[str, Image]:
-        """The latest image of each of some cameras, by name.
-
-        Args:
-            cameras: Names of cameras.
-            shape: Height and width in pixels.
+        """The latest image of each of some cameras, by name; shape is height and width in pixels.
 
         Raises:
             UnknownNameError: There is no such camera.

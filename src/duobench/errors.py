@@ -182,9 +182,9 @@ class UnplayedError(MachineryError):
     @classmethod
     def of(cls, episodes: Mapping[str, str]) -> UnplayedError:
         """The error of episodes by their names, with how their processes ended."""
-        (name, why), *others = episodes.items()
-        what = "1 episode" if not others else f"{len(episodes)} episodes"
-        also = f" Also: {'; '.join(others[k][0] for k in range(len(others)))}." if others else ""
+        (name, *others), why = episodes, next(iter(episodes.values()))
+        what = f"{len(episodes)} episodes" if others else "1 episode"
+        also = f" Also: {'; '.join(others)}." if others else ""
         return cls(
             f"{what} could not be played. {name}: {why}{also} All others are finished, and kept."
         )
@@ -193,13 +193,8 @@ class UnplayedError(MachineryError):
 def escaped(text: str) -> str:
     r"""Text that every file, page and terminal takes.
 
-    Args:
-        text: Any text, such as that of an error of somebody else's code.
-
-    Returns:
-        The text with control characters (but line feeds and tabs), those that turn the direction
-        of writing, and lone surrogates, which stand for bytes that are no UTF-8, written as
-        `\x1b`, `\u202e` and `\udcff`.
+    Control characters (but line feeds and tabs), those that turn the direction of writing, and lone
+    surrogates, which stand for bytes that are no UTF-8, are written as `\x1b`, `\u202e`, `\udcff`.
     """
     text = _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
     return _UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
@@ -210,11 +205,7 @@ def traceback_text(error: BaseException, skip: int = 0) -> str:
 
     The text is then the same in every checkout, and tells nothing about a machine. It is escaped;
     lines that go on and on, such as those with a printed array, are cut, and so is the middle of
-    a text that is too long.
-
-    Args:
-        error: The error.
-        skip: How many of the outermost calls to leave out, such as ours of somebody else's code.
+    a text that is too long. So many of the outermost calls are left out as `skip` says.
     """
     trace = error.__traceback__
     for _ in range(skip):

@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     class Described(DataclassInstance, Protocol):
         """What a folder holds, as a data class that says in what it differs from another one."""
 
-        def differences(self, other: Self) -> list[str]:
-            """In what another one differs, one phrase each; see the function of this name."""
-            ...
+        def differences(self, other: Self) -> list[str]: ...  # noqa: D102
 
 
 T = TypeVar("T", bound="DataclassInstance")
@@ -37,13 +35,10 @@ T = TypeVar("T", bound="DataclassInstance")
 class Readable(Protocol):
     """A file, or what stands for one; its text names it."""
 
-    def read_bytes(self) -> bytes:
-        """All that is in it."""
-        ...
+    def read_bytes(self) -> bytes: ...  # noqa: D102
 
 
 CHECKSUM = "sha256"
-"""Key of a file's checksum."""
 TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; what still has it after a crash is rubbish."""
 
@@ -79,13 +74,9 @@ def make_folder(path: Path) -> None:
 def locked(folder: Path, *, wait_s: float = 0.0) -> Iterator[None]:
     """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked.
 
-    Args:
-        folder: The folder.
-        wait_s: Seconds to wait until another process has let go of it.
-
     Raises:
         OutputError: If the folder cannot be made.
-        LockedError: If another process is writing into it.
+        LockedError: If another process is writing into it, for `wait_s` seconds from now.
     """
     make_folder(folder)
     with held(folder, wait_s=wait_s):
@@ -122,18 +113,13 @@ def is_locked(path: Path) -> bool:
 def lock(handle: int, path: Path, *, wait_s: float = 0.0) -> None:
     """Lock an open file or folder; the operating system drops the lock with the process.
 
-    Args:
-        handle: What is open.
-        path: Its path, for messages.
-        wait_s: Seconds to wait until another process has let go of it.
-
     Raises:
-        LockedError: If another process has locked it.
+        LockedError: If another process has locked it, for `wait_s` seconds from now.
     """
     until = time.monotonic() + wait_s
     while True:
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             if time.monotonic() >= until:
                 raise LockedError(
@@ -143,13 +129,10 @@ def lock(handle: int, path: Path, *, wait_s: float = 0.0) -> None:
         except OSError as error:
             if error.errno not in _NO_LOCKS:
                 raise
-            return
-        else:
-            return
+            return None
 
 
 def _holder(handle: int) -> str:
-    """Which process has locked an open file or folder, in words."""
     status = os.fstat(handle)
     device = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}"
     with suppress(OSError):
@@ -160,12 +143,7 @@ def _holder(handle: int) -> str:
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write a file (text as UTF-8 with line feeds) in one atomic step.
-
-    Args:
-        path: Where the file will be; missing parent folders are made.
-        content: What will be in it, flushed to the disk before the file has its name.
-    """
+    """Write a file (text as UTF-8 with line feeds) in one atomic step; see `replacing`."""
     # A lone surrogate cannot be written; texts that may hold one are made printable before.
     data = content.encode(errors="replace") if isinstance(content, str) else content
     with replacing(path) as temporary:
@@ -174,13 +152,10 @@ def write(path: Path, content: str | bytes) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Write a file in one atomic step, in a block that fills another one.
+    """Write a file in one atomic step, in a block that fills the one that it is given.
 
-    Args:
-        path: Where the file will be; missing parent folders are made.
-
-    Yields:
-        The file to fill, which is flushed to the disk before it gets the name of the other one.
+    That is flushed to the disk before it gets the name of the other one. Missing parent folders are
+    made.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY_SUFFIX}")
     with writing(path):
@@ -238,11 +213,8 @@ def _is_checked(kind: type, schema: int) -> bool:
 def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = None) -> T:
     """A data class from the text that `encode` gave.
 
-    Args:
-        text: The text.
-        kind: The data class.
-        schema: The version of its fields that is written today.
-        oldest: The first version whose fields it can take too; by default that of today.
+    `schema` is the version of its fields that is written today, `oldest` the first one whose fields
+    it can take too; by default that of today.
     """
     try:
         document: Any = msgspec.json.decode(text)

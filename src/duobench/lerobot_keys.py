@@ -33,13 +33,8 @@ EXECUTED = 30
 def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
     """What the numbers of a feature are, as the `meta/info.json` of a data set says.
 
-    Args:
-        info: The content of the file.
-        feature: Name of the feature.
-
-    Returns:
-        The names, also where they stand under a heading of their own (`{"motors": [...]}`), and
-        without `POSITION`, which LeRobot's robots append; None where nothing is said.
+    The names may stand under a heading of their own (`{"motors": [...]}`), and come without
+    `POSITION`, which LeRobot's robots append; None where nothing is said.
     """
     try:
         names = info["features"][feature]["names"]

@@ -24,11 +24,7 @@ FIRST_PYTHON = {"lerobot": (3, 12)}
 
 
 def install_extra(extra: str) -> str:
-    """The sentence that says how to install an extra in the Python that is running.
-
-    Args:
-        extra: Its name, such as "serve".
-    """
+    """The sentence that says how to install an extra, such as "serve", in this Python."""
     first = FIRST_PYTHON.get(extra, (0, 0))
     if sys.version_info[:2] < first:
         running = f"{sys.version_info.major}.{sys.version_info.minor}"
@@ -40,32 +36,22 @@ def install_extra(extra: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address is reached from its own machine only.
-
-    Args:
-        host: A name, or an address with or without brackets.
-    """
+    """Whether a name, or an address with or without brackets, is reached from here only."""
     try:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return host == "localhost"
 
 
-_LOOK_S = 0.1
-"""How often a process looks whether its parent still lives, in seconds."""
-
-
 def watch_parent(parent: int, end: Callable[[], object]) -> None:
     """Call a function in a thread as soon as the parent of this process is gone, however it went.
 
-    Args:
-        parent: Number of the process that has started this one.
-        end: What to do then: end this process, and what it has started.
+    It ends this process, and what it has started.
     """
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(_LOOK_S)
+            time.sleep(0.1)
         end()
 
     threading.Thread(target=watch, daemon=True).start()

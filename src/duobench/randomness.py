@@ -49,11 +49,7 @@ def generator(task_id: str, seed: int, split: str = EVAL) -> np.random.Generator
 def variety_generator(task_id: str, seed: int, variety: str, purpose: str) -> np.random.Generator:
     """Generator of what an expert does differently in an episode; unrelated to the layout's.
 
-    Args:
-        task_id: Id of the task.
-        seed: Seed that the expert is reset with.
-        variety: Name of the variety.
-        purpose: What is sampled; other purposes, unrelated numbers.
+    The seed is that which the expert is reset with; other purposes have unrelated numbers.
     """
     words = _digest("variety", task_id, int(seed), variety, purpose)
     return np.random.Generator(np.random.PCG64(words))
@@ -62,11 +58,7 @@ def variety_generator(task_id: str, seed: int, variety: str, purpose: str) -> np
 def shift_generator(task_id: str, seed: int, axis: str, split: str = EVAL) -> np.random.Generator:
     """Generator of what an episode has along an axis of a shift; unrelated to the layout's.
 
-    Args:
-        task_id: Id of the task.
-        seed: Seed that sampled the layout.
-        axis: Name of the axis; other axes, unrelated numbers.
-        split: What the layout was sampled for.
+    Seed and split are those of the layout; other axes have unrelated numbers.
     """
     words = _digest(_word("shift", split), task_id, SUITE_VERSION, int(seed), axis)
     return np.random.Generator(np.random.PCG64(words))
@@ -84,12 +76,8 @@ def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
 
     An environment that is reset with it shows another layout, so that no policy makes the layout of
     its episode again by accident, or with a simulator of its own. It is no secret: hashing
-    all seeds of a suite, which are published, finds the one that it comes from.
-
-    Args:
-        task_id: Id of the task.
-        seed: Seed that sampled the layout.
-        split: What it was sampled for.
+    all seeds of a suite, which are published, finds the one that it comes from. Seed and split are
+    those of the layout.
     """
     return _digest(_word("policy", split), task_id, SUITE_VERSION, int(seed)) % 2**32
 
@@ -97,11 +85,7 @@ def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
 def instruction_number(task_id: str, seed: int, count: int, split: str = EVAL) -> int:
     """Which of several instructions the episode of a seed has, from 0 to `count` - 1.
 
-    Args:
-        task_id: Id of the task.
-        seed: Seed that sampled the layout.
-        count: How many instructions there are.
-        split: What the layout was sampled for.
+    Seed and split are those of the layout.
     """
     return _digest(_word("instruction", split), task_id, SUITE_VERSION, int(seed)) % count
 
@@ -125,12 +109,7 @@ class Uniform:
 
 
 def around(centre: float, half: float) -> Uniform:
-    """Uniform over [centre - half, centre + half).
-
-    Args:
-        centre: Middle of the range, in metres or radians.
-        half: Half of its width, in the same unit.
-    """
+    """Uniform over [centre - half, centre + half), in metres or radians."""
     return Uniform(centre - half, centre + half)
 
 

@@ -14,15 +14,12 @@ from duobench.errors import ImportPathError, UnknownNameError, traceback_text
 
 
 def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
-    """Import what a path names.
+    """Import what a path `module:attribute` names, such as "my_tasks:STACK".
 
     Args:
-        path: `module:attribute`, such as "my_tasks:STACK".
+        path: The path.
         kind: What it should be, for messages: "task".
         fits: Whether a value is one.
-
-    Returns:
-        The attribute, for which `fits` is true.
 
     Raises:
         ImportPathError: The path has another form, or the module is missing or raises an error.
@@ -60,7 +57,6 @@ def _imported(name: str) -> Any:
 
 
 def _is_foreign(value: object, module_name: str) -> bool:
-    """Whether a class or function was only imported into a module."""
     return isinstance(value, (type, FunctionType)) and value.__module__ != module_name
 
 
@@ -87,11 +83,9 @@ class _LazyPackage(ModuleType):
 def lazy(package: str) -> None:
     """Let a package import its public names on first use.
 
-    The names are those that its `__init__` imports from modules under `if TYPE_CHECKING`: what
-    type checkers see is what there is. `import NAME as NAME` tells them that it is public.
-
-    Args:
-        package: `__name__` of the package, whose `__init__` calls this at its end.
+    The names are those that its `__init__`, which calls this at its end, imports from modules under
+    `if TYPE_CHECKING`: what type checkers see is what there is. `import NAME as NAME` tells them
+    that it is public.
     """
     module = sys.modules[package]
     source = Path(str(module.__file__)).read_text(encoding="utf-8")

@@ -30,7 +30,7 @@ class ServingThread:
         handler: Serves one connection, in the thread.
         host: Address to listen at.
         port: Port to listen at; 0 takes a free one.
-        name: What the thread is called.
+        name: That of the thread.
         ending: What the thread does last, while connections are still open.
         options: Of `websockets.asyncio.server.serve`.
 
@@ -57,13 +57,9 @@ class ServingThread:
         async def run() -> None:
             self._events = asyncio.get_running_loop()
             self._events.set_exception_handler(self._complain)
-            shared: dict[str, Any] = {
-                "compression": None,
-                "server_header": None,
-                "logger": _connections,
-            }
+            options.update(compression=None, server_header=None, logger=_connections)
             try:
-                server = await serve(handler, host, port, **shared, **options)
+                server = await serve(handler, host, port, **options)
             except (OSError, OverflowError, ValueError) as error:  # also what is no host or port
                 reason = str(getattr(error, "strerror", None) or error).rstrip(".")
                 listening.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
@@ -89,7 +85,7 @@ class ServingThread:
         self._thread.join()
 
     def _complain(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Say once what may go wrong again and again, such as that no connection can be opened."""
+        # Once: it may go wrong again and again, such as that no connection can be opened.
         message = str(context.get("message"))
         if message not in self._complaints:
             self._complaints.add(message)

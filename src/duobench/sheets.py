@@ -35,12 +35,7 @@ class Paper(StrEnum):
 
 
 class Sheet:
-    """One sheet that is drawn on.
-
-    Args:
-        width: Width in mm.
-        height: Height in mm.
-    """
+    """One sheet that is drawn on, of a width and height in mm."""
 
     def __init__(self, width: float, height: float) -> None:
         self.width, self.height = width, height
@@ -84,11 +79,7 @@ class Sheet:
         self.polygon((start, end), closed=False, **style)
 
     def rectangles(self, boxes: Iterable[Sequence[float]]) -> None:
-        """Fill rectangles in black, as one shape without seams.
-
-        Args:
-            boxes: Left and lower edge, width and height (n, 4) in mm.
-        """
+        """Fill rectangles (n, 4), left, lower edge, width, height in mm: black, without seams."""
         from matplotlib.path import Path
 
         left, low, width, height = np.array(list(boxes)).T
@@ -140,12 +131,7 @@ class Sheet:
 
 
 def pdf(sheets: Sequence[Sheet], title: str) -> bytes:
-    """Sheets as the bytes of a PDF file, which asks viewers not to scale it.
-
-    Args:
-        sheets: At least one.
-        title: Its title.
-    """
+    """Sheets, at least one, as the bytes of a PDF file, which asks viewers not to scale it."""
     import matplotlib
     from matplotlib.backends.backend_pdf import Name, PdfFile, RendererPdf
 

@@ -10,7 +10,6 @@ picks its kernel by the type of the processor, and kernels differ in the last bi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,38 +28,17 @@ def _frozen(values: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 def product(a: Array, b: Array) -> Array:
     """Matrix product of a (3, 3) with b, (3, 3) or (3,); the same bits on every processor."""
-    (a0, a1, a2), (a3, a4, a5), (a6, a7, a8) = a.tolist()
     if b.ndim == 1:
-        x, y, z = b.tolist()
-        return np.array(
-            [a0 * x + a1 * y + a2 * z, a3 * x + a4 * y + a5 * z, a6 * x + a7 * y + a8 * z]
-        )
-    (b0, b1, b2), (b3, b4, b5), (b6, b7, b8) = b.tolist()
-    return np.array(
-        [
-            [
-                a0 * b0 + a1 * b3 + a2 * b6,
-                a0 * b1 + a1 * b4 + a2 * b7,
-                a0 * b2 + a1 * b5 + a2 * b8,
-            ],
-            [
-                a3 * b0 + a4 * b3 + a5 * b6,
-                a3 * b1 + a4 * b4 + a5 * b7,
-                a3 * b2 + a4 * b5 + a5 * b8,
-            ],
-            [
-                a6 * b0 + a7 * b3 + a8 * b6,
-                a6 * b1 + a7 * b4 + a8 * b7,
-                a6 * b2 + a7 * b5 + a8 * b8,
-            ],
-        ]
-    )
+        u, v, w = b.tolist()
+        return np.array([x * u + y * v + z * w for x, y, z in a.tolist()])
+    columns = b.T.tolist()
+    return np.array([[x * u + y * v + z * w for u, v, w in columns] for x, y, z in a.tolist()])
 
 
 def dot(a: ArrayLike, b: ArrayLike) -> float:
     """Dot product of two short vectors (n,); the same bits on every processor."""
-    total = 0.0
-    for x, y in zip(_floats(a), _floats(b), strict=True):
+    total = 0.0  # `sum` of some Pythons compensates
+    for x, y in zip(np.asarray(a).tolist(), np.asarray(b).tolist(), strict=True):
         total += x * y
     return total
 
@@ -68,10 +46,6 @@ def dot(a: ArrayLike, b: ArrayLike) -> float:
 def length(vector: ArrayLike) -> float:
     """Euclidean length of a short vector (n,); the same bits on every processor."""
     return math.sqrt(dot(vector, vector))
-
-
-def _floats(values: ArrayLike) -> Iterable[float]:
-    return values.tolist() if isinstance(values, np.ndarray) else values  # type: ignore[return-value]
 
 
 def matrix_from_wxyz(wxyz: ArrayLike) -> Array:

@@ -28,36 +28,30 @@ def package_versions() -> dict[str, str]:
 def record_versions(renderer: str | None) -> dict[str, str | None]:
     """Everything that a record notes about where it was made.
 
-    Args:
-        renderer: What renders the policy's images; None for a policy that sees none.
+    The renderer is that of the policy's images; None for a policy that sees none.
     """
     return {
         **package_versions(),
         "python": platform.python_version(),
         "platform": f"{platform.system()} {platform.machine()}",
-        "processor": processor(),
+        "processor": _about_processor("model name"),
         "renderer": renderer,
     }
 
 
-def processor() -> str | None:
-    """Model of the processor, as Linux names it; None if it has no name."""
-    try:
+def _about_processor(what: str) -> str | None:
+    """What Linux says about the first processor; None where it says nothing."""
+    with suppress(OSError):
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return None
-    named = re.search(r"^model name\s*:\s*(\S.*)$", text, re.MULTILINE)
-    return named[1].strip() if named else None
+        if found := re.search(rf"^{what}\s*:\s*(\S.*)$", text, re.MULTILINE):
+            return found[1].strip()
+    return None
 
 
 def differing_arithmetic(versions: Mapping[str, str | None]) -> list[str]:
-    """Why a replay in this process need not have the bits of an episode; nothing if it must.
+    """Why a replay here need not have the bits of an episode with those `record_versions`.
 
-    Args:
-        versions: What `record_versions` noted about the episode.
-
-    Returns:
-        One phrase a difference: "mujoco 4.0.0 instead of 4.0.1".
+    One phrase a difference, such as "mujoco 4.0.0 instead of 4.0.1"; nothing if it must have them.
     """
     here = package_versions()
     found = [
@@ -74,7 +68,4 @@ def differing_arithmetic(versions: Mapping[str, str | None]) -> list[str]:
 
 def has_avx2() -> bool:
     """Whether Linux says that this processor has AVX2 and FMA."""
-    with suppress(OSError):
-        flags = re.search(r"^flags\s*:(.*)", Path("/proc/cpuinfo").read_text(), re.MULTILINE)
-        return flags is not None and {"avx2", "fma"} <= set(flags[1].split())
-    return False
+    return {"avx2", "fma"} <= set((_about_processor("flags") or "").split())

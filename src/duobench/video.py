@@ -31,13 +31,10 @@ class Codec:
     """How videos are encoded: the same frames give the same bytes."""
 
     encoder: str
-    """FFmpeg's name of the encoder."""
+    """As FFmpeg calls it, like `container`, the format of the file."""
     options: Mapping[str, str]
-    """Its options."""
     container: str
-    """FFmpeg's name of the format of the file."""
     container_options: Mapping[str, str] = field(default_factory=dict)
-    """Options of the format."""
     pixel_format: str = "yuv420p"
     """How a frame is stored; this one needs an even height and width."""
 
@@ -56,10 +53,7 @@ AV1 = Codec(
 )
 """To learn from, with LeRobot's defaults but for the preset: with groups of two frames, a training
 reads frames in any order without decoding many others. LeRobot's preset 12 is faster and keeps less
-of every second frame. One thread (lp): episodes are
-what runs in parallel."""
-
-
+of every second frame. One thread (lp): episodes are what runs in parallel."""
 H264 = Codec(
     encoder="libx264",
     options={"preset": "ultrafast", "tune": "zerolatency", "crf": "20", "g": "15"},
@@ -118,7 +112,6 @@ class VideoWriter:
 
     @contextmanager
     def _encoding(self) -> Iterator[None]:
-        """Say in a sentence what went wrong."""
         target = self._target
         try:
             with writing(target) if isinstance(target, Path) else nullcontext():

@@ -1,6 +1,7 @@
-"""What a recording says about its actions, also in a mode that is added to the table."""
+"""What a recording says of its actions in a mode that is added to the table: targets in degrees."""
 
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -8,21 +9,48 @@ import pyarrow.parquet as pq
 import pytest
 
 import duobench
-from duobench.data import (
-    ActionSource,
-    DataSet,
-    ExportOptions,
-    Recorder,
-    export_lerobot,
-    find_problems,
-)
-from duobench.envs import action_modes
+from duobench.backend import DuoLimits
+from duobench.data import ActionSource, DataSet, ExportOptions, export_lerobot, find_problems
+from duobench.envs import DuoWrapper, action_modes, spaces
+from duobench.envs.action_modes import ActionMode
+from duobench.envs.duo_env import Transition
 from duobench.errors import DataError, UnknownNameError
 from duobench.policy.serving.message_format import ActionFormat, MessageFormat
 from duobench.policy.serving.vla_eval import action_spec
-from tests.data.degrees import DEGREES, FACTORS
-from tests.data.tools import HORIZON, TASK, recorded, recorder
+from duobench.types import FLAT_SIZE, OPENING_SLOTS, Array
+from tests.data.tools import HORIZON, TASK, recorder
 from tests.envs.tools import wave
+
+FACTORS = np.full(FLAT_SIZE, 180 / np.pi)
+FACTORS[list(OPENING_SLOTS)] = 1.0
+
+
+def _space(limits: DuoLimits) -> gym.spaces.Box:
+    return spaces.box(limits.low * FACTORS, limits.high * FACTORS)
+
+
+DEGREES = ActionMode(
+    name="joint_degrees",
+    names=tuple(f"{name}_degrees" for name in spaces.JOINT_NAMES),
+    space=_space,
+    wrappers=("tests.data.test_action_modes:DegreeActions",),
+)
+
+
+class DegreeActions(DuoWrapper):
+    """Takes joint targets in degrees."""
+
+    action_mode = DEGREES.name
+
+    def __init__(self, env: gym.Env) -> None:
+        super().__init__(env)
+        self.action_space = DEGREES.space(self.base.backend.limits)
+
+    def check_action(self, action: Any) -> Array:
+        return spaces.checked_action(action, DEGREES.names)
+
+    def step(self, action: Any) -> Transition:
+        return self.env.step(self.check_action(action) / FACTORS)
 
 
 @pytest.fixture
@@ -33,7 +61,9 @@ def degrees(monkeypatch: pytest.MonkeyPatch) -> str:
     return DEGREES.name
 
 
-def test_a_further_mode_is_an_entry_and_a_wrapper(tmp_path: Path, degrees: str) -> None:
+def test_a_further_mode_is_an_entry_and_a_wrapper(
+    tmp_path: Path, degrees: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     env = recorder(tmp_path / "data", action_mode=degrees, binary_gripper=True)
     plain = duobench.make(TASK, cameras=False, binary_gripper=True)
     env.reset(seed=0)
@@ -59,27 +89,13 @@ def test_a_further_mode_is_an_entry_and_a_wrapper(tmp_path: Path, degrees: str) 
     with pytest.raises(DataError, match=f"'{degrees}' name no targets"):
         export_lerobot(data, tmp_path / "given", given, workers=0)
 
+    monkeypatch.delitem(action_modes.ACTION_MODES, degrees)  # pyright: ignore
+    with pytest.raises(UnknownNameError, match="action mode 'joint_degrees'"):
+        _ = recording.info.mode
+
 
 def test_a_further_mode_can_be_served(degrees: str) -> None:
     layout = MessageFormat(actions=ActionFormat(mode=degrees))
     assert layout.action_sizes["left_arm"] == action_spec(layout)["left_arm"]["dims"] == 7
     with pytest.raises(UnknownNameError, match="Did you mean 'joint_degrees'"):
         ActionFormat(mode="joint_degree")
-
-
-def test_a_recording_of_a_mode_that_is_not_here_says_so(tmp_path: Path, degrees: str) -> None:
-    recording = recorded(tmp_path, steps=1, action_mode=degrees)
-    with pytest.MonkeyPatch.context() as patch:
-        table = {name: mode for name, mode in action_modes.ACTION_MODES.items() if name != degrees}
-        patch.setattr(action_modes, "ACTION_MODES", table)
-        with pytest.raises(UnknownNameError, match="action mode 'joint_degrees'"):
-            _ = recording.info.mode
-
-
-def test_the_mode_is_found_through_wrappers_that_are_not_ours(tmp_path: Path) -> None:
-    inner = duobench.make(TASK, cameras=False, action_mode="cartesian")
-    env = Recorder(gym.wrappers.RecordEpisodeStatistics(gym.Wrapper(inner)), tmp_path)
-    env.reset(seed=0)
-    env.close()
-    (recording,) = DataSet(tmp_path).recordings()
-    assert recording.info.action_mode == "cartesian"

@@ -16,7 +16,7 @@ from duobench.data import Actor, DataSet, Recording, stream
 from duobench.data.schema import INFO_KEY
 from duobench.data.stream import BATCH_ROWS, recover
 from duobench.errors import DataError, FileError, OtherRunError, OutputError
-from tests.data.tools import TASK, child_of, ended, equal, play, recorded, recorder, room
+from tests.data.tools import TASK, child_of, ended, equal, only, play, recorded, recorder, room
 from tests.envs.tools import wave
 from tests.evaluation.processes import wait_until
 
@@ -30,52 +30,46 @@ def record(folder: Path) -> None:
     play(env, steps=100_000, seed=1)
 
 
-@pytest.fixture(scope="module")
-def example(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Recording]:
-    folder = tmp_path_factory.mktemp("data")
-    return folder, recorded(folder)
-
-
-def test_reading_gives_what_was_written(tmp_path: Path, example: tuple[Path, Recording]) -> None:
+def test_reading_gives_what_was_written(tmp_path: Path, example: Recording) -> None:
     path = tmp_path / "copy.parquet"
-    example[1].write(path)
-    assert equal(Recording.read(path), example[1])
-    assert Recording.read_info(path) == example[1].info
+    example.write(path)
+    assert equal(Recording.read(path), example)
+    assert Recording.read_info(path) == example.info
     first = path.read_bytes()
-    example[1].write(path)
+    example.write(path)
     assert path.read_bytes() == first
 
 
-def test_it_is_plain_parquet(example: tuple[Path, Recording]) -> None:
-    (path,) = DataSet.open(example[0]).episodes()
-    table = pq.read_table(path)
+def test_it_is_plain_parquet(original: DataSet) -> None:
+    table = pq.read_table(original.episodes()[0])
     assert table.column("agent_pos").type == pa.list_(pa.float32(), 16)
     assert table.column("action")[-1].as_py() is None
     assert table.column("state")[-1].as_py() is not None
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "foreign"])
-def test_a_damaged_file_is_named_and_the_rest_stays_usable(
-    tmp_path: Path, example: tuple[Path, Recording], damage: str
-) -> None:
-    data = DataSet.open(tmp_path)
-    for name in ("a", "b"):
-        example[1].write(data.episode(TASK, name))
-    bad = data.episode(TASK, "a")
-    content = bad.read_bytes()
+def flip_third(content: bytes) -> bytes:
     third = len(content) // 3
     flipped = bytes(255 - byte for byte in content[third : third + 64])
-    bad.write_bytes(
-        {
-            "cut": content[: len(content) // 2],
-            "flipped": content[:third] + flipped + content[third + 64 :],
-            "empty": b"",
-            "foreign": b"PAR1" * 100,
-        }[damage]
-    )
-    with pytest.raises(DataError, match=r"a\.parquet"):
+    return content[:third] + flipped + content[third + 64 :]
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: content[: len(content) // 2],
+        flip_third,
+        lambda _: b"",
+        lambda _: b"PAR1" * 100,
+    ],
+)
+def test_a_damaged_file_is_named_and_the_rest_stays_usable(
+    data: DataSet, example: Recording, damage: Callable[[bytes], bytes]
+) -> None:
+    good, bad, *_ = data.episodes()
+    bad.write_bytes(damage(bad.read_bytes()))
+    with pytest.raises(DataError, match=bad.name):
         Recording.read(bad)
-    assert equal(Recording.read(data.episode(TASK, "b")), example[1])
+    assert equal(Recording.read(good), example)
 
 
 def changed(old: bytes, new: bytes, *, is_signed: bool = True) -> Callable[[pa.Table], pa.Table]:
@@ -120,32 +114,37 @@ BOTH = (Recording.read, Recording.read_info)
 )
 def test_foreign_files_and_other_schemas_are_refused(
     tmp_path: Path,
-    example: tuple[Path, Recording],
+    original: DataSet,
     change: Callable[[pa.Table], pa.Table],
     message: str,
     readers: tuple[Callable[[Path], object], ...],
 ) -> None:
-    (good,) = DataSet.open(example[0]).episodes()
     path = tmp_path / "x.parquet"
-    pq.write_table(change(pq.read_table(good)), path)
+    pq.write_table(change(pq.read_table(original.episodes()[0])), path)
     for read in readers:
         with pytest.raises(DataError, match=message):
             read(path)
 
 
-@pytest.mark.parametrize("content", ["{}", "nothing", '{"schema": 9}'])
-def test_a_folder_of_another_kind_is_refused(tmp_path: Path, content: str) -> None:
-    (tmp_path / "dataset.json").write_text(content)
-    with pytest.raises(FileError, match=r"dataset\.json"):
+@pytest.mark.parametrize(
+    ("name", "content", "error", "message"),
+    [
+        *(
+            ("dataset.json", content, FileError, r"dataset\.json")
+            for content in ("{}", "nothing", '{"schema": 9}')
+        ),
+        ("thesis.tex", "...", OtherRunError, "not empty"),
+    ],
+)
+def test_a_folder_of_another_kind_is_left_alone(
+    tmp_path: Path, name: str, content: str, error: type[Exception], message: str
+) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(error, match=message):
         DataSet.open(tmp_path)
-
-
-def test_folders_that_hold_something_else_are_left_alone(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="holds no data set"):
         DataSet.open(tmp_path / "new", create=False)
-    (tmp_path / "thesis.tex").write_text("...")
-    with pytest.raises(OtherRunError, match="not empty"):
-        DataSet.open(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_row(tmp_path: Path) -> None:
@@ -202,21 +201,16 @@ def test_a_killed_recording_loses_half_a_second_and_no_finished_episode(tmp_path
     ],
 )
 def test_columns_that_could_not_be_read_again_are_refused(
-    example: tuple[Path, Recording], column: dict[str, np.ndarray]
+    example: Recording, column: dict[str, np.ndarray]
 ) -> None:
     with pytest.raises(DataError, match=f"{next(iter(column))!r} has shape"):
-        replace(example[1], **column)
+        replace(example, **column)
 
 
-def test_any_text_can_be_recorded(tmp_path: Path, example: tuple[Path, Recording]) -> None:
-    strange = replace(example[1], info=replace(example[1].info, actor=Actor(name="P\udcff")))
+def test_any_text_can_be_recorded(tmp_path: Path, example: Recording) -> None:
+    strange = replace(example, info=replace(example.info, actor=Actor(name="P\udcff")))
     strange.write(tmp_path / "x.parquet")
     assert Recording.read_info(tmp_path / "x.parquet").actor.name == "P?"
-
-
-def test_a_data_set_whose_making_was_killed_is_made(tmp_path: Path) -> None:
-    (tmp_path / ".dataset.json.123.tmp").write_text("{")
-    assert DataSet.open(tmp_path).description.exists()
 
 
 def test_what_a_full_disk_interrupts_is_recovered_in_order(tmp_path: Path) -> None:
@@ -245,15 +239,14 @@ def test_an_episode_that_cannot_be_written_is_recovered_whole(tmp_path: Path) ->
     seen = play(env, steps=7)
     with room(0), pytest.raises(OutputError, match=r"00000\.parquet"):
         env.finish()
-    env.close()
     data = DataSet(tmp_path)
     assert not data.episodes()  # nothing but the head could be written
-    env = recorder(tmp_path)
     play(env, steps=7)
-    (tmp_path / "episodes" / TASK / "00001.parquet").mkdir()
+    taken = data.episode(TASK, "00001")
+    taken.mkdir()
     with pytest.raises(DataError, match="exists already"):
         env.finish()
-    (tmp_path / "episodes" / TASK / "00001.parquet").rmdir()
+    taken.rmdir()
     rows = Recording.read(data.recover(data.partial(TASK, "00001")))
     np.testing.assert_array_equal(rows.sent, [step["sent"] for step in seen])
     env.close()
@@ -266,11 +259,11 @@ def test_an_episode_is_not_recovered_while_it_is_recorded(tmp_path: Path) -> Non
     with pytest.raises(OutputError, match=r"Another process is writing into .*00000\.part"):
         data.recover(data.partials()[0])
     env.close()
-    assert len(Recording.read(data.episodes()[0])) == 30
+    assert len(only(tmp_path)) == 30
 
 
 def test_what_was_left_is_not_thrown_away_for_another_episode(
-    tmp_path: Path, example: tuple[Path, Recording]
+    tmp_path: Path, example: Recording
 ) -> None:
     env = recorder(tmp_path)
     play(env, steps=30, seed=1)
@@ -279,7 +272,7 @@ def test_what_was_left_is_not_thrown_away_for_another_episode(
     left, same = partial.read_bytes(), recover(partial)
     env.discard()
     partial.write_bytes(left)
-    example[1].write(data.episode(TASK, "00000"))
+    example.write(data.episode(TASK, "00000"))
     with pytest.raises(DataError, match="is another episode"):
         data.recover(partial)
     assert partial.exists()
@@ -290,24 +283,22 @@ def test_what_was_left_is_not_thrown_away_for_another_episode(
 
 
 def test_no_recording_overwrites_what_was_put_in_its_place(
-    tmp_path: Path, example: tuple[Path, Recording], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, example: Recording, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    data = DataSet.open(tmp_path)
-    env = recorder(tmp_path)
+    data, env = DataSet(tmp_path), recorder(tmp_path)
     play(env, steps=3)
-    example[1].write(data.episode(TASK, "00000"))
+    example.write(data.episode(TASK, "00000"))
     with pytest.raises(DataError, match="never overwritten"):
         env.finish()
     assert len(recover(data.partial(TASK, "00000"))) == 3
     # Another process finishes an episode just before this one begins one of that name.
     taken = data.episode(TASK, "00001")
-    monkeypatch.setattr(stream, "make_folder", lambda _: example[1].write(taken))
+    monkeypatch.setattr(stream, "make_folder", lambda _: example.write(taken))
     env.reset(seed=0)
-    env.step(wave(0))
     monkeypatch.undo()
     env.close()
     assert [path.stem for path in data.episodes()] == ["00000", "00001", "00002"]
-    assert equal(Recording.read(taken), example[1])
+    assert equal(Recording.read(taken), example)
 
 
 @pytest.mark.parametrize(
@@ -321,7 +312,7 @@ def test_no_recording_overwrites_what_was_put_in_its_place(
 def test_a_hostile_head_is_named(tmp_path: Path, head: bytes) -> None:
     path = tmp_path / "x.part"
     path.write_bytes(head + b"\0" * 1000)
-    for read in (recover, stream.read_info):
+    for read in (recover, stream.read_left):
         with pytest.raises(DataError, match=r"x\.part"):
             read(path)
 

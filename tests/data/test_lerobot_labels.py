@@ -1,9 +1,9 @@
 """Exports without images: object states, and actions that are tool poses; what they play."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -11,51 +11,28 @@ import pytest
 
 import duobench
 from duobench.cli import main
-from duobench.data import ActionSource, DataSet, ExportOptions, Recorder, export_lerobot
+from duobench.data import ActionSource, DataSet, ExportOptions, Recording, export_lerobot
+from duobench.data.arrange import merge
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import ExportFolder
-from duobench.data.schema import Domain
 from duobench.envs import action_labels
 from duobench.envs.action_labels import LABELS, POSE_LABELS, rotations_from_columns
 from duobench.envs.config import LAYOUT
 from duobench.errors import ActionError, DataError, PolicyError, SeveralTasksError
-from duobench.evaluation import policies
-from duobench.evaluation.rollout import rollout
 from duobench.policy import lerobot_checkpoint as labels
 from duobench.randomness import SUITE_VERSION
 from duobench.spatial import SE3, product
-from tests.data.tools import HORIZON, TASK, data_of, recorder
+from tests.data.conftest import EPISODES
+from tests.data.tools import HORIZON, TASK, recorder
 
 SHORT_TASK = "carry_pot"
 TOOLS = ("cartesian", "cartesian_relative")
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
-    """A whole episode of the expert, and the object states that were seen in it beside it."""
-    folder = tmp_path_factory.mktemp("data") / "demos"
-    env = Recorder(duobench.make(SHORT_TASK, cameras=False, object_state=True), folder)
-    seen = _Seen()
-    rollout(env, policies.source("expert").bind(env), seed=0, watchers=[seen])
-    env.close()
-    np.save(folder.with_name("seen.npy"), seen.states)
-    return DataSet.open(folder)
-
-
-class _Seen:
-    """Remembers the object states before every action."""
-
-    def __init__(self) -> None:
-        self.states: list[np.ndarray] = []
-
-    def on_episode_start(self, _env: object, observation: dict, _info: object) -> None:
-        self.states.append(observation["environment_state"])
-
-    def on_step(self, step: object) -> None:
-        self.states.append(step.observation["environment_state"])  # pyright: ignore
-
-    def on_episode_end(self, _error: object) -> None:
-        self.states.pop()
+def data(demonstrations: Callable[..., Path]) -> DataSet:
+    """A whole episode of the expert, to read only."""
+    return DataSet.open(demonstrations(SHORT_TASK, variety="none"))
 
 
 def rows(folder: Path, column: str) -> np.ndarray:
@@ -73,20 +50,24 @@ def test_object_states_are_those_that_an_environment_shows(data: DataSet, tmp_pa
         *("--cameras", "none", "--object-state", "--per-task", "--workers", "0"),
     ])  # fmt: skip
     out, name = tmp_path / "out" / SHORT_TASK, "observation.environment_state"
-    seen = np.load(data.path.with_name("seen.npy"))
-    np.testing.assert_array_equal(rows(out, name), seen)
+    exported, (recording,) = rows(out, name), data.recordings()
     env = duobench.make(SHORT_TASK, cameras=False, object_state=True)
+    observation, _ = env.reset(options={LAYOUT: recording.info.layout})
+    for row in range(recording.steps):
+        np.testing.assert_array_equal(exported[row], observation["environment_state"])
+        observation, *_ = env.step(recording.sent[row])
     names = env.get_wrapper_attr("object_state_names")
     assert feature(out, name) == {"dtype": "float32", "shape": [len(names)], "names": [*names]}
     stats = json.loads((out / "meta/stats.json").read_text())
-    np.testing.assert_allclose(stats[name]["max"], seen.max(axis=0))
+    np.testing.assert_allclose(stats[name]["max"], exported.max(axis=0))
     assert not (out / "videos").exists()
 
 
-def test_object_states_of_several_tasks_need_a_folder_each(data: DataSet, tmp_path: Path) -> None:
-    both = data_of(tmp_path / "both", 1)
-    path = data.episodes()[0]
-    both.add(SHORT_TASK, path.stem, path.read_bytes())
+def test_object_states_of_several_tasks_need_a_folder_each(
+    data: DataSet, original: DataSet, tmp_path: Path
+) -> None:
+    merge([data, original], tmp_path / "both")
+    both = DataSet.open(tmp_path / "both")
     out, options = tmp_path / "out", ExportOptions(cameras=(), object_state=True)
     with pytest.raises(SeveralTasksError, match="bin_sort, carry_pot"):
         export_lerobot(both, out, options, workers=0)
@@ -94,10 +75,10 @@ def test_object_states_of_several_tasks_need_a_folder_each(data: DataSet, tmp_pa
     with pytest.raises(SystemExit, match="--per-task"):
         main(["export", "lerobot", str(both.path), "--out", "out", "--object-state"])
     done = export_lerobot(both, out, options, per_task=True, workers=0)
-    assert done.episodes == 2
-    for task in (TASK, SHORT_TASK):
+    assert done.episodes == 1 + EPISODES
+    for task, episodes in ((SHORT_TASK, 1), (TASK, EPISODES)):
         info = json.loads((out / task / "meta/info.json").read_text())
-        assert info["total_episodes"] == 1
+        assert info["total_episodes"] == episodes
 
 
 @pytest.mark.parametrize("mode", TOOLS)
@@ -167,9 +148,6 @@ def test_actions_that_were_given_in_the_mode_come_back_as_they_were(
                 assert max(next(ends).distance(next(ends))) < 1e-6
     else:
         np.testing.assert_allclose(actions, recording.action, atol=1e-6)
-        options = ExportOptions(cameras=(), action_source=ActionSource.GIVEN)
-        with pytest.raises(DataError, match=f"'{mode}' name no targets"):
-            export_lerobot(DataSet.open(tmp_path), tmp_path.with_name("out"), options, workers=0)
     sent, _ = labels_of(recording, mode, ActionSource.SENT)
     assert sent.shape == given.shape
     assert not np.allclose(sent, given)
@@ -207,21 +185,15 @@ def test_a_checkpoint_whose_actions_are_not_known_is_rejected(tmp_path: Path) ->
             labels.labels_of(tmp_path, 16)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"domain": Domain.REAL, "first_hash": None, "last_hash": None}, "real table"),
-        ({"suite_version": "4"}, f"is of suite 4; this version exports suite {SUITE_VERSION}"),
-    ],
-)
 def test_real_episodes_have_no_object_states_and_other_suites_are_not_exported(
-    data: DataSet, tmp_path: Path, changes: dict[str, Any], message: str
+    real: DataSet, example: Recording, tmp_path: Path
 ) -> None:
-    (recording,) = data.recordings()
-    info = replace(recording.info, **changes)
-    state = np.empty((len(recording) + 1, 0)) if info.is_real else recording.state
+    options = ExportOptions(cameras=(), object_state=True)
+    with pytest.raises(DataError, match="real table"):
+        export_lerobot(real, tmp_path / "out", options, workers=0)
     other = DataSet.open(tmp_path / "other")
-    replace(recording, info=info, state=state).write(other.episode(SHORT_TASK, "00000"))
-    options = ExportOptions(cameras=(), object_state=info.is_real)
+    old = replace(example, info=replace(example.info, suite_version="4"))
+    old.write(other.episode(TASK, "00000"))
+    message = f"is of suite 4; this version exports suite {SUITE_VERSION}"
     with pytest.raises(DataError, match=message):
-        export_lerobot(other, tmp_path / "out", options, workers=0)
+        export_lerobot(other, tmp_path / "out", ExportOptions(cameras=()), workers=0)

@@ -51,24 +51,26 @@ def test_every_job_is_done_once_by_as_many_processes_as_wanted() -> None:
     assert list(run_all(Works, [], 2)) == []
 
 
-def test_error_of_a_job_is_raised_as_it_was() -> None:
-    with pytest.raises(UnknownNameError, match=r"^Unknown job 'fial'. Did you mean 'fail'\?"):
-        list(run_all(Works, ["fail", "sleep"], 2))
-    with pytest.raises(DataError, match=r"A worker failed(.|\n)*in __call__(.|\n)*no jobs"):
-        list(run_all(Works, ["crash", "sleep"], 2))
-
-
 def test_what_a_worker_was_doing_when_it_was_killed_is_done_again(tmp_path: Path) -> None:
     jobs = ["a", str(tmp_path / "once"), "b", "c"]
     assert sorted(job for job, _ in run_all(Works, jobs, 2)) == sorted(jobs)
     assert (tmp_path / "once").exists()
 
 
-def test_worker_that_dies_each_time_is_said_and_ends_the_others() -> None:
-    with pytest.raises(DataError, match=r"exit code -9\..*goes on from there"):
-        list(run_all(Works, ["sleep", "die"], 2))
-    with pytest.raises(DataError, match="exit code 3"):
-        list(run_all(Vanishing, ["a", "b"], 1))
+@pytest.mark.parametrize(
+    ("make", "job", "error", "message"),
+    [
+        (Works, "fail", UnknownNameError, r"^Unknown job 'fial'. Did you mean 'fail'\?"),
+        (Works, "crash", DataError, r"A worker failed(.|\n)*in __call__(.|\n)*no jobs"),
+        (Works, "die", DataError, r"exit code -9\..*goes on from there"),
+        (Vanishing, "a", DataError, "exit code 3"),
+    ],
+)
+def test_error_of_a_job_and_repeated_deaths_are_said_and_end_the_others(
+    make: type, job: str, error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        list(run_all(make, [job, "sleep"], 2))
 
 
 def test_who_closes_the_iterator_ends_the_workers() -> None:

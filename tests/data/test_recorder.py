@@ -1,3 +1,5 @@
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -6,28 +8,39 @@ import numpy as np
 import pytest
 
 import duobench
-from duobench.data import Actor, DataSet, Recorder
+from duobench.data import Actor, DataSet, Outcome, Recorder, Recording, stream
+from duobench.data.recorder import UNDECIDED
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.action_wrappers import CartesianActions
 from duobench.envs.episode_state import EpisodeState
 from duobench.errors import ActionError, DataError, OutputError, SimulationError
+from duobench.tasks import catalog
 from duobench.types import DuoCommand
 from tests.data.tools import HORIZON, TASK, ended, only, play, recorded, recorder
 from tests.envs.tools import wave
 
 
-def test_rows_hold_what_was_seen_before_each_action_and_what_the_step_gave(tmp_path: Path) -> None:
-    env = recorder(tmp_path)
+def plain(**options: Any) -> gym.Env:
+    return duobench.make(TASK, **{"cameras": False, **options})
+
+
+@pytest.fixture
+def env(tmp_path: Path) -> Iterator[Recorder]:
+    made = recorder(tmp_path)
+    yield made
+    made.close()
+
+
+def test_rows_hold_what_was_seen_before_each_action_and_what_the_step_gave(
+    env: Recorder, tmp_path: Path
+) -> None:
     seen = play(env)
     rows = only(tmp_path)
     assert len(rows) == HORIZON
-    for number, step in enumerate(seen):
-        np.testing.assert_array_equal(rows.action[number], np.float64(step["action"]))
-        np.testing.assert_array_equal(rows.sent[number], step["sent"])
-        assert rows.reward[number] == step["reward"]
-        np.testing.assert_array_equal(rows.agent_pos[number + 1], step["agent_pos"])
-        np.testing.assert_array_equal(rows.tcp_pose[number + 1], step["tcp_pose"])
-        assert rows.stage[number + 1] == step["stage"]
+    for name in ("action", "sent", "reward"):
+        np.testing.assert_array_equal(getattr(rows, name), [step[name] for step in seen])
+    for name in ("agent_pos", "tcp_pose", "stage"):
+        np.testing.assert_array_equal(getattr(rows, name)[1:], [step[name] for step in seen])
     np.testing.assert_allclose(rows.time, np.arange(HORIZON + 1) / 30, atol=1e-9)
     change = np.diff(rows.agent_pos[:, :7], axis=0) * 30
     assert np.abs(change).max() > 0.1
@@ -36,63 +49,84 @@ def test_rows_hold_what_was_seen_before_each_action_and_what_the_step_gave(tmp_p
 
 def test_the_file_says_everything_about_the_episode(tmp_path: Path) -> None:
     rows = recorded(tmp_path)
-    info = rows.info
-    env = duobench.make(TASK, cameras=False, horizon=HORIZON)
+    info, env = rows.info, plain(horizon=HORIZON)
     _, expected = env.reset(seed=0)
     assert (info.task, info.seed, info.split) == (TASK, 0, "eval")
-    assert info.layout == expected["layout"]
-    assert info.instruction == expected["instruction"]
+    assert (info.layout, info.instruction) == (expected["layout"], expected["instruction"])
     assert info.subinstructions == tuple(expected["stage_to_subinstructions"].values())
     assert info.config == env.get_wrapper_attr("config")
     assert info.versions["mujoco"]
     assert info.actor == Actor(name="wave")
     assert info.first_hash == env.get_wrapper_attr("state_hash")()
-    outcome = ended(rows)
-    assert (outcome.success, outcome.stage, outcome.cut) == (False, 0, False)
     assert info.observation_names[0] == "left_joint_1"
+    assert ended(rows) == Outcome(success=False, stage=0, max_stage=catalog.get(TASK).max_stage)
 
 
-def test_any_row_can_be_continued_from_to_the_last_bit(tmp_path: Path) -> None:
-    rows = recorded(tmp_path)
-    env = duobench.make(TASK, cameras=False, horizon=HORIZON)
-    env.reset(options={"layout": rows.info.layout})
-    sim = env.unwrapped
-    state = EpisodeState(layout=sim.layout, physics=rows.state[17])
-    sim.restore_state(state)
+def test_any_row_can_be_continued_from_to_the_last_bit(example: Recording) -> None:
+    env = plain(horizon=HORIZON)
+    env.reset(options={"layout": example.info.layout})
+    sim: Any = env.unwrapped
+    sim.restore_state(EpisodeState(layout=sim.layout, physics=example.state[17]))
     for number in range(17, HORIZON):
-        sim.step(rows.sent[number])
-        np.testing.assert_array_equal(sim.simulation.get_state(), rows.state[number + 1])
+        sim.step(example.sent[number])
+        np.testing.assert_array_equal(sim.simulation.get_state(), example.state[number + 1])
 
 
-@pytest.mark.parametrize(("how", "steps"), [("reset", 9), ("close", 9), ("close", 0)])
-def test_an_episode_that_is_left_early_is_kept_and_says_so(
-    tmp_path: Path, how: str, steps: int
-) -> None:
-    env = recorder(tmp_path)
-    play(env, steps)
-    if how == "reset":
-        env.reset(seed=1)
-        env.discard()
-    env.close()
-    rows = only(tmp_path)
-    assert (len(rows), len(rows.state)) == (steps, steps + 1)
-    assert ended(rows).cut
-    assert how in str(ended(rows).reason)
+def reset(env: Recorder) -> None:
+    env.reset(seed=1)
+    env.discard()
 
 
-def test_an_episode_that_the_arms_end_says_why(tmp_path: Path) -> None:
-    env = recorder(tmp_path)
-    play(env, steps=2)
+def hold(env: Recorder) -> None:
     env.base.backend.hold("Somebody came too near.")
     *_, truncated, _ = env.step(wave(2))
     assert truncated
-    outcome = ended(only(tmp_path))
-    assert (outcome.cut, outcome.kept, outcome.reason) == (False, True, "Somebody came too near.")
+
+
+def restore(env: Recorder) -> None:
+    """What follows is not recorded as if the actions before led there."""
+    env.restore_state(env.save_state())
+    env.step(wave(0))
+
+
+def diverge(env: Recorder) -> None:
+    def command(_command: DuoCommand) -> None:
+        env.base.backend.simulation.data.qpos[0] += 1.0  # pyright: ignore
+        raise SimulationError("It diverged.")
+
+    env.base.backend.command = command  # pyright: ignore
+    with pytest.raises(SimulationError):
+        env.step(wave(3))
+
+
+@pytest.mark.parametrize(
+    ("end", "steps", "reason"),
+    [
+        (reset, 9, "The environment was reset."),
+        (Recorder.close, 9, "The environment was closed."),
+        (Recorder.close, 0, "The environment was closed."),
+        (restore, 5, "Another state was restored."),
+        (hold, 3, "Somebody came too near."),
+        (diverge, 3, "It diverged."),
+    ],
+)
+def test_an_episode_that_ends_early_is_kept_and_says_why(
+    env: Recorder, tmp_path: Path, end: Callable[[Recorder], None], steps: int, reason: str
+) -> None:
+    is_whole = end is hold  # the arms ended it, with a step of its own
+    play(env, steps - is_whole)
+    end(env)
     env.close()
+    rows = only(tmp_path)
+    assert (len(rows), len(rows.state)) == (steps, steps + 1)
+    outcome = ended(rows)
+    assert (outcome.cut, outcome.kept, outcome.reason) == (not is_whole, True, reason)
+    assert (rows.info.last_hash is None) == (end is diverge)
 
 
-def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(tmp_path: Path) -> None:
-    env = recorder(tmp_path)
+def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(
+    env: Recorder, tmp_path: Path
+) -> None:
     observation, _ = env.reset(seed=0)
     wanted = observation["agent_pos"]
     disturbed = wanted + np.float32(0.01)
@@ -101,43 +135,28 @@ def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(tmp_path: Path) -
     env.step(disturbed)
     env.close()
     rows = only(tmp_path)
-    np.testing.assert_array_equal(rows.action[0], np.float64(wanted))
-    np.testing.assert_array_equal(rows.action[1], np.float64(disturbed))
+    np.testing.assert_array_equal(rows.action, np.float64([wanted, disturbed]))
     assert np.abs(rows.sent[0] - wanted)[:7].max() > 0.005
 
 
-def test_discarded_episodes_leave_nothing(tmp_path: Path) -> None:
-    env = recorder(tmp_path)
+def test_discarded_episodes_leave_nothing(env: Recorder, tmp_path: Path) -> None:
     for steps in (20, 1):
         play(env, steps)
         env.discard()
-    env.close()
-    data = DataSet.open(tmp_path)
-    assert not data.episodes()
-    assert not data.partials()
+    data = DataSet(tmp_path)
+    assert data.episodes() == data.partials() == []
 
 
 def test_names_count_on_and_are_never_overwritten(tmp_path: Path) -> None:
-    for episodes in (2, 1):
-        env = recorder(tmp_path)
-        for _ in range(episodes):
-            play(env, steps=3)
-        env.close()
-    assert [path.stem for path in DataSet.open(tmp_path).episodes()] == ["00000", "00001", "00002"]
-    env = recorder(tmp_path)
-    env.next_name = "00001"
-    with pytest.raises(DataError, match=r"00001\.parquet exists already"):
-        env.reset(seed=0)
-
-
-def test_two_recorders_at_once_take_different_names(tmp_path: Path) -> None:
     first, second = recorder(tmp_path), recorder(tmp_path)
-    for env in (first, second):
-        env.reset(seed=0)
+    for env in (first, second, first):
+        play(env, 3)
     first.close()
     second.close()
-    assert len(DataSet.open(tmp_path).episodes()) == 2
-    first, second = recorder(tmp_path), recorder(tmp_path)
+    assert [path.stem for path in DataSet(tmp_path).episodes()] == ["00000", "00001", "00002"]
+    first.next_name = "00001"
+    with pytest.raises(DataError, match=r"00001\.parquet exists already"):
+        first.reset(seed=0)
     first.next_name = second.next_name = "x"
     first.reset(seed=0)
     with pytest.raises(DataError, match="being recorded by another process"):
@@ -145,33 +164,30 @@ def test_two_recorders_at_once_take_different_names(tmp_path: Path) -> None:
     first.close()
 
 
-def test_recorders_say_where_they_belong(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="single actions"):
-        recorder(tmp_path, chunk=4)
-    plain = duobench.make(TASK, cameras=False)
-    with pytest.raises(DataError, match="lacks agent_pos, tcp_pose"):
-        Recorder(gym.wrappers.FlattenObservation(plain), tmp_path)
-    with pytest.raises(TypeError):
-        Recorder(gym.make("CartPole-v1"), tmp_path)
-
-
-def test_a_restored_state_is_not_recorded_as_if_actions_led_there(tmp_path: Path) -> None:
-    env = recorder(tmp_path)
-    env.reset(seed=0)
-    state = env.save_state()
-    for number in range(5):
-        env.step(wave(number))
-    env.restore_state(state)
-    env.step(wave(0))
-    env.close()
-    rows = only(tmp_path)
-    assert len(rows) == 5
-    assert "restored" in str(ended(rows).reason)
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: plain(chunk=4), DataError, "single actions"),
+        (lambda: gym.wrappers.FlattenObservation(plain()), DataError, "lacks agent_pos, tcp_pose"),
+        (
+            lambda: gym.wrappers.RescaleAction(plain(), np.float32(-1), np.float32(1)),
+            DataError,
+            "inside wrappers that scale",
+        ),
+        (lambda: gym.make("CartPole-v1"), TypeError, "CartPole"),
+    ],
+)
+def test_recorders_say_where_they_belong(
+    tmp_path: Path, make: Callable[[], gym.Env], error: type[Exception], message: str
+) -> None:
+    with pytest.raises(error, match=message):
+        Recorder(make(), tmp_path)
 
 
 @pytest.mark.parametrize("wanted", [0.5, [1.0, 2.0], np.full(16, np.nan)])
-def test_actions_that_were_refused_are_not_recorded(tmp_path: Path, wanted: Any) -> None:
-    env = recorder(tmp_path)
+def test_actions_that_were_refused_are_not_recorded(
+    env: Recorder, tmp_path: Path, wanted: Any
+) -> None:
     observation, _ = env.reset(seed=0)
     env.step(observation["agent_pos"])
     for take in (env.intend, env.step):
@@ -181,61 +197,114 @@ def test_actions_that_were_refused_are_not_recorded(tmp_path: Path, wanted: Any)
     assert len(only(tmp_path)) == 1
 
 
-def test_actions_are_named_by_the_wrapper_that_takes_them(tmp_path: Path) -> None:
-    env = Recorder(CartesianActions(duobench.make(TASK, cameras=False)), tmp_path)
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: CartesianActions(plain()),
+        lambda: gym.wrappers.RecordEpisodeStatistics(gym.Wrapper(plain(action_mode="cartesian"))),
+    ],
+)
+def test_actions_are_named_by_the_wrapper_that_takes_them_through_any_other(
+    tmp_path: Path, make: Callable[[], gym.Env]
+) -> None:
+    env = Recorder(make(), tmp_path)
     observation, _ = env.reset(seed=0)
     poses = observation["tcp_pose"].reshape(2, 7)
     env.step(np.hstack([poses, np.ones((2, 1))]).ravel())
     env.close()
-    rows = only(tmp_path)
-    assert rows.info.action_names[:3] == ("left_x", "left_y", "left_z")
-    assert rows.info.mode is CARTESIAN
-    scaled = gym.wrappers.RescaleAction(
-        duobench.make(TASK, cameras=False), np.float32(-1), np.float32(1)
-    )
-    with pytest.raises(DataError, match="inside wrappers that scale"):
-        Recorder(scaled, tmp_path)
+    info = only(tmp_path).info
+    assert info.action_names[:3] == ("left_x", "left_y", "left_z")
+    assert info.mode is CARTESIAN
 
 
-def test_a_step_that_broke_has_no_last_state(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("name", "error", "message"),
+    [
+        *((name, DataError, "cannot be named") for name in ("", "../../x", "a/b", ".x")),
+        ("x" * 300, OutputError, "too long"),
+    ],
+)
+def test_a_name_stays_in_the_folder(
+    env: Recorder, name: str, error: type[Exception], message: str
 ) -> None:
-    env = recorder(tmp_path)
-    play(env, steps=3)
-
-    def diverge(command: DuoCommand) -> None:
-        env.base.backend.simulation.data.qpos[0] += 1.0  # pyright: ignore[reportAttributeAccessIssue]
-        raise SimulationError(f"It diverged at {command.flat[0]}.")
-
-    monkeypatch.setattr(env.base.backend, "command", diverge)
-    with pytest.raises(SimulationError):
-        env.step(wave(3))
-    env.close()
-    rows = only(tmp_path)
-    assert len(rows) == 3
-    assert rows.info.last_hash is None
-    assert "diverged" in str(ended(rows).reason)
-
-
-@pytest.mark.parametrize("name", ["", "../../x", "a/b", ".x"])
-def test_a_name_stays_in_the_folder(tmp_path: Path, name: str) -> None:
-    env = recorder(tmp_path)
     env.next_name = name
-    with pytest.raises(DataError, match="cannot be named"):
+    with pytest.raises(error, match=message):
         env.reset(seed=0)
-    env.next_name = "x" * 300
-    with pytest.raises(OutputError, match="too long"):
-        env.reset(seed=0)
-    env.close()
 
 
 def test_a_reset_that_cannot_be_recorded_leaves_nothing(tmp_path: Path) -> None:
-    plain = duobench.make(TASK, cameras=False)
+    inner = plain()
     short = gym.wrappers.TransformObservation(
-        plain, lambda seen: {**seen, "agent_pos": seen["agent_pos"][:15]}, plain.observation_space
+        inner, lambda seen: {**seen, "agent_pos": seen["agent_pos"][:15]}, inner.observation_space
     )
     env = Recorder(short, tmp_path)
     with pytest.raises(ValueError, match="broadcast"):
         env.reset(seed=0)
     env.close()
     assert not DataSet(tmp_path).partials()
+
+
+# --- episodes that wait for a decision, and rows that say which hands led --------------------
+
+
+def reviewed(folder: Path | None) -> Recorder:
+    return Recorder(plain(horizon=HORIZON), folder, Actor(), is_reviewed=True, has_clutch=True)
+
+
+def test_a_finished_episode_waits_until_somebody_decides(tmp_path: Path) -> None:
+    env, data = reviewed(tmp_path), DataSet.open(tmp_path)
+    play(env)
+    assert env.pending is not None
+    assert not data.episodes()
+    (partial,) = data.partials()
+    assert len(stream.recover(partial)) == HORIZON  # a kill loses nothing now
+    env.keep()
+    assert env.pending is None
+    play(env, seed=1)
+    env.discard()
+    env.keep()
+    recording = only(tmp_path)
+    assert (ended(recording).kept, recording.info.seed) == (True, 0)
+    assert recording.info.last_hash is not None
+    assert not data.partials()
+    env.close()
+
+
+@pytest.mark.parametrize("steps", [HORIZON, 5])
+def test_an_episode_that_is_left_undecided_says_so(tmp_path: Path, steps: int) -> None:
+    env = reviewed(tmp_path)
+    play(env, steps)
+    reset(env)
+    env.close()
+    recording = only(tmp_path)
+    outcome = ended(recording)
+    assert (outcome.kept, outcome.cut, outcome.reason) == (False, steps < HORIZON, UNDECIDED)
+    assert len(recording) == steps
+
+
+def test_without_a_data_set_an_episode_waits_in_memory() -> None:
+    env = reviewed(None)
+    play(env)
+    assert env.content is None
+    env.keep()
+    assert env.content is not None
+    assert not Recording.read_info(env.content).is_real
+    env.close()
+
+
+def test_rows_say_which_hands_led_where_there_is_a_clutch(
+    tmp_path: Path, example: Recording
+) -> None:
+    env = reviewed(tmp_path)
+    observation, _ = env.reset(seed=0)
+    states = [(False, False), (True, False), (True, True), (False, True)]
+    for env.clutch in states:
+        env.step(observation["agent_pos"])
+    env.finish()
+    env.keep()
+    env.close()
+    clutch = only(tmp_path).clutch
+    assert (clutch.dtype, clutch.tolist()) == (np.bool_, list(map(list, states)))
+    assert example.clutch.shape == (HORIZON, 0)
+    with pytest.raises(DataError, match="'clutch' has shape"):
+        replace(example, clutch=np.ones((HORIZON, 2), dtype=bool))

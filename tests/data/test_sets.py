@@ -1,6 +1,7 @@
-"""Data sets as a whole: looked at, checked, merged and split, in Python and by their commands."""
+"""Data sets as a whole: checked, merged, split and summed up, in Python and by their commands."""
 
 import re
+import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -15,110 +16,145 @@ from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.data.arrange import merge, split
 from duobench.data.check import find_problems
 from duobench.data.page import write_page
-from duobench.data.smoothness import Smoothness
-from duobench.data.summary import summarize
-from duobench.errors import DataError, OutputError, UnknownNameError
+from duobench.data.schema import video_path
+from duobench.data.summary import Smoothness, summarize
+from duobench.errors import DataError, NamesTakenError, OutputError, UnknownNameError
 from duobench.files import locked
 from duobench.tasks import catalog
-from tests.data.tools import HORIZON, TASK, data_of, ended, recorded
-
-EPISODES = 4
-
-
-@pytest.fixture(scope="module")
-def original(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
-    return data_of(tmp_path_factory.mktemp("data") / "demos", EPISODES, split="train")
+from duobench.types import POLICY_CAMERAS
+from tests.data.conftest import EPISODES, LENGTHS
+from tests.data.real.number_duo import (
+    numbers_in,
+    play_real,
+    real_recorder,
+)
+from tests.data.tools import HORIZON, TASK, ended, recorded
 
 
 @pytest.fixture
-def data(original: DataSet, tmp_path: Path) -> DataSet:
-    """A copy of its own, to spoil."""
-    merge([original], tmp_path / "demos")
-    return DataSet.open(tmp_path / "demos")
+def real_copy(real: DataSet, tmp_path: Path) -> DataSet:
+    shutil.copytree(real.path, tmp_path / "real")
+    return DataSet.open(tmp_path / "real")
 
 
-def contents(data: DataSet) -> list[bytes]:
-    return sorted(path.read_bytes() for path in data.episodes())
+def contents(*sets: DataSet) -> list[bytes]:
+    return sorted(path.read_bytes() for data in sets for path in (*data.episodes(), *data.videos()))
 
 
-def spoil(data: DataSet, change: Callable[[Recording], Recording]) -> Path:
-    path = data.episodes()[1]
-    change(Recording.read(path)).write(path)
-    return path
+Change = Callable[[Path], object]
+"""Spoils an episode, whose file is given."""
 
 
-def with_info(**values: Any) -> Callable[[Recording], Recording]:
-    return lambda recording: replace(recording, info=replace(recording.info, **values))
+def changed(change: Callable[[Recording], Recording]) -> Change:
+    return lambda path: change(Recording.read(path)).write(path)
 
 
-def with_outcome(**values: Any) -> Callable[[Recording], Recording]:
-    return lambda recording: with_info(outcome=replace(ended(recording), **values))(recording)
+def with_info(**values: Any) -> Change:
+    return changed(lambda recording: replace(recording, info=replace(recording.info, **values)))
 
 
-def with_column(name: str, row: int, value: float) -> Callable[[Recording], Recording]:
-    def change(recording: Recording) -> Recording:
-        column = np.array(getattr(recording, name))
-        column[row] = value
-        return replace(recording, **{name: column})
+def with_outcome(**values: Any) -> Change:
+    def change(path: Path) -> None:
+        with_info(outcome=replace(ended(Recording.read(path)), **values))(path)
 
     return change
+
+
+def with_column(name: str, place: int | tuple[int, int], value: float) -> Change:
+    def change(recording: Recording) -> Recording:
+        column = np.array(getattr(recording, name))
+        column[place] = value
+        return replace(recording, **{name: column})
+
+    return changed(change)
+
+
+def with_video(change: Callable[[bytes], bytes]) -> Change:
+    def spoil(path: Path) -> None:
+        video = video_path(path, "head")
+        video.write_bytes(change(video.read_bytes()))
+
+    return spoil
+
+
+def flipped(content: bytes) -> bytes:
+    middle = len(content) // 2
+    return content[:middle] + bytes([content[middle] ^ 255]) + content[middle + 1 :]
 
 
 # --- check ---------------------------------------------------------------------------------------
 
 
-def test_a_sound_data_set_has_no_problems(original: DataSet, tmp_path: Path) -> None:
+def test_a_sound_data_set_has_no_problems(original: DataSet, real: DataSet, tmp_path: Path) -> None:
     seen = []
     assert find_problems(original, progress=lambda *numbers: seen.append(numbers)) == []
     assert seen == [(done, EPISODES) for done in range(EPISODES + 1)]
+    assert find_problems(real) == []
+    assert len(real.videos()) == len(LENGTHS) * len(POLICY_CAMERAS)
     recorded(tmp_path, steps=3, horizon=None, max_episode_steps=-1)
     assert find_problems(DataSet.open(tmp_path), workers=0) == [], "without a time limit"
 
 
+SIMULATED: list[tuple[Change, str]] = [
+    (with_info(task="ball_maze"), "belongs to task 'ball_maze'"),
+    (with_info(suite_version="1"), "belongs to suite 1"),
+    (with_info(seed=77), "not the one that seed 77 of 'train' samples"),
+    (with_info(split="eval"), "of 'eval' samples"),
+    (with_info(first_hash="0" * 64), "hash of its first state"),
+    (with_info(last_hash=None), "hash of its last state is missing"),
+    (with_info(outcome=None), "does not say how it ended"),
+    (with_outcome(stage=1), "last stage is not the one"),
+    (with_outcome(success=True), "no success as it says"),
+    (with_column("state", 0, 0.0), "first state is not the one"),
+    (with_column("action", 3, np.nan), "not all numbers are finite: action"),
+    (with_column("time", 5, -1.0), "clock goes back"),
+    (with_column("stage", 5, 1), "stage falls"),
+    (with_column("success", 5, True), "goes on for 35 control steps after success"),
+    (with_outcome(success_step=3), "step of its success is not the one"),
+]
+REAL: list[tuple[Change, str]] = [
+    (lambda path: video_path(path, "head").unlink(), "is missing"),
+    (with_video(lambda content: content[: len(content) // 2]), "frames, not"),
+    (with_video(flipped), "00001.head.mp4 has"),
+    (with_column("frame", (-1, 0), 99), "name frame 99 of 00001.head.mp4"),
+    (with_column("frame", (5, 1), 0), "go back in 00001.left_wrist.mp4"),
+]
+
+
 @pytest.mark.parametrize(
-    ("change", "complaint"),
-    [
-        (with_info(task="ball_maze"), "belongs to task 'ball_maze'"),
-        (with_info(suite_version="1"), "belongs to suite 1"),
-        (with_info(seed=77), "not the one that seed 77 of 'train' samples"),
-        (with_info(split="eval"), "of 'eval' samples"),
-        (with_info(first_hash="0" * 64), "hash of its first state"),
-        (with_info(last_hash=None), "hash of its last state is missing"),
-        (with_info(outcome=None), "does not say how it ended"),
-        (with_outcome(stage=1), "last stage is not the one"),
-        (with_outcome(success=True), "no success as it says"),
-        (with_column("state", 0, 0.0), "first state is not the one"),
-        (with_column("action", 3, np.nan), "not all numbers are finite: action"),
-        (with_column("time", 5, -1.0), "clock goes back"),
-        (with_column("stage", 5, 1), "stage falls"),
-        (with_column("success", 5, True), "goes on for 35 control steps after success"),
-        (with_outcome(success_step=3), "step of its success is not the one"),
-    ],
+    ("name", "change", "complaint"),
+    [*(("data", *row) for row in SIMULATED), *(("real_copy", *row) for row in REAL)],
 )
 def test_what_is_wrong_is_found(
-    data: DataSet, change: Callable[[Recording], Recording], complaint: str
+    request: pytest.FixtureRequest, name: str, change: Change, complaint: str
 ) -> None:
-    path = spoil(data, change)
+    data = request.getfixturevalue(name)
+    path = data.episodes()[1]
+    change(path)
     problems = find_problems(data)
     assert {problem.path for problem in problems} == {path}
     assert any(complaint.lower() in problem.what.lower() for problem in problems), problems
 
 
-def test_a_damaged_file_and_a_leftover_are_named_by_the_command(
-    data: DataSet, capsys: pytest.CaptureFixture[str]
+def test_damaged_files_and_leftovers_are_named_by_the_command(
+    real_copy: DataSet, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = data.episodes()[2]
-    path.write_bytes(path.read_bytes()[:2000])
-    path.with_name("00009.part").write_bytes(b"")
+    lost, _, damaged = real_copy.episodes()
+    lost.unlink()
+    video_path(lost, "head").rename(lost.with_name("notes.mp4"))
+    damaged.write_bytes(damaged.read_bytes()[:2000])
+    lost.with_name("00009.part").write_bytes(b"")
     with pytest.raises(SystemExit, match="1"):
-        main(["data", "check", str(data.path), "--workers", "2"])
+        main(["data", "check", str(real_copy.path), "--workers", "2"])
     out = capsys.readouterr().out
     for said in (
-        f"{path}: Cannot read",
+        f"{damaged}: Cannot read",
         "00009.part: Its recording was interrupted",
-        f"{EPISODES} episodes, 2 problems",
+        "notes.mp4: It is a video without an episode",
+        "2 episodes, 5 problems",
     ):
         assert said in out
+    assert out.count("It is a video without an episode.") == 3
 
 
 # --- merge and split -----------------------------------------------------------------------------
@@ -154,33 +190,6 @@ def test_a_split_that_says_nothing_is_refused(
     assert not (tmp_path / "a").exists()
 
 
-def test_names_that_clash_are_refused_or_renamed(
-    original: DataSet, data: DataSet, tmp_path: Path
-) -> None:
-    spoil(data, with_info(instruction="Do it differently."))
-    out = tmp_path / "out"
-    with pytest.raises(DataError, match=f"1 name stands.*{TASK}/00001"):
-        merge([original, data], out)
-    assert DataSet.open(out).episodes() == []
-    for _ in range(2):  # the second time nothing is left to do
-        assert merge([original, data], out, rename=True) == EPISODES + 1
-        assert contents(DataSet.open(out)) == sorted({*contents(original), *contents(data)})
-    assert DataSet.open(out).episode(TASK, f"{EPISODES:05d}").exists()
-
-
-def test_commands_merge_and_split(
-    original: DataSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    one, two, whole = (str(tmp_path / name) for name in ("one", "two", "whole"))
-    main(["data", "split", str(original.path), "--out", one, two, "--fraction", "0.25"])
-    main(["data", "merge", one, two, "--out", whole])
-    out = capsys.readouterr().out
-    assert f"1 episode in {one}" in out
-    assert f"{EPISODES} episodes in {whole}" in out
-    with pytest.raises(SystemExit, match=f"no folder {tmp_path / 'three'}.*Beside it"):
-        main(["data", "merge", one, str(tmp_path / "three"), "--out", whole])
-
-
 def test_parts_of_a_split_never_overlap(original: DataSet, tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     with pytest.raises(DataError, match="a folder each"):
@@ -189,8 +198,7 @@ def test_parts_of_a_split_never_overlap(original: DataSet, tmp_path: Path) -> No
         split(original, original.path, two, fraction=0.5)
     split(original, one, two, fraction=0.5, seed=0)
     before = contents(DataSet.open(one))
-    split(original, one, two, fraction=0.5, seed=0)
-    for seed in range(1, 9):
+    for seed in range(9):
         with suppress(DataError):  # unless the seed chooses the same ones
             split(original, one, two, fraction=0.5, seed=seed)
         assert contents(DataSet.open(one)) == before
@@ -206,6 +214,67 @@ def test_a_folder_takes_one_writer_and_at_least_one_source(
         merge([original], tmp_path / "out")
     with locked(tmp_path / "two"), pytest.raises(OutputError, match="Another process"):
         split(original, tmp_path / "one", tmp_path / "two", fraction=0.5)
+
+
+def test_commands_merge_what_they_split_with_its_videos(
+    real: DataSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, two, whole = (tmp_path / name for name in ("one", "two", "whole"))
+    words = ["--out", str(one), str(two), "--fraction", "0.67"]
+    main(["data", "split", str(real.path), *words])
+    assert len(DataSet(one).videos()) == 6
+    assert find_problems(DataSet.open(one)) == find_problems(DataSet.open(two)) == []
+    for _ in range(2):  # the second time nothing is left to do
+        main(["data", "merge", str(one), str(two), "--out", str(whole)])
+        assert contents(DataSet(whole)) == contents(real)
+    out = capsys.readouterr().out
+    assert f"2 episodes in {one}" in out
+    assert f"3 episodes in {whole}" in out
+    names = [path.relative_to(whole) for path in DataSet(whole).episodes()]
+    assert names == [path.relative_to(real.path) for path in real.episodes()]
+    DataSet(whole).episodes()[1].unlink()
+    assert merge([real], whole) == 3  # goes on where it was interrupted; videos are copied first
+    assert contents(DataSet(whole)) == contents(real)
+    with pytest.raises(SystemExit, match=f"no folder {tmp_path / 'three'}.*Beside it"):
+        main(["data", "merge", str(one), str(tmp_path / "three"), "--out", str(whole)])
+
+
+def test_names_that_clash_are_refused_or_renamed_with_their_videos(
+    real: DataSet, real_copy: DataSet, tmp_path: Path
+) -> None:
+    path = real_copy.episodes()[1]
+    with_info(instruction="Do it differently.")(path)
+    out = DataSet(tmp_path / "out")
+    with pytest.raises(NamesTakenError, match=f"1 name stands.*{TASK}/00001"):
+        merge([real, real_copy], out.path)
+    assert contents(out) == []
+    for _ in range(2):
+        assert merge([real, real_copy], out.path, rename=True) == 4
+        renamed = DataSet.open(out.path).episodes()[3]
+        assert renamed.name == "00003.parquet"
+        videos = [video_path(path, camera).read_bytes() for camera in POLICY_CAMERAS]
+        assert contents(out) == sorted([*contents(real), path.read_bytes(), *videos])
+    assert find_problems(out) == []
+    assert len(numbers_in(video_path(renamed, "head"))) == LENGTHS[1] + 1
+
+
+def test_nothing_is_merged_over_a_recording_that_runs(real: DataSet, tmp_path: Path) -> None:
+    env, _ = real_recorder(tmp_path)
+    play_real(env, 5)
+    with pytest.raises(NamesTakenError):
+        merge([real], tmp_path)
+    merge([real], tmp_path, rename=True)
+    env.close()
+    assert find_problems(DataSet.open(tmp_path)) == []
+    assert len(DataSet(tmp_path).episodes()) == len(LENGTHS) + 1
+
+
+def test_an_episode_without_its_video_is_not_copied(real_copy: DataSet, tmp_path: Path) -> None:
+    video_path(real_copy.episodes()[1], "head").unlink()
+    with pytest.raises(DataError, match=r"head\.mp4 is missing"):
+        merge([real_copy], tmp_path / "out")
+    with pytest.raises(DataError, match=r"head\.mp4 is missing"):
+        split(real_copy, tmp_path / "a", tmp_path / "b", fraction=0.5)
 
 
 # --- info ----------------------------------------------------------------------------------------
@@ -233,10 +302,14 @@ def test_summary_adds_up(original: DataSet) -> None:
     assert task.smoothness == Smoothness(at_limit=0.0, reversals=0.0, jumps=0.0)
 
 
-def test_commands_at_a_limit_are_counted(data: DataSet) -> None:
-    spoil(data, with_column("sent", 0, 1000.0))
-    joints = summarize(data).joints
-    assert {joint.at_limit for joint in joints} == {1 / (EPISODES * HORIZON)}
+def test_commands_at_a_limit_are_counted_and_experts_named_once(data: DataSet) -> None:
+    first, *_ = data.episodes()
+    with_column("sent", 0, 1000.0)(first)
+    for path in data.episodes():
+        with_info(actor=Actor(kind=ActorKind.EXPERT, name="expert:human"))(path)
+    summary = summarize(data)
+    assert {joint.at_limit for joint in summary.joints} == {1 / (EPISODES * HORIZON)}
+    assert summary.tasks[0].actors == ("expert:human",)
 
 
 @pytest.mark.parametrize(
@@ -263,13 +336,6 @@ def test_smoothness_of_labels_is_measured(
     assert task.smoothness.jumps == pytest.approx(jumps / HORIZON)
 
 
-def test_experts_are_named_once(data: DataSet) -> None:
-    named = with_info(actor=Actor(kind=ActorKind.EXPERT, name="expert:human"))
-    for path in data.episodes():
-        named(Recording.read(path)).write(path)
-    assert summarize(data).tasks[0].actors == ("expert:human",)
-
-
 def test_page_works_offline_and_shows_every_task(
     data: DataSet, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -286,6 +352,16 @@ def test_page_works_offline_and_shows_every_task(
     write_page(data, summarize(data))
     assert page.read_bytes() == before
     assert find_problems(data) == []
+
+
+def test_info_and_page_say_where_episodes_are_from(
+    real_copy: DataSet, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(["data", "info", str(real_copy.path)])
+    text = (real_copy.path / "index.html").read_text()
+    for shown in (capsys.readouterr().out, text):
+        assert "3 real (simulated, simulated drivers)" in shown
+    assert text.count("data:image/jpeg") == 1
 
 
 def test_an_episode_without_actions_adds_up_to_nothing_and_no_episode_is_no_page(

@@ -9,13 +9,13 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
 from pathlib import Path
 
 from tests.web.pages import Page, open_page
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
+PAGES = sorted([*DOCS.glob("*.md"), *ROOT.glob("*.md")])
 
 TIMEOUT_S = 300
 
@@ -94,14 +94,9 @@ def attend(line: str, folder: Path, attend: Callable[[Page], None], *, end: bool
 def run(
     words: str | Sequence[str], folder: Path, answers: str = "", *, code: int = 0, **variables: str
 ) -> str:
-    """Run a command in a folder; what it prints.
+    """Run a line of a page, or a program and what it is called with, in a folder; what it prints.
 
-    Args:
-        words: A line of a page, such as `duobench list`, or a program and what it is called with.
-        folder: Where.
-        answers: What it reads.
-        code: The code that it ends with.
-        variables: Of the environment.
+    It reads answers and ends with a code; variables are those of the environment.
     """
     result = subprocess.run(
         command(words) if isinstance(words, str) else words,
@@ -114,12 +109,6 @@ def run(
     )
     assert result.returncode == code, result.stdout + result.stderr
     return result.stdout
-
-
-@cache
-def options(verb: str) -> set[str]:
-    """Options of a verb, as its help lists them."""
-    return set(re.findall(r"(?m)^[^\w-]*--([a-z-]+)", run(f"duobench {verb} --help", ROOT)))
 
 
 def run_python(code: str, folder: Path) -> str:

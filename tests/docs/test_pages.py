@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,6 @@ from tables import TABLES, written
 
 import duobench
 from duobench.data.schema import SCHEMA
-from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import base_of
 from duobench.envs.registration import VERSION
 from duobench.policy import PolicyMetadata
@@ -23,18 +21,14 @@ from duobench.results.limits import TimeLimits
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.results.report import SUMMARY_SCHEMA
 from duobench.results.run import RUN_SCHEMA
-from duobench.results.suite import Suite, find_tasks
 from duobench.robot.joints import HOME_JOINTS
-from duobench.robot.workcell import FLOOR_Z
 from duobench.scene.compose import SUBSTEPS
-from duobench.sim.placement import REACH_X, REACH_Y
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
-from tests.docs.markdown import DOCS, ROOT, blocks, links, options, table, text_of
+from tests.docs.markdown import DOCS, PAGES, ROOT, blocks, links, table, text_of
 
 STAGES, FRAMES, EVALUATION, POLICIES = (
     DOCS / f"{name}.md" for name in ("stages", "frames", "evaluation", "policies")
 )
-PAGES = sorted([*DOCS.glob("*.md"), *ROOT.glob("*.md")])
 MAX_BYTES = 8_000_000
 CHUNK = 2
 TASK = "pour_marbles"  # has variants
@@ -135,8 +129,8 @@ def test_observations_have_their_shape_and_type() -> None:
     rows = {row["key"]: row for row in table(FRAMES, "key")}
     assert set(rows) == set(space.spaces)
     for key in ("agent_pos", "tcp_pose"):
-        assert rows[key]["shape"] == str(space[key].shape)
-        assert rows[key]["type"] == str(space[key].dtype)
+        shown = rows[key]["shape"], rows[key]["type"]
+        assert shown == (str(space[key].shape), str(space[key].dtype))
     assert {part.dtype for part in space["pixels"].values()} == {np.dtype(rows["pixels"]["type"])}
 
 
@@ -150,17 +144,11 @@ def test_numbers_of_frames_and_time_are_those_of_the_code() -> None:
     sizes = {tuple(model.cam_resolution[model.cam(name).id]) for name in POLICY_CAMERAS}
     env.close()
     assert tools == pytest.approx([0.0, 0.0, 0.1493])
-    page = text_of(FRAMES)
+    page = text_of(FRAMES).replace("\n", " ")
     ((width, height),) = sizes
-    for words in (
-        f"{tools[2]:.4f} m beyond the flange",
-        f"the floor z = {FLOOR_Z:.4f}",
-        f"at x {REACH_X[0]} to {REACH_X[1]} and y {REACH_Y[0]} to {REACH_Y[1]}",
-        f"1/{CONTROL_HZ:g} s: {SUBSTEPS} physics steps of 1/{1 / model.opt.timestep:.0f} s",
-        f"The lenses have {width} × {height} pixels",
-        f"the default {IMAGE_SIZE[0]} × {IMAGE_SIZE[1]}",
-    ):
-        assert words in page.replace("\n", " "), words
+    assert 1 / model.opt.timestep == pytest.approx(CONTROL_HZ * SUBSTEPS)
+    assert f"{tools[2]:.4f} m beyond the flange" in page
+    assert f"The lenses have {width} × {height} pixels" in page
 
 
 # --- evaluation and policies ---------------------------------------------------------------------
@@ -186,10 +174,9 @@ def test_versions_are_those_of_the_code() -> None:
 
 
 def test_defaults_of_the_protocol_are_those_of_the_code() -> None:
-    limits, suite = TimeLimits(), Suite(tasks=find_tasks(()))
+    limits = TimeLimits()
     written = [row["default"] for row in table(EVALUATION, "limit")]
     assert written == [f"{limits.act_timeout:g} s", f"{limits.episode_timeout:g} s", "none"]
-    assert f"episodes 0 to {suite.indices[-1]}." in text_of(EVALUATION).replace("\n", " ")
     values = {row["what"]: row["value"] for row in table(EVALUATION, "what")}
     assert values["control rate"] == f"{CONTROL_HZ:g} Hz"
     per_second = round(CONTROL_HZ * SUBSTEPS)
@@ -205,15 +192,6 @@ def test_the_table_of_metadata_names_its_fields() -> None:
     assert list(rows) == [field.name for field in fields(PolicyMetadata)]
     required = {field.name for field in fields(PolicyMetadata) if field.default is MISSING}
     assert {name for name, row in rows.items() if row["default"] == "required"} == required
-
-
-@pytest.mark.parametrize("page", [ROOT / "README.md", EVALUATION, POLICIES], ids=lambda p: p.name)
-def test_options_of_the_command_line_exist(page: Path) -> None:
-    known = set[str]().union(*map(options, ("eval", "record", "replay", "report", "train", "view")))
-    pattern = r"`--([a-z-]+)|duobench eval[^\n]* --([a-z-]+)"
-    named = {first or second for first, second in re.findall(pattern, text_of(page))}
-    assert named
-    assert named <= known
 
 
 def test_pages_without_code_have_none() -> None:

@@ -8,11 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from duobench.replay.verify import Verdict
 from duobench.results.folder import RunFolder
-from duobench.results.leaderboard import EPISODES
 from duobench.teleop.leaders.gello import GelloConfig
-from tests.docs.markdown import DOCS, blocks, modules, run, run_python, table, text_of
+from tests.docs.markdown import DOCS, blocks, modules, run, run_python
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,24 +78,8 @@ def test_what_a_page_shows_works(name: str, tmp_path: Path) -> None:
         assert RunFolder(tmp_path / "runs" / "states").read_run().candidate.config.object_state
 
 
-def test_numbers_of_leaderboards_are_those_of_the_code() -> None:
-    page = text_of(DOCS / "leaderboard.md").replace("\n", " ")
-    assert f"episodes 0 to {EPISODES - 1} of each" in page
-    assert f"--episodes {EPISODES} " in page
-
-
 def test_the_file_of_leader_arms_is_one(tmp_path: Path) -> None:
     (text,) = blocks(DOCS / "teleoperation.md", "toml")
     path = tmp_path / "gello.toml"
     path.write_text(text)
     assert GelloConfig.read(path).left.signs[5] == -1
-
-
-def test_the_table_has_every_verdict() -> None:
-    rows = table(DOCS / "verification.md", "verdict")
-    assert [row["verdict"] for row in rows] == list(Verdict)
-
-
-def test_bounds_are_measured_by_a_program() -> None:
-    _, bounds = blocks(DOCS / "robustness.md", "sh")
-    assert bounds.startswith("nice python -m dev.benchmarks.bounds --out ")

@@ -44,13 +44,10 @@ def running(env: SimEnv) -> SimEnv:
 
 def test_the_action_space_is_the_arms_own(env: SimEnv) -> None:
     space = env.action_space
-    assert space.shape == (16,)
-    assert space.dtype == np.float32
-    low, high = np.split(space.low, 2), np.split(space.high, 2)
-    for side in range(2):
-        assert low[side][:7] == pytest.approx(JOINT_RANGES[:, 0], abs=1e-6)
-        assert high[side][:7] == pytest.approx(JOINT_RANGES[:, 1], abs=1e-6)
-        assert (low[side][7], high[side][7]) == (0.0, 1.0)
+    assert (space.shape, space.dtype) == ((16,), np.float32)
+    ranges = np.tile(np.vstack([JOINT_RANGES, (0.0, 1.0)]), (2, 1)).T
+    assert np.array([space.low, space.high]) == pytest.approx(ranges, abs=1e-6)
+    assert [space.low[OPENINGS].tolist(), space.high[OPENINGS].tolist()] == [[0.0] * 2, [1.0] * 2]
 
 
 @pytest.mark.parametrize("corner", ["low", "high"])
@@ -76,9 +73,7 @@ def test_an_observation_is_what_the_robot_reports(env: SimEnv) -> None:
 
 
 def test_the_base_has_no_reward_and_no_end(running: SimEnv) -> None:
-    for action in waves(3):
-        _, reward, terminated, truncated, _ = running.step(action)
-        assert (reward, terminated, truncated) == (0.0, False, False)
+    assert [running.step(action)[1:4] for action in waves(3)] == [(0.0, False, False)] * 3
 
 
 def test_without_a_layout_every_reset_is_the_same(env: SimEnv) -> None:
@@ -93,14 +88,12 @@ def test_targets_out_of_range_are_clipped_and_reported(running: SimEnv) -> None:
     action = wave(0).astype(np.float64)
     action[[1, 7]] = [9.0, -0.5]
     for _ in range(60):
-        _, _, _, _, info = running.step(action)
+        *_, info = running.step(action)
         assert np.flatnonzero(info["clipped"]).tolist() == [1, 7]
-    sent = running.simulation.duo.command()
-    assert sent.joints[0, 1] == JOINT_RANGES[1, 1]
-    assert sent.openings[0] == 0.0
-    action[[1, 7]] = [JOINT_RANGES[1, 1], 0.0]
-    _, _, _, _, info = running.step(action)
-    assert not info["clipped"].any()
+    ends = [JOINT_RANGES[1, 1], 0.0]
+    assert running.simulation.duo.command().flat[[1, 7]].tolist() == ends
+    action[[1, 7]] = ends
+    assert not running.step(action)[4]["clipped"].any()
 
 
 @pytest.mark.parametrize("joint", range(ARM_JOINTS))
@@ -161,8 +154,7 @@ def test_a_bad_action_changes_nothing(running: SimEnv, bad: Any, words: str) -> 
 
 
 def test_huge_but_finite_targets_are_clipped(running: SimEnv) -> None:
-    _, _, _, _, info = running.step(np.full(16, 1.5e308))
-    assert info["clipped"].all()
+    assert running.step(np.full(16, 1.5e308))[4]["clipped"].all()
 
 
 def test_lists_and_float64_are_actions_too(running: SimEnv) -> None:
@@ -173,14 +165,14 @@ def test_lists_and_float64_are_actions_too(running: SimEnv) -> None:
 
 def test_a_step_before_the_first_reset_is_refused() -> None:
     fresh = SimEnv(catalog.get(TASK), render_mode="rgb_array")
-    with pytest.raises(ResetNeededError, match="call reset"):
-        fresh.step(wave(0))
-    with pytest.raises(ResetNeededError, match="call reset"):
-        _ = fresh.layout
-    with pytest.raises(ResetNeededError, match="before the first reset"):
-        fresh.render()
-    with pytest.raises(gym.error.ResetNeeded):
-        fresh.step(wave(0))
+    for early, words in (
+        (lambda: fresh.step(wave(0)), "call reset"),
+        (lambda: fresh.layout, "call reset"),
+        (fresh.render, "before the first reset"),
+    ):
+        with pytest.raises(ResetNeededError, match=words) as refused:
+            early()
+        assert isinstance(refused.value, gym.error.ResetNeeded)
 
 
 def test_diverged_physics_ends_the_episode(running: SimEnv) -> None:
@@ -204,12 +196,7 @@ def test_a_hold_ends_the_episode_and_the_next_beginning_ends_the_hold(running: S
         assert running.state_hash() == before, "nothing moves any more"
         begin_again()
     *_, truncated, info = running.step(wave(1))
-    assert not truncated
-    assert "truncation_reason" not in info
-
-
-def drawn(seed: int) -> Layout:
-    return next(catalog.get(TASK).layouts(seed))
+    assert (truncated, "truncation_reason" in info) == (False, False)
 
 
 @pytest.fixture
@@ -235,7 +222,8 @@ def worlds() -> Task:
 
 
 def world(name: str) -> Layout:
-    poses = {**drawn(5).poses, "tower": SE3.at(0.8, 0.0, 0.01)}
+    sampled = next(catalog.get(TASK).layouts(5))
+    poses = {**sampled.poses, "tower": SE3.at(0.8, 0.0, 0.01)}
     return Layout(poses=poses, variants={"world": name})
 
 
@@ -279,20 +267,16 @@ def test_two_environments_share_nothing_that_changes() -> None:
     assert other.simulation.model.geom_friction.any()
 
 
-def test_render_draws_the_overview() -> None:
+def test_render_draws_the_overview(running: SimEnv) -> None:
+    with pytest.raises(DuoBenchError, match="render_mode"):
+        running.render()
     env = SimEnv(catalog.get(TASK), render_mode="rgb_array", render_size=(48, 64))
     env.reset(seed=0)
     image = env.render()
-    assert image.shape == (48, 64, 3)
-    assert image.dtype == np.uint8
+    assert (image.shape, image.dtype) == ((48, 64, 3), np.uint8)
     assert image.std() > 10
     env.close()
     env.close()
-
-
-def test_render_without_a_mode_says_what_to_do(running: SimEnv) -> None:
-    with pytest.raises(DuoBenchError, match="render_mode"):
-        running.render()
 
 
 def test_no_chain_of_links_leaves_the_space_of_tool_poses() -> None:

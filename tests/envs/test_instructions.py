@@ -3,44 +3,41 @@
 from dataclasses import replace
 from typing import Any
 
-import gymnasium as gym
 import pytest
 
-import duobench
 from duobench.errors import OptionError
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
-from tests.envs.tools import sim_of, wave
+from tests.envs.tools import Make, sim_of, wave
 
 TASK = catalog.get("pour_marbles")  # its instructions name variants
 SEEDS = range(12)
 
 
-def told(env: gym.Env, seed: int, **options: Any) -> str:
+def told(env: Any, seed: int, **options: Any) -> str:
     _, info = env.reset(seed=seed, options=options)
-    assert info["instruction"] == env.get_wrapper_attr("task_description")
+    assert info["instruction"] == env.task_description
     return info["instruction"]
 
 
-def test_a_reset_may_choose_what_its_episode_is_about_and_a_state_keeps_it() -> None:
-    env = duobench.make(TASK, cameras=False)
+def test_a_reset_may_choose_what_its_episode_is_about_and_a_state_keeps_it(make: Make) -> None:
+    env = make(TASK)
     own = told(env, 0)
-    before = sim_of(env).state_hash()
+    before = env.state_hash()
     third = TASK.instruct(sim_of(env).layout, 3)
     assert told(env, 0, instruction=3) == third != own
     assert told(env, 0, instruction="Pour, {please}!") == "Pour, {please}!", "text is literal"
-    assert sim_of(env).state_hash() == before, "words move nothing"
-    state = env.get_wrapper_attr("save_state")()
+    assert env.state_hash() == before, "words move nothing"
+    state = env.save_state()
     assert told(env, 0) == own
-    _, info = env.get_wrapper_attr("restore_state")(state)
+    _, info = env.restore_state(state)
     assert info["instruction"] == env.step(wave(0))[-1]["instruction"] == "Pour, {please}!"
-    _, info = env.get_wrapper_attr("restore_state")(replace(state, instruction=None))
+    _, info = env.restore_state(replace(state, instruction=None))
     assert info["instruction"] == own
-    env.close()
 
 
-def test_instructions_that_vary_are_sampled_by_the_seed() -> None:
-    env, fixed = (duobench.make(TASK, cameras=False, instructions=x) for x in ("varied", "fixed"))
+def test_instructions_that_vary_are_sampled_by_the_seed(make: Make) -> None:
+    env, fixed = (make(TASK, instructions=kind) for kind in ("varied", "fixed"))
     texts = [told(env, seed) for seed in SEEDS]
     assert len(set(texts)) > len(SEEDS) / 3
     assert [told(env, seed) for seed in reversed(SEEDS)] == texts[::-1]
@@ -50,11 +47,8 @@ def test_instructions_that_vary_are_sampled_by_the_seed() -> None:
         assert text in {TASK.instruct(layout, number) for number in range(11)}
     assert told(env, 3, instruction=0) == told(fixed, 3)
     assert told(env, 3, layout=sim_of(fixed).layout) == told(fixed, 3), "no seed, nothing sampled"
-    env.close()
-    fixed.close()
 
 
-def test_a_task_without_paraphrases_has_none_to_vary() -> None:
-    plain = replace(TASK, paraphrases=())
+def test_a_task_without_paraphrases_has_none_to_vary(make: Make) -> None:
     with pytest.raises(OptionError, match=r"'pour_marbles' has no paraphrases.*`paraphrases`"):
-        duobench.make(plain, cameras=False, instructions="varied")
+        make(replace(TASK, paraphrases=()), instructions="varied")

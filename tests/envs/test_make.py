@@ -37,44 +37,22 @@ from tests.envs.number_arms import NumberArms
 from tests.envs.tools import TASK, sim_of
 
 
-def stack(env: gym.Env) -> list[str]:
-    names = []
-    while isinstance(env, gym.Wrapper):
-        names.append(type(env).__name__)
-        env = env.env
-    return [*names, type(env).__name__]
-
-
 def test_the_evaluation_protocol() -> None:
     env = gym.make(f"duobench/{TASK}-v1")
-    assert stack(env) == ["Cameras", "TimeLimit", "TaskStages", "RandomizedReset", "SimEnv"]
+    base = f"SimEnv<duobench/{TASK}-v1>"
+    assert str(env) == f"<Cameras<TimeLimit<TaskStages<RandomizedReset<{base}>>>>>"
     assert env.action_space.shape == (16,)
     assert set(env.observation_space) == {"agent_pos", "tcp_pose", "pixels"}  # type: ignore[call-overload]
     assert env.get_wrapper_attr("config") == EnvConfig() == EnvConfig.from_options({})
-    env.close()
 
 
 def test_everything_at_once_keeps_its_place() -> None:
-    env = make_env(
-        TASK,
-        cameras="head",
-        object_state=True,
-        action_mode="cartesian_relative",
-        binary_gripper=True,
-        chunk=30,
+    mode = {"action_mode": "cartesian_relative", "binary_gripper": True, "chunk": 30}
+    env = make_env(TASK, cameras="head", object_state=True, **mode)
+    assert str(env) == (
+        "<Cameras<ObjectStates<ActionChunks<BinaryGripper<RelativeCartesianActions<"
+        "CartesianActions<TimeLimit<TaskStages<RandomizedReset<SimEnv instance" + ">" * 10
     )
-    assert stack(env) == [
-        "Cameras",
-        "ObjectStates",
-        "ActionChunks",
-        "BinaryGripper",
-        "RelativeCartesianActions",
-        "CartesianActions",
-        "TimeLimit",
-        "TaskStages",
-        "RandomizedReset",
-        "SimEnv",
-    ]
     assert env.action_space.shape == (30, 14)
 
 
@@ -107,12 +85,12 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
             assert made.get_wrapper_attr("config").cameras == ("head", "left_wrist")
 
 
+# Those whose words are promised are in tests/promised_errors.py.
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
         ({"camera": "head"}, UnknownNameError, "option 'camera'.*Did you mean 'cameras'"),
         ({"seed": 3}, UnknownNameError, "option 'seed'.*Known: action_mode, binary_gripper,"),
-        ({"cameras": ("haed",)}, UnknownNameError, "camera 'haed'.*'head'"),
         ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),
         ({"cameras": 3}, OptionError, "cameras is True, False.*3"),
@@ -121,8 +99,6 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
         ({"binary_gripper": np.array([1, 2])}, OptionError, "binary_gripper is True or False"),
         ({"cameras": (3,)}, UnknownNameError, "camera 3"),
         ({"action_mode": ["joint"]}, UnknownNameError, r"action mode \['joint'\]"),
-        ({"control_rate_hz": 10}, OptionError, "control rate is 30 Hz, got 10"),
-        ({"action_mode": "cartesien"}, UnknownNameError, "action mode.*'cartesian'"),
         ({"render_mode": "human"}, UnknownNameError, "render mode 'human'.*rgb_array"),
         ({"image_size": 721}, OptionError, "image_size.*720.*721"),
         ({"image_size": (224, 224, 3)}, OptionError, "height, width"),
@@ -130,7 +106,6 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
         ({"image_size": True}, OptionError, "image_size"),
         ({"image_size": 224.0}, OptionError, "image_size"),
         ({"render_size": (720, 1281)}, OptionError, "render_size"),
-        ({"chunk": 0}, OptionError, "chunk.*positive whole number.*0"),
         ({"chunk": 2.5}, OptionError, "chunk"),
         ({"chunk": True}, OptionError, "chunk"),
         ({"horizon": -1}, OptionError, "horizon"),
@@ -156,14 +131,10 @@ def test_attributes_are_found_on_the_outermost_environment() -> None:
     env: Any = duobench.make(TASK, cameras="head", chunk=2)
     env.reset(seed=0)
     task = catalog.get(TASK)
-    for name, value in {
-        "task": TASK,
-        "task_description": task.instruction,
-        "_max_episode_steps": task.horizon,
-    }.items():
-        assert getattr(env, name) == env.get_wrapper_attr(name) == value
+    expected = {"task": TASK, "task_description": task.instruction}
+    for name, value in (expected | {"_max_episode_steps": task.horizon}).items():
+        assert [getattr(env, name), env.get_wrapper_attr(name)] == [value] * 2
         assert getattr(env.unwrapped, name) == value
-    env.close()
 
 
 @pytest.mark.parametrize(
@@ -184,8 +155,7 @@ def test_configuration_survives_its_text_and_makes_the_same_environment(
     config = EnvConfig.from_options(options)
     text = json.dumps(msgspec.to_builtins(config))
     assert msgspec.json.decode(text, type=EnvConfig) == config
-    env = make_env(TASK, **asdict(config))
-    assert env.get_wrapper_attr("config") == config
+    assert make_env(TASK, **asdict(config)).get_wrapper_attr("config") == config
 
 
 @pytest.mark.parametrize(
@@ -209,17 +179,15 @@ def test_a_configuration_holds_plain_values_only(fields: dict[str, Any]) -> None
     assert msgspec.json.decode(msgspec.json.encode(config), type=EnvConfig) == config
 
 
+SEEDS = (1.5, "5", "a", -1, True, [3])
+LAYOUTS = ("x", 5, [], {"poses": 5})
+
+
 @pytest.mark.parametrize(
     ("asked", "error", "words"),
     [
-        *(
-            ({"seed": seed}, OptionError, "A seed is a whole number from 0 on, got")
-            for seed in (1.5, "5", "a", -1, True, [3])
-        ),
-        *(
-            ({"options": {"layout": layout}}, LayoutError, "This is no layout")
-            for layout in ("x", 5, [], {"poses": 5})
-        ),
+        *(({"seed": seed}, OptionError, "whole number from 0 on, got") for seed in SEEDS),
+        *(({"options": {"layout": x}}, LayoutError, "This is no layout") for x in LAYOUTS),
         ({"options": "x"}, OptionError, "options of a reset are a dict, got 'x'"),
     ],
     ids=str,

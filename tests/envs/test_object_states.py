@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from itertools import product
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -14,14 +15,14 @@ from duobench.objects.maze_board import cell_centre
 from duobench.objects.mazes import CELLS, MAZES, Direction, Segment
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
-from tests.envs.tools import equal, make_small, waves
+from tests.envs.tools import Make, equal, waves
 
 SPEED, OPENED = 0.5, 0.7
 """What objects are kicked with, in m/s and rad/s, and how far hinges are opened, in radians."""
 MOVED, ROUNDING = 1e-3, 1e-6
 
 
-def named(env: gym.Env, observation: Mapping[str, np.ndarray]) -> dict[str, float]:
+def named(env: Any, observation: Mapping[str, np.ndarray]) -> dict[str, float]:
     names = env.get_wrapper_attr("object_state_names")
     assert len(set(names)) == len(names)
     return dict(zip(names, observation["environment_state"].tolist(), strict=True))
@@ -43,10 +44,10 @@ def measured(simulation: Simulation, name: str) -> float | None:
     return float(data.body(found[1]).xpos["xyz".index(found[2])])
 
 
-def check(env: gym.Env, observation: Mapping[str, np.ndarray]) -> dict[str, float]:
+def check(env: Any, observation: Mapping[str, np.ndarray]) -> dict[str, float]:
     """Compare an observation with the engine."""
     found = named(env, observation)
-    assert observation["environment_state"] in env.observation_space["environment_state"]  # type: ignore[index]
+    assert observation["environment_state"] in env.observation_space["environment_state"]
     simulation = sim_of(env).simulation
     expected = {name: measured(simulation, name) for name in found}
     compared = {name: value for name, value in expected.items() if value is not None}
@@ -56,10 +57,10 @@ def check(env: gym.Env, observation: Mapping[str, np.ndarray]) -> dict[str, floa
 
 
 @pytest.mark.parametrize("task", catalog.names())
-def test_numbers_are_those_of_the_simulation(task: str) -> None:
-    env = make_small(task, object_state=True)
+def test_numbers_are_those_of_the_simulation(make: Make, task: str) -> None:
+    env = make(task, object_state=True)
     observation, _ = env.reset(seed=0)
-    first, state = check(env, observation), env.get_wrapper_attr("save_state")()
+    first, state = check(env, observation), env.save_state()
     data = sim_of(env).simulation.data
     data.qvel[:] += SPEED
     for name in (name.removesuffix("_angle") for name in first if name.endswith("_angle")):
@@ -72,38 +73,36 @@ def test_numbers_are_those_of_the_simulation(task: str) -> None:
     assert moving & first.keys() <= moved
     other, _ = env.reset(seed=1)
     assert check(env, other) != first
-    restored, _ = env.get_wrapper_attr("restore_state")(state)
+    restored, _ = env.restore_state(state)
     assert equal(restored, observation)
-    env.close()
 
 
-def test_the_full_cup_is_the_one_with_the_marbles() -> None:
-    env = make_small("pour_marbles", object_state=True)
+def test_the_full_cup_is_the_one_with_the_marbles(make: Make) -> None:
+    env = make("pour_marbles", object_state=True)
     seen = set()
     for seed in range(8):
         observation, info = env.reset(seed=seed)
         found, full = named(env, observation), info["layout"]["variants"]["full"]
         seen.add(full)
         for side in ("left", "right"):
-            is_full = side == full
-            assert found[f"full_is_{side}"] == found[f"marbles_in_{side}_cup"] == is_full
+            said = found[f"full_is_{side}"], found[f"marbles_in_{side}_cup"]
+            assert said == (side == full,) * 2
         middle = [found[f"marbles_{axis}"] - found[f"{full}_cup_{axis}"] for axis in "xyz"]
         assert np.hypot(*middle[:2]) < cup.MARBLE_RADIUS
         assert 0 < found["marbles_spread"] < cup.INNER_RADIUS
     assert seen == {"left", "right"}
-    env.close()
 
 
-def test_walls_start_and_goal_are_those_of_the_board() -> None:
-    env = make_small("ball_maze", object_state=True)
+def test_walls_start_and_goal_are_those_of_the_board(make: Make) -> None:
+    env = make("ball_maze", object_state=True)
     boards = set()
     for seed in range(12):
         observation, info = env.reset(seed=seed)
         found, board = named(env, observation), info["layout"]["variants"]["board"]
         boards.add(board)
         maze = MAZES[int(board)]
-        assert tuple(found[f"start_{along}"] for along in ("column", "row")) == maze.start
-        assert tuple(found[f"goal_{along}"] for along in ("column", "row")) == maze.goal
+        for place, cell in (("start", maze.start), ("goal", maze.goal)):
+            assert (found[f"{place}_column"], found[f"{place}_row"]) == cell
         walls = {
             f"wall_{direction.name.lower()}_of_{i}_{j}": Segment.beyond((i, j), direction)
             for direction in (Direction.EAST, Direction.NORTH)
@@ -120,11 +119,10 @@ def test_walls_start_and_goal_are_those_of_the_board() -> None:
         at = (offset @ x, offset @ np.cross(z, x))
         assert at == pytest.approx(cell_centre(maze.start), abs=1e-3)
     assert len(boards) > 5
-    env.close()
 
 
-def test_one_vector_holds_everything_in_the_order_of_the_page() -> None:
-    env = make_small("bin_sort", object_state=True)
+def test_one_vector_holds_everything_in_the_order_of_the_page(make: Make) -> None:
+    env = make("bin_sort", object_state=True)
     flat = gym.wrappers.FlattenObservation(env)
     numbers, _ = flat.reset(seed=0)
     observation, _ = env.reset(seed=0)
@@ -132,4 +130,3 @@ def test_one_vector_holds_everything_in_the_order_of_the_page() -> None:
     assert numbers.dtype == np.float32
     np.testing.assert_array_equal(numbers, np.concatenate(parts))
     assert numbers in flat.observation_space
-    env.close()

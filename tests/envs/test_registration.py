@@ -17,7 +17,7 @@ from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from tests.children import printed
-from tests.envs.tools import TASK, sim_of
+from tests.envs.tools import TASK, Make, sim_of
 
 MODULE = """
 from dataclasses import replace
@@ -35,12 +35,12 @@ def mine() -> Iterator[Task]:
     gym.registry.pop(env_id("my_sort"), None)
 
 
-def test_a_task_is_named_by_each_spelling_of_its_id(mine: Task) -> None:
+def test_a_task_is_named_by_each_spelling_of_its_id(make: Make, mine: Task) -> None:
     duobench.register(mine)
     for name in (TASK, mine.id):
         for spelling in (name, env_id(name), f"duobench:{env_id(name)}"):
-            env = duobench.make(spelling, cameras=False)
-            assert (env.get_wrapper_attr("task"), env.spec.id) == (name, env_id(name))
+            env = make(spelling)
+            assert (env.task, env.spec.id) == (name, env_id(name))
     assert {task.reference for task in find_tasks([env_id(TASK)])} == {TASK}
 
 
@@ -52,14 +52,12 @@ def test_a_spec_has_the_horizon(name: str) -> None:
 
 @pytest.mark.parametrize("option", ["horizon", "max_episode_steps"])
 @pytest.mark.parametrize("horizon", [2, 1000])
-def test_there_is_one_time_limit(mine: Task, horizon: int, option: str) -> None:
-    env = duobench.make(replace(mine, horizon=5), cameras=False, **{option: horizon})
+def test_there_is_one_time_limit(make: Make, mine: Task, horizon: int, option: str) -> None:
+    env = make(replace(mine, horizon=5), **{option: horizon})
     for made in (env, env.spec.make(), gym.make(env.spec)):
-        assert made.spec.max_episode_steps == horizon
-        assert str(made).count("TimeLimit") == 1
-        assert made.get_wrapper_attr("config").horizon == horizon
-        assert made.get_wrapper_attr("_max_episode_steps") == horizon
-        assert sim_of(made).definition.horizon == horizon
+        limits = [made.spec.max_episode_steps, made.get_wrapper_attr("config").horizon]
+        limits += [made.get_wrapper_attr("_max_episode_steps"), sim_of(made).definition.horizon]
+        assert (limits, str(made).count("TimeLimit")) == ([horizon] * 4, 1)
     env.reset(seed=0)
     action = env.action_space.sample()
     ends = [env.step(action)[3] for _ in range(min(horizon, 7))]
@@ -69,21 +67,21 @@ def test_there_is_one_time_limit(mine: Task, horizon: int, option: str) -> None:
             env.step(action)
 
 
-def test_a_limit_of_gymnasium_counts_control_steps_and_is_part_of_the_state() -> None:
-    env = gym.make(f"duobench/{TASK}-v1", cameras=False, chunk=4, max_episode_steps=6)
+def test_a_limit_of_gymnasium_counts_control_steps_and_is_part_of_the_state(make: Make) -> None:
+    env = make(chunk=4, max_episode_steps=6)
     env.reset(seed=0)
     action = env.action_space.sample()
-    *_, truncated, info = env.step(action)
-    assert (truncated, info["executed"]) == (False, 4)
-    state = env.get_wrapper_attr("save_state")()
+    outcomes = [env.step(action)[3:]]
+    state = env.save_state()
     for _ in range(2):
-        *_, truncated, info = env.step(action)
-        assert (truncated, info["executed"]) == (True, 2)
-        env.get_wrapper_attr("restore_state")(state)
+        outcomes.append(env.step(action)[3:])
+        env.restore_state(state)
+    ends = [(truncated, info["executed"]) for truncated, info in outcomes]
+    assert ends == [(False, 4), (True, 2), (True, 2)]
 
 
-def test_without_a_time_limit_an_episode_goes_on(mine: Task) -> None:
-    env = duobench.make(mine, cameras=False, max_episode_steps=-1)
+def test_without_a_time_limit_an_episode_goes_on(make: Make, mine: Task) -> None:
+    env = make(mine, max_episode_steps=-1)
     assert env.spec.max_episode_steps is None
     for made in (env, env.spec.make()):
         made.reset(seed=0)
@@ -91,18 +89,17 @@ def test_without_a_time_limit_an_episode_goes_on(mine: Task) -> None:
         assert not any(made.step(action)[3] for _ in range(mine.horizon + 2))
 
 
-def test_a_spec_survives_its_text() -> None:
-    for env_spec in (gym.spec(f"duobench/{TASK}-v1"), duobench.make(TASK, cameras=False).spec):
+def test_a_spec_survives_its_text(make: Make) -> None:
+    for env_spec in (gym.spec(f"duobench/{TASK}-v1"), make().spec):
         again = gym.make(EnvSpec.from_json(env_spec.to_json()))
         assert again.spec.max_episode_steps == catalog.get(TASK).horizon
         assert str(again).count("TimeLimit") == 1
 
 
-def test_the_spec_of_a_wrapper_added_by_hand_makes_it_again() -> None:
-    env = ActionChunks(duobench.make(TASK, cameras=False), 3)
+def test_the_spec_of_a_wrapper_added_by_hand_makes_it_again(make: Make) -> None:
+    env = ActionChunks(make(), 3)
     again = env.spec.make()
-    assert str(again) == str(env)
-    assert again.action_space == env.action_space
+    assert (str(again), again.action_space) == (str(env), env.action_space)
 
 
 def test_the_unversioned_id_is_the_newest_version() -> None:
@@ -112,27 +109,22 @@ def test_the_unversioned_id_is_the_newest_version() -> None:
 
 
 @pytest.mark.parametrize("give", ["object", "path"])
-def test_a_task_needs_no_registration(mine: Task, give: str) -> None:
-    task = mine if give == "object" else "duobench.tasks.bin_sort:TASK"
-    env = duobench.make(task, cameras=False)
+def test_a_task_needs_no_registration(make: Make, mine: Task, give: str) -> None:
+    env = make(mine if give == "object" else "duobench.tasks.bin_sort:TASK")
     expected = mine if give == "object" else catalog.get(TASK)
     assert sim_of(env).definition is expected
     assert env.spec.id == env_id(expected.id)
-    _, info = env.reset(seed=0)
-    assert info["stage"] == 0
+    assert env.reset(seed=0)[1]["stage"] == 0
     assert env_id("my_sort") not in gym.registry
 
 
-def test_a_registered_task_is_found_by_id_until_another_one_is(mine: Task) -> None:
+def test_a_registered_task_is_found_by_id_until_another_one_is(make: Make, mine: Task) -> None:
     assert duobench.register(mine) == "duobench/my_sort-v1"
-    for env in (
-        gym.make("duobench/my_sort-v1", cameras=False),
-        duobench.make("my_sort", cameras=False),
-    ):
+    for env in (gym.make("duobench/my_sort-v1", cameras=False), make("my_sort")):
         assert sim_of(env).definition is mine
         assert env.get_wrapper_attr("_max_episode_steps") == 5
     duobench.register(replace(mine, horizon=9))
-    assert duobench.make("my_sort", cameras=False).get_wrapper_attr("_max_episode_steps") == 9
+    assert make("my_sort").get_wrapper_attr("_max_episode_steps") == 9
 
 
 def test_registering_by_path_stays_a_string(

@@ -10,7 +10,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import duobench
 from duobench.envs import RandomizedReset, TaskStages, TimeLimit
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.sim_env import SimEnv
@@ -29,12 +28,12 @@ from duobench.stages.predicates import touching
 from duobench.stages.progress import LOST_SECONDS, Stage
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, Array
-from tests.envs.tools import TASK, equal, sim_of, wave
+from tests.envs.tools import TASK, Make, equal, make_small, sim_of, wave
 
 
 @pytest.fixture(scope="module")
 def env() -> Iterator[gym.Env]:
-    env = duobench.make(TASK, cameras=False)
+    env = make_small()
     yield env
     env.close()
 
@@ -87,7 +86,9 @@ def test_a_seeded_reset_decides_the_resets_after_it(env: gym.Env) -> None:
     assert info["seed"] == runs[0][1]
 
 
-def test_a_reset_samples_from_the_split_of_its_environment_or_options(env: gym.Env) -> None:
+def test_a_reset_samples_from_the_split_of_its_environment_or_options(
+    env: gym.Env, make: Make
+) -> None:
     _, on_eval = env.reset(seed=7)
     _, on_train = env.reset(seed=7, options={"split": "train"})
     assert (on_eval["split"], on_train["split"]) == ("eval", "train")
@@ -98,13 +99,11 @@ def test_a_reset_samples_from_the_split_of_its_environment_or_options(env: gym.E
     _, of_given = env.reset(options={"layout": on_train["layout"]})
     assert of_given["split"] is None
 
-    train = duobench.make(TASK, cameras=False, split="train")
+    train = make(split="train")
     assert train.get_wrapper_attr("config").split == "train"
-    _, info = train.reset(seed=7)
-    assert (info["split"], info["layout"]) == ("train", on_train["layout"])
-    _, info = train.reset(seed=7, options={"split": "eval"})
-    assert (info["split"], info["layout"]) == ("eval", on_eval["layout"])
-    train.close()
+    for options, expected in (({}, on_train), ({"split": "eval"}, on_eval)):
+        _, info = train.reset(seed=7, options=options)
+        assert (info["split"], info["layout"]) == (expected["split"], expected["layout"])
 
 
 @pytest.mark.parametrize(
@@ -193,31 +192,29 @@ def test_an_impossible_layout_is_refused(env: gym.Env, spoil: Any, words: str) -
 def test_info_says_where_the_episode_stands(env: gym.Env) -> None:
     task = catalog.get(TASK)
     _, at_reset = env.reset(seed=0)
-    _, reward, terminated, truncated, info = env.step(wave(0))
+    _, *outcome, info = env.step(wave(0))
+    assert outcome == [0.0, False, False]
+    expected = {
+        **dict.fromkeys(("success", "is_success", "success_at_end"), False),
+        **{"stage": 0, "max_stage": 5, "instruction": task.instruction},
+        "stage_to_subinstructions": dict(enumerate(stage.instruction for stage in task.stages)),
+        "current_subinstruction": task.stages[0].instruction,
+    }
     for told in (at_reset, info):
-        assert told["stage"] == 0
-        assert told["max_stage"] == len(task.stages) == 5
-        assert (told["success"], told["is_success"], told["success_at_end"]) == (False,) * 3
-        assert told["instruction"] == task.instruction
-        assert told["stage_to_subinstructions"] == {
-            number: stage.instruction for number, stage in enumerate(task.stages)
-        }
-        assert told["current_subinstruction"] == task.stages[0].instruction
-    assert (reward, terminated, truncated) == (0.0, False, False)
+        assert {name: told[name] for name in expected} == expected
     assert isinstance(info["success"], bool)
 
 
-def test_the_last_stage_terminates_with_full_reward() -> None:
-    env = duobench.make(LYING, cameras=False)
+def test_the_last_stage_terminates_with_full_reward(make: Make) -> None:
+    env = make(LYING)
     hold = begin(env)
-    _, reward, terminated, truncated, info = env.step(hold)
-    assert (reward, terminated, truncated) == (1.0, True, False)
-    assert (info["success"], info["is_success"], info["success_at_end"]) == (True,) * 3
+    _, *outcome, info = env.step(hold)
+    assert outcome == [1.0, True, False]
+    assert [info[name] for name in ("success", "is_success", "success_at_end")] == [True] * 3
     assert info["stage"] == info["max_stage"]
     assert info["current_subinstruction"] == LYING.stages[-1].instruction
     with pytest.raises(ResetNeededError, match="over"):
         env.step(hold)
-    env.close()
 
 
 def test_success_at_end_is_about_now_while_success_stays() -> None:
@@ -286,17 +283,14 @@ def test_the_horizon_ends_an_episode_which_can_be_played_on_to_a_later_one() -> 
     env = TimeLimit(SimEnv(catalog.get(TASK)), horizon=2)
     for _ in range(2):  # the limit is that of one episode
         env.reset(seed=0)
-        with pytest.raises(ActionError):
+        with pytest.raises(ActionError):  # and does not count
             env.step(np.full(16, np.nan))
-        assert [env.step(wave(k))[3] for k in range(2)] == [False, True], (
-            "refused ones do not count"
-        )
-        with pytest.raises(ResetNeededError, match="over"):
-            env.step(wave(0))
-        env.play_on(4)
-        assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
-        with pytest.raises(ResetNeededError, match="over"):
-            env.step(wave(0))
+        for limit in (4, None):
+            assert [env.step(wave(k))[3] for k in range(2)] == [False, True]
+            with pytest.raises(ResetNeededError, match="over"):
+                env.step(wave(0))
+            if limit:
+                env.play_on(limit)
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))

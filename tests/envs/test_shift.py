@@ -1,18 +1,14 @@
 """Every axis changes exactly what it says: everything else is equal, physics to the bit."""
 
-from collections.abc import Iterator
 from typing import Any
 
-import gymnasium as gym
-import numpy as np
 import pytest
 
-import duobench
 from duobench.envs.config import EnvConfig
 from duobench.errors import OptionError, UnknownNameError
 from duobench.shifts.shift import Shift
 from duobench.types import POLICY_CAMERAS
-from tests.envs.tools import arrays, equal
+from tests.envs.tools import Make, arrays, equal, make_small, sim_of
 
 TASK, SEED, STEPS = "spring_door", 5, 12
 MODEL = (
@@ -23,30 +19,27 @@ MODEL = (
 
 def played(shift: str, cameras: Any = False) -> dict[str, Any]:
     """What an episode of fixed actions shows."""
-    env = duobench.make(TASK, cameras=cameras, image_size=32, object_state=True, shift=shift)
+    env = make_small(TASK, cameras=cameras, image_size=32, object_state=True, shift=shift)
     observation, info = env.reset(seed=SEED)
-    seen, states = [observation], [env.get_wrapper_attr("state_hash")()]
+    seen, states = [observation], [env.state_hash()]
     action = env.get_wrapper_attr("hold_action")()
     for number in range(STEPS):
         action[1] += 0.02
         action[7] = number % 2
         observation, *_, last = env.step(action)
         seen.append(observation)
-        states.append(env.get_wrapper_attr("state_hash")())
-    model = env.unwrapped.simulation.model
-    found = {
+        states.append(env.state_hash())
+    model = sim_of(env).simulation.model
+    env.close()
+    return {
         "states": states,
         "layout": info["layout"],
         "instruction": info["instruction"],
         "stage": last["stage"],
-        "numbers": [
-            {name: value for name, value in each.items() if name != "pixels"} for each in seen
-        ],
-        "images": [each.get("pixels") for each in seen],
+        "images": [each.pop("pixels", None) for each in seen],
+        "numbers": seen,
         "model": {name: getattr(model, name).copy() for name in MODEL},
     }
-    env.close()
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -88,65 +81,60 @@ def test_all_axes_together_have_the_physics_and_words_of_each() -> None:
     assert together["layout"] == played("layout-4")["layout"]
 
 
-def test_an_episode_is_a_function_of_its_seed_whatever_was_before() -> None:
-    env = duobench.make(TASK, cameras=False, shift="all-5")
-    model = env.unwrapped.simulation.model
-    found = []
+def test_an_episode_is_a_function_of_its_seed_whatever_was_before(make: Make) -> None:
+    env = make(TASK, shift="all-5")
+    masses, hashes = [], []
     for seed in (SEED, 6, SEED):
-        _, info = env.reset(seed=seed)
-        found.append((info, model.body_mass.copy(), env.get_wrapper_attr("state_hash")()))
-    env.close()
-    assert equal(found[0][1], found[2][1])
-    assert not equal(found[0][1], found[1][1])
-    assert found[0][2] == found[2][2] != found[1][2]
+        env.reset(seed=seed)
+        masses.append(sim_of(env).simulation.model.body_mass.tolist())
+        hashes.append(env.state_hash())
+    for found in (masses, hashes):
+        assert found[0] == found[2] != found[1]
 
 
-def test_a_saved_state_brings_the_physics_of_its_episode() -> None:
-    envs = [duobench.make(TASK, cameras=False, shift="physics-5") for _ in range(2)]
-    first, second = envs
+def test_a_saved_state_brings_the_physics_of_its_episode(make: Make) -> None:
+    first, second = (make(TASK, shift="physics-5") for _ in range(2))
     first.reset(seed=SEED)
     second.reset(seed=SEED + 1)
-    second.get_wrapper_attr("restore_state")(first.get_wrapper_attr("save_state")())
+    second.restore_state(first.save_state())
     action = first.get_wrapper_attr("hold_action")()
     action[1] += 0.05
-    for env in envs:
-        env.step(action)
-    assert len({env.get_wrapper_attr("state_hash")() for env in envs}) == 1
-    for env in envs:
-        env.close()
+    first.step(action)
+    second.step(action)
+    assert first.state_hash() == second.state_hash()
 
 
-def test_the_compiled_model_comes_back_to_the_bit() -> None:
-    env = duobench.make(TASK, cameras=False)
-    simulation = env.unwrapped.simulation
-    before = arrays(simulation.model)
-    statistics = [simulation.model.stat.meaninertia, simulation.model.stat.meanmass]
+def test_the_compiled_model_comes_back_to_the_bit(make: Make) -> None:
+    simulation = sim_of(make(TASK)).simulation
+
+    def compiled() -> tuple[dict[str, bytes], float, float]:
+        statistics = simulation.model.stat
+        return arrays(simulation.model), statistics.meaninertia, statistics.meanmass
+
+    before = compiled()
     simulation.scale_physics(mass=2.0, friction=0.5, spring=3.0)
-    assert simulation.model.body_mass.tobytes() != before["body_mass"]
+    assert simulation.model.body_mass.tobytes() != before[0]["body_mass"]
     simulation.scale_physics()
-    assert arrays(simulation.model) == before
-    assert [simulation.model.stat.meaninertia, simulation.model.stat.meanmass] == statistics
-    env.close()
+    assert compiled() == before
 
 
-def frames(cameras: Any, shown: set[int]) -> Iterator[tuple[int, Any]]:
-    env: gym.Env = duobench.make(TASK, cameras=cameras, image_size=32, shift="sensing-5")
+def frames(env: Any, shown: set[int]) -> dict[int, Any]:
     env.reset(seed=SEED)
-    action = env.get_wrapper_attr("hold_action")()
+    action, found = env.get_wrapper_attr("hold_action")(), {}
     for number in range(STEPS):
         action[1] += 0.03
         env.get_wrapper_attr("set_rendering")(number in shown)
         observation = env.step(action)[0]
         if number in shown:
-            yield number, observation["pixels"]["head"]
-    env.close()
+            found[number] = observation["pixels"]["head"]
+    return found
 
 
-def test_dropped_frames_do_not_depend_on_who_looks_and_when() -> None:
-    every = dict(frames(POLICY_CAMERAS, set(range(STEPS))))
-    few = dict(frames(("head",), {3, 10}))
-    assert np.array_equal(few[3], every[3])
-    assert np.array_equal(few[10], every[10])
+def test_dropped_frames_do_not_depend_on_who_looks_and_when(make: Make) -> None:
+    sensing = {"image_size": 32, "shift": "sensing-5"}
+    every = frames(make(TASK, cameras=POLICY_CAMERAS, **sensing), set(range(STEPS)))
+    few = frames(make(TASK, cameras="head", **sensing), {3, 10})
+    assert equal(few, {number: every[number] for number in (3, 10)})
 
 
 @pytest.mark.parametrize(

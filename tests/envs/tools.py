@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -16,7 +16,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import DuoCommand
 
-__all__ = ["TASK", "arrays", "check", "equal", "make_small", "sim_of", "wave", "waves"]
+__all__ = ["TASK", "Make", "arrays", "check", "equal", "make_small", "sim_of", "wave", "waves"]
 
 TASK = "bin_sort"
 
@@ -40,8 +40,11 @@ def waves(count: int) -> NDArray[np.float32]:
     return np.array([wave(number) for number in range(count)])
 
 
-def make_small(task: str = TASK, **options: Any) -> gym.Env:
-    """The environment that vector environments are made of, in this or another process."""
+Make = Callable[..., Any]
+
+
+def make_small(task: Any = TASK, **options: Any) -> Any:
+    """An environment without cameras unless it is told which, for any process."""
     return duobench.make(task, **{"cameras": False, **options})
 
 

@@ -39,29 +39,19 @@ def folder(runs: dict[str, RunFolder], tmp_path: Path) -> Path:
     return tmp_path / "bundles"
 
 
-class Listener:
-    """Hears which bundles are verified, and how many episodes of them."""
-
-    def __init__(self) -> None:
-        self.episodes: dict[str, int] = {}
-
-    def __call__(self, name: str) -> Progress:
-        return lambda done, _total: self.episodes.update({name: done})
-
-
 def made(folder: Path, out: Path) -> tuple[Board, dict[str, int]]:
-    listener = Listener()
-    board, page = make_leaderboard(folder, out, started=listener)
+    """The leaderboard, and how many episodes were verified of which bundles."""
+    episodes: dict[str, int] = {}
+    board, page = make_leaderboard(
+        folder, out, started=lambda name: lambda done, _total: episodes.update({name: done})
+    )
     assert page.is_file()
-    return board, listener.episodes
+    return board, episodes
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in folder.rglob("*")
-        if path.is_file()
-    }
+    files = filter(Path.is_file, folder.rglob("*"))
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def forged(run: RunFolder, folder: Path, edit: Callable[[Document], None]) -> None:
@@ -76,7 +66,7 @@ def reason(board: Board, name: str) -> str:
     return found
 
 
-def test_every_bundle_is_verified_once(folder: Path, tmp_path: Path) -> None:
+def test_every_bundle_is_verified_once(folder, tmp_path):
     out = tmp_path / "site"
     board, played = made(folder, out)
     assert played == {"hold.duobench.zip": 1, "random.duobench.zip": 1}
@@ -88,7 +78,7 @@ def test_every_bundle_is_verified_once(folder: Path, tmp_path: Path) -> None:
     assert contents(out) == before
 
 
-def test_bytes_do_not_depend_on_what_was_there_before(folder: Path, tmp_path: Path) -> None:
+def test_bytes_do_not_depend_on_what_was_there_before(folder, tmp_path):
     made(folder, tmp_path / "all at once")
     last = folder / "random.duobench.zip"
     last.rename(tmp_path / last.name)
@@ -101,7 +91,7 @@ def test_bytes_do_not_depend_on_what_was_there_before(folder: Path, tmp_path: Pa
     assert contents(tmp_path / "one by one") == contents(tmp_path / "all at once")
 
 
-def test_what_an_interrupted_call_has_verified_is_kept(folder: Path, tmp_path: Path) -> None:
+def test_what_an_interrupted_call_has_verified_is_kept(folder, tmp_path):
     def interrupt(name: str) -> Progress:
         if name.startswith("random"):
             raise KeyboardInterrupt
@@ -113,15 +103,13 @@ def test_what_an_interrupted_call_has_verified_is_kept(folder: Path, tmp_path: P
     assert made(folder, tmp_path / "site")[1] == {"random.duobench.zip": 1}
 
 
-def test_another_version_verifies_anew(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_version_verifies_anew(folder, tmp_path, monkeypatch):
     made(folder, tmp_path / "site")
     monkeypatch.setattr(leaderboard, "SUITE_VERSION", "another")
     assert len(made(folder, tmp_path / "site")[1]) == 2
 
 
-def test_a_verdict_that_was_edited_or_damaged_is_not_believed(folder: Path, tmp_path: Path) -> None:
+def test_a_verdict_that_was_edited_or_damaged_is_not_believed(folder, tmp_path):
     out = tmp_path / "site"
     made(folder, out)
     first, second = sorted((out / VERDICTS).glob("*.json"))
@@ -130,9 +118,7 @@ def test_a_verdict_that_was_edited_or_damaged_is_not_believed(folder: Path, tmp_
     assert len(made(folder, out)[1]) == 2
 
 
-def test_claims_that_are_not_earned_are_refused(
-    runs: dict[str, RunFolder], folder: Path, tmp_path: Path
-) -> None:
+def test_claims_that_are_not_earned_are_refused(runs, folder, tmp_path):
     def winning(record: Document) -> None:
         stage = record["max_stage"]
         record.update(success=True, success_at_end=True, final_stage=stage)
@@ -148,9 +134,7 @@ def test_claims_that_are_not_earned_are_refused(
     assert (again, played) == (board, {})
 
 
-def test_what_cannot_be_played_again_must_have_failed(
-    runs: dict[str, RunFolder], folder: Path, tmp_path: Path
-) -> None:
+def test_what_cannot_be_played_again_must_have_failed(runs, folder, tmp_path):
     def edit(record: Document) -> None:
         record.update(sent=None, clipped=None)
 
@@ -163,29 +147,29 @@ def test_what_cannot_be_played_again_must_have_failed(
     assert "Nothing in it can be verified" in reason(board, "forged.duobench.zip")
 
 
-def test_hostile_and_damaged_archives_are_refused(folder: Path, tmp_path: Path) -> None:
+def test_hostile_and_damaged_archives_are_refused(folder, tmp_path):
     whole = (folder / "hold.duobench.zip").read_bytes()
-    (folder / "cut.duobench.zip").write_bytes(whole[:2000])
-    (folder / "empty.duobench.zip").write_bytes(b"")
-    (folder / "text.duobench.zip").write_text("<script>alert(1)</script>")
-    (folder / "flipped.duobench.zip").write_bytes(whole.replace(b"records/", b"../../x/"))
-    (folder / "twin.duobench.zip").write_bytes(whole)
+    for name, content in (
+        ("cut", whole[:2000]),
+        ("empty", b""),
+        ("text", b"<script>alert(1)</script>"),
+        ("flipped", whole.replace(b"records/", b"../../x/")),
+        ("twin", whole),
+    ):
+        (folder / f"{name}.duobench.zip").write_bytes(content)
     (folder / "link.duobench.zip").symlink_to("/dev/zero")
     (folder / "folder.duobench.zip").mkdir()
     (folder / "notes.txt").write_text("mine")
     board, _ = made(folder, tmp_path / "site")
-    assert {one.file.removesuffix(".duobench.zip") for one in board.refused} == {
-        *("cut", "empty", "text", "flipped", "twin"),
-    }
+    refused = [one.file.removesuffix(".duobench.zip") for one in board.refused]
+    assert refused == ["cut", "empty", "flipped", "text", "twin"]
     assert "No bundle has a part '../../x/" in reason(board, "flipped.duobench.zip")
     assert reason(board, "twin.duobench.zip") == "It is the same file as hold.duobench.zip."
     assert not any(str(tmp_path) in one.reason for one in board.refused)
     assert len(board.entries) == 2
 
 
-def test_too_large_files_are_not_even_read(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_large_files_are_not_even_read(folder, tmp_path, monkeypatch):
     with (folder / "huge.duobench.zip").open("wb") as file:
         file.truncate(2**40)  # a file with a hole, which takes no room
     monkeypatch.setattr(leaderboard, "_entry", lambda *_: pytest.fail("it was read"))
@@ -195,14 +179,14 @@ def test_too_large_files_are_not_even_read(
     assert "larger than" in reason(board, "huge.duobench.zip")
 
 
-def test_tasks_of_others_are_refused_and_not_imported(folder: Path, tmp_path: Path) -> None:
+def test_tasks_of_others_are_refused_and_not_imported(folder, tmp_path):
     run = play(tmp_path / "nod", "hold", toy_tasks.NOD_NAME)
     write_bundle(run, folder / "nod.duobench.zip")
     board, _ = made(folder, tmp_path / "site")
     assert reason(board, "nod.duobench.zip") == "It has a task that is none of the benchmark: nod."
 
 
-def test_folder_without_a_bundle_is_said(tmp_path: Path) -> None:
+def test_folder_without_a_bundle_is_said(tmp_path):
     with pytest.raises(EvaluationError, match=r"no file whose name ends in \.duobench\.zip"):
         make_leaderboard(tmp_path, tmp_path / "site")
     assert not (tmp_path / "site").exists()

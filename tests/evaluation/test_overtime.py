@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import EvaluationError, OtherRunError
+from duobench.errors import EvaluationError
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.replay.verify import Verdict, verify
@@ -17,7 +17,7 @@ from duobench.results.shard import Shard
 from duobench.results.suite import find_tasks
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.evaluation import toy_batches, toy_tasks
-from tests.evaluation.conftest import Play, small_suite
+from tests.evaluation.conftest import small_suite
 
 NUDGE = find_tasks([toy_tasks.NUDGE_NAME])
 NEW = ("late_success", "run", "sha256")
@@ -42,15 +42,13 @@ def late(folder: RunFolder) -> list[int | None]:
     return [record["late_success"] for record in records(folder).values()]
 
 
-def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play: Play) -> None:
+def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play):
     plain, _ = play("Late", "plain", tasks=NUDGE, videos=4)
     folder, results = play("Late", tasks=NUDGE, videos=4, overtime=1.5)
     assert at_horizon(folder) == at_horizon(plain)
     assert late(plain) == [None] * 4
     first, second, third, never = late(folder)
     assert (first, never) == (None, None)  # one succeeds before its horizon, one not at all
-    assert second is not None
-    assert third is not None
     assert toy_tasks.HORIZON < second < third <= 36
     for path in plain.path.glob("videos/*/*/*"):
         assert (folder.path / path.relative_to(plain.path)).read_bytes() == path.read_bytes()
@@ -60,10 +58,9 @@ def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play: 
     assert len(verify(folder, import_tasks=True).of(Verdict.EXACT)) == 4
 
 
-def test_overtime_is_as_long_as_asked_for(play: Play) -> None:
+def test_overtime_is_as_long_as_asked_for(play):
     folder, _ = play("Late", "longer", tasks=NUDGE, overtime=1.5)
     *_, last, _ = late(folder)
-    assert last is not None
     horizon = toy_tasks.HORIZON
     exact, _ = play("Late", "exact", tasks=NUDGE, overtime=last / horizon)
     assert late(exact) == late(folder)
@@ -72,18 +69,12 @@ def test_overtime_is_as_long_as_asked_for(play: Play) -> None:
 
 
 @pytest.mark.parametrize("overtime", [0.99, -1.5, float("inf"), float("nan")])
-def test_impossible_overtime_is_refused(overtime: float) -> None:
+def test_impossible_overtime_is_refused(overtime):
     with pytest.raises(EvaluationError, match=f"1 .none. or more, such as 1.5; got {overtime}"):
         small_suite(overtime=overtime)
 
 
-def test_run_with_another_overtime_is_refused(play: Play) -> None:
-    play("Late", tasks=NUDGE, episodes=1, overtime=1.5)
-    with pytest.raises(OtherRunError, match=r"overtime 1\.0 instead of 1\.5"):
-        play("Late", tasks=NUDGE, episodes=1)
-
-
-def test_every_executor_plays_on(play: Play) -> None:
+def test_every_executor_plays_on(play):
     folder, _ = play("Late", tasks=NUDGE, overtime=1.5)
     apart, _ = play("Late", "apart", tasks=NUDGE, overtime=1.5, workers=2)
     assert records(apart) == records(folder)
@@ -92,18 +83,16 @@ def test_every_executor_plays_on(play: Play) -> None:
         "Late", "shifts", tasks=NUDGE, overtime=1.5, shifts=(NO_SHIFT, shift), shard=shard
     )
     usual, shifted = read_parts(part)
-    of_shard = {record.key: record for record in usual.records}
-    assert len(of_shard) == 2
-    assert of_shard.items() <= {r.key: r for r in read_source(folder.path)[1]}.items()
+    whole = {record.key: record for record in read_source(folder.path)[1]}
+    assert [whole[record.key] for record in usual.records] == list(usual.records)
+    assert len(usual.records) == 2
     found = [record.late_success for record in shifted.records]
     assert None in found
     assert any(found)
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(
-    play: Play, workers: int
-) -> None:
+def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(play, workers):
     limits = TimeLimits(act_timeout=3.0)
     episodes = len(toy_tasks.LATE_FAULTS) if workers else 2
     options = {"tasks": NUDGE, "episodes": episodes, "limits": limits, "workers": workers}
@@ -115,7 +104,7 @@ def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(
 
 
 @pytest.mark.parametrize("workers", [1, 3])
-def test_policy_of_all_that_dies_after_a_horizon_fails_no_episode(play: Play, workers: int) -> None:
+def test_policy_of_all_that_dies_after_a_horizon_fails_no_episode(play, workers):
     choice = PolicyChoice.parse(f"{toy_batches.__name__}:DiesLate", batching=Batching(size=3))
     plain, _ = play(choice, "plain", workers=1, episodes=2)
     folder, results = play(choice, workers=workers, episodes=2, overtime=1.5)
@@ -124,12 +113,9 @@ def test_policy_of_all_that_dies_after_a_horizon_fails_no_episode(play: Play, wo
     assert at_horizon(folder) == at_horizon(plain)
 
 
-def test_policy_that_dies_when_it_is_too_late_gets_no_second_attempt(play: Play) -> None:
+def test_policy_that_dies_when_it_is_too_late_gets_no_second_attempt(play):
     folder, results = play("TriesAgain", tasks=NUDGE, episodes=1, workers=1, overtime=1.5)
     assert (folder.path.parent / "marks" / "again").exists()
-    assert (results.overall.episodes, results.overall.successes, results.overall.errors) == (
-        1,
-        0,
-        0,
-    )
+    score = results.overall
+    assert (score.episodes, score.successes, score.errors) == (1, 0, 0)
     assert late(folder) == [None]

@@ -13,7 +13,7 @@ from tests.experts.baseline_episodes import make
 TASKS = ("bin_sort", "carry_pot")
 
 
-def test_an_expert_has_the_variety_of_its_name() -> None:
+def test_an_expert_has_the_variety_of_its_name():
     tasks = find_tasks(TASKS)
     plain, none, human = (source(f"expert{name}", tasks) for name in ("", ":none", ":human"))
     assert plain.metadata == none.metadata
@@ -33,12 +33,12 @@ def test_an_expert_has_the_variety_of_its_name() -> None:
         ("blnd", r"policy 'blnd'\. Did you mean 'blind'"),
     ],
 )
-def test_a_misspelt_expert_is_refused(name: str, message: str) -> None:
+def test_a_misspelt_expert_is_refused(name, message):
     with pytest.raises(UnknownNameError, match=message):
         source(name)
 
 
-def test_the_blind_baseline_tilts_a_board_and_holds_still_in_other_tasks() -> None:
+def test_the_blind_baseline_tilts_a_board_and_holds_still_in_other_tasks():
     policy = source("blind", find_tasks(("ball_maze", "carry_pot")))
     assert policy.metadata.name == "blind"
     assert policy.metadata.cameras == ()

@@ -90,14 +90,15 @@ class Notes(toy_batches.Wanders):
         return super().begin(instruction, seed)
 
 
-def test_served_policy_gets_the_policy_seed(tmp_path: Path) -> None:
+def test_served_policy_gets_the_policy_seed(tmp_path):
     serve, policy = Serve(), Notes()
     records = played(tmp_path, "openpi", at(serve(policy)))
     serve.close()
     assert policy.seeds == seeds(records)
 
 
-def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path: Path) -> None:
+@pytest.mark.parametrize("path", ["", VLLM_PATH])
+def test_vllm_gets_the_policy_seed_in_all_messages_and_plain_openpi_no_seed(tmp_path, path):
     messages: list[Any] = []
 
     def answer(message: bytes) -> bytes:
@@ -106,27 +107,15 @@ def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path: Path) -> None:
         return pack({"status": "reset successful"} if is_reset else {"actions": STILL})
 
     with foreign_server({}, answer) as port:
-        records = played(tmp_path, "openpi", at(port, VLLM_PATH, message_format=BLIND))
+        records = played(tmp_path, "openpi", at(port, path, message_format=BLIND))
+    told = [leaf for leaf in leaves(messages) if leaf in seeds(records)]
     begun = [message["seed"] for message in messages if message.get("endpoint") == "reset"]
-    assert begun == seeds(records)
-    assert {message["seed"] for message in messages} == set(begun)
+    assert begun == (seeds(records) if path else [])
+    assert told == [message["seed"] for message in messages if path]
     assert_secret(records, messages)
 
 
-def test_plain_openpi_gets_no_seed(tmp_path: Path) -> None:
-    messages: list[Any] = []
-
-    def answer(message: bytes) -> bytes:
-        messages.append(unpack(message))
-        return pack({"actions": STILL})
-
-    with foreign_server({}, answer) as port:
-        records = played(tmp_path, "openpi", at(port, message_format=BLIND))
-    assert not [leaf for leaf in leaves(messages) if leaf in seeds(records)]
-    assert_secret(records, messages)
-
-
-def test_model_server_of_vla_eval_gets_the_policy_seed(tmp_path: Path) -> None:
+def test_model_server_of_vla_eval_gets_the_policy_seed(tmp_path):
     server = ModelServer(acting(STILL))
     with server.running() as port:
         records = played(tmp_path, "vla-eval", at(port))
@@ -148,7 +137,7 @@ class Looks(HoldPolicy):
 
 
 @pytest.mark.parametrize("workers", [0, 2])
-def test_global_generators_have_the_policy_seed(tmp_path: Path, workers: int) -> None:
+def test_global_generators_have_the_policy_seed(tmp_path, workers):
     suite, policy = small_suite(episodes=EPISODES), f"{__name__}:Looks"
     results = evaluate(policy, suite, RunFolder(tmp_path), workers=workers)
     assert [record.error for task in results.tasks for record in task.records] == [None] * 4
@@ -162,16 +151,11 @@ class Demonstrates(HoldPolicy):
         assert seed in [seed_of("wave", index, TRAIN) for index in range(EPISODES)]
 
 
-def test_demonstrations_are_seeded_in_their_own_split(tmp_path: Path) -> None:
+def test_demonstrations_are_seeded_in_their_own_split(tmp_path):
     data = DataSet.open(tmp_path)
-    attempts = record_demonstrations(
-        f"{__name__}:Demonstrates",
-        find_tasks([WAVE_NAME]),
-        data,
-        episodes=EPISODES,
-        keep_failures=True,
-        workers=0,
-    )
+    options = {"episodes": EPISODES, "keep_failures": True, "workers": 0}
+    policy = f"{__name__}:Demonstrates"
+    attempts = record_demonstrations(policy, find_tasks([WAVE_NAME]), data, **options)
     assert [attempt.error for attempt in attempts] == [None] * EPISODES
     for index, path in enumerate(data.episodes()):
         info = Recording.read_info(path)

@@ -3,8 +3,7 @@
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -37,18 +36,24 @@ def contents(folder: RunFolder) -> dict[str, bytes]:
     return found | {name: without_times(found[name].decode()).encode() for name in pages}
 
 
+def written(folder: RunFolder, shard: Shard = WHOLE, policy: str = "random", **options: Any) -> Any:
+    """What a writer plays of the small suite."""
+    suite = options.pop("suite", small_suite())
+    return evaluate(policy, suite, folder, shard=shard, **{"workers": 0} | options)
+
+
 # --- shards --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     "text", ["0/4", "5/4", "1/0", "1", "1/2/3", "a/b", "-1/4", "1/99999", " 1/4", ""]
 )
-def test_shard_that_does_not_exist_is_refused(text: str) -> None:
+def test_shard_that_does_not_exist_is_refused(text):
     with pytest.raises(EvaluationError):
         Shard.parse(text)
 
 
-def test_shards_deal_every_episode_once_and_never_move_one() -> None:
+def test_shards_deal_every_episode_once_and_never_move_one():
     for count in (1, 2, 3, 7, 40):
         shards = [Shard(number=number, count=count) for number in range(1, count + 1)]
         before: dict[Shard, set] = {shard: set() for shard in shards}
@@ -68,34 +73,28 @@ def test_shards_deal_every_episode_once_and_never_move_one() -> None:
             assert one.overlaps(other) or not shared
 
 
-def test_four_shards_one_process_and_two_workers_give_the_same_summary(
-    tmp_path: Path, reference: dict[str, bytes]
-) -> None:
+def test_four_shards_one_process_and_two_workers_give_the_same_summary(tmp_path, reference):
     folder = RunFolder(tmp_path / "run")
     for shard in QUARTERS:
         assert not folder.page.exists()
         for workers in (0, 2):  # the second call goes on, and finds nothing to do
-            results = evaluate("random", small_suite(), folder, workers=workers, shard=shard)
-            assert results.overall.episodes == 2
+            assert written(folder, shard, workers=workers).overall.episodes == 2
     assert compared(folder) == reference
     assert [shard.writer for shard in folder.writers] == [shard.writer for shard in QUARTERS]
     assert verify(folder, import_tasks=True).is_verified
 
 
-def test_shard_without_an_episode_is_no_error(tmp_path: Path) -> None:
+def test_shard_without_an_episode_is_no_error(tmp_path):
     folder = RunFolder(tmp_path)
     for number in (1, 2, 3):
-        shard = Shard(number=number, count=3)
-        evaluate("random", small_suite(episodes=1), folder, workers=0, shard=shard)
+        written(folder, Shard(number=number, count=3), suite=small_suite(episodes=1))
     assert len(folder.read_records(folder.read_run())) == 2
 
 
-def test_folders_of_two_machines_are_merged_by_copying(
-    tmp_path: Path, reference: dict[str, bytes]
-) -> None:
+def test_folders_of_two_machines_are_merged_by_copying(tmp_path, reference):
     machines = [RunFolder(tmp_path / name) for name in ("one", "two")]
     for shard in QUARTERS:
-        evaluate("random", small_suite(), machines[shard.number % 2], workers=0, shard=shard)
+        written(machines[shard.number % 2], shard)
     assert machines[0].description.read_bytes() == machines[1].description.read_bytes()
     for order in (machines, machines[::-1]):
         out = RunFolder(tmp_path / f"from {order[0].path.name}")
@@ -106,19 +105,17 @@ def test_folders_of_two_machines_are_merged_by_copying(
         write_bundle(out, tmp_path / "both.zip")
         assert read_source(tmp_path / "both.zip") == read_source(out.path)
     # Whoever plays the rest of one machine's folder finds what the other one has left to do.
-    evaluate("random", small_suite(), machines[0], workers=0)
+    written(machines[0])
     assert compared(machines[0]) == reference
 
 
-def test_run_under_every_shift_is_the_same_in_shards_and_on_two_machines(tmp_path: Path) -> None:
+def test_run_under_every_shift_is_the_same_in_shards_and_on_two_machines(tmp_path):
     suite = small_suite(tasks=small_suite().tasks[:1], episodes=2, shifts=tuple(every_shift()))
-    whole, parts = RunFolder(tmp_path / "whole"), RunFolder(tmp_path / "parts")
-    evaluate("hold", suite, whole, workers=0)
+    whole, parts, other = (RunFolder(tmp_path / name) for name in ("whole", "parts", "other"))
+    written(whole, policy="hold", suite=suite)
     assert len(whole.read_records(whole.read_run())) == 41 * 2
-    other = RunFolder(tmp_path / "other")
-    halves = [Shard(number=number, count=2) for number in (1, 2)]
-    for folder, shard in zip((parts, other), halves, strict=True):
-        evaluate("hold", suite, folder, workers=0, shard=shard)
+    for number, folder in enumerate((parts, other), 1):
+        written(folder, Shard(number=number, count=2), "hold", suite=suite)
     shutil.copytree(other.path, parts.path, dirs_exist_ok=True)
     write_report(parts)
     assert {*contents(whole)} >= {"robustness.json", "run.json", "index.html"}
@@ -142,9 +139,7 @@ evaluate("random", small_suite(), RunFolder(Path(sys.argv[1])), workers=1,
 """
 
 
-def test_writers_side_by_side_that_are_killed_and_go_on_give_the_same_bytes(
-    tmp_path: Path, reference: dict[str, bytes]
-) -> None:
+def test_writers_side_by_side_that_are_killed_and_go_on_give_the_same_bytes(tmp_path, reference):
     folder = RunFolder(tmp_path / "run")
     words = [sys.executable, "-c", WRITER, str(folder.path)]
     writers = [subprocess.Popen([*words, str(shard)]) for shard in QUARTERS]
@@ -159,22 +154,15 @@ def test_writers_side_by_side_that_are_killed_and_go_on_give_the_same_bytes(
 
 
 @pytest.mark.parametrize("other", [Shard(number=2, count=4), WHOLE, Shard(number=2, count=6)])
-def test_a_second_writer_of_the_same_episodes_is_kept_out(tmp_path: Path, other: Shard) -> None:
+def test_a_second_writer_of_the_same_episodes_is_kept_out(tmp_path, other):
     folder = RunFolder(tmp_path)
     with folder.writer(QUARTERS[1]):
         with pytest.raises(LockedError, match=r"Another process is writing into .*2-of-4\.jsonl"):
-            evaluate("random", small_suite(), folder, workers=0, shard=other)
+            written(folder, other)
         with folder.writer(QUARTERS[2]):
             assert [shard.number for shard in folder.writers] == [2, 3]
     with folder.writer(other):
         pass
-
-
-def test_files_of_somebody_are_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "thesis.tex").write_text("precious")
-    with pytest.raises(OtherRunError, match="not empty and holds no evaluation"):
-        evaluate("random", small_suite(), RunFolder(tmp_path), workers=0, fresh=True)
-    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
 # --- growing, beginning anew, and other runs -----------------------------------------------------
@@ -190,7 +178,7 @@ def run_in(folder: RunFolder, run: Run, *, shard: Shard = WHOLE) -> None:
                 folder.write(record)
 
 
-def test_run_grows_by_whichever_writer_and_never_shrinks(tmp_path: Path) -> None:
+def test_run_grows_by_whichever_writer_and_never_shrinks(tmp_path):
     folder, shifts = RunFolder(tmp_path), list(every_shift())
     run_in(folder, sample_run(episodes=2), shard=QUARTERS[0])
     run_in(folder, sample_run(episodes=3, shifts=(shifts[7],)), shard=QUARTERS[1])
@@ -200,7 +188,7 @@ def test_run_grows_by_whichever_writer_and_never_shrinks(tmp_path: Path) -> None
         folder.begin(sample_run(episodes=2), QUARTERS[0])
 
 
-def test_another_run_gives_way_only_while_nobody_writes_it(tmp_path: Path) -> None:
+def test_another_run_gives_way_only_while_nobody_writes_it(tmp_path):
     folder, run, other = RunFolder(tmp_path), sample_run(), sample_run(policy="other")
     with folder.writer(QUARTERS[0]):
         folder.begin(run, QUARTERS[0])
@@ -214,7 +202,7 @@ def test_another_run_gives_way_only_while_nobody_writes_it(tmp_path: Path) -> No
     assert folder.read_run() == other
 
 
-def test_fresh_shard_removes_what_is_its_own_and_the_whole_run_everything(tmp_path: Path) -> None:
+def test_fresh_shard_removes_what_is_its_own_and_the_whole_run_everything(tmp_path):
     folder, run = RunFolder(tmp_path), sample_run()
     run_in(folder, run)
     folder.clear(run, QUARTERS[0])
@@ -228,33 +216,30 @@ def test_fresh_shard_removes_what_is_its_own_and_the_whole_run_everything(tmp_pa
     assert sorted(path.name for path in tmp_path.iterdir()) == ["attempts", "run.json"]
 
 
-def test_every_reader_refuses_a_folder_of_two_runs(tmp_path: Path) -> None:
+def test_every_reader_refuses_a_folder_of_two_runs(tmp_path):
     """Of the same policy in another version, so that not even a name is different."""
-    runs = [
-        sample_run(tasks=(SORT,), metadata=PolicyMetadata(name="mine", version=version))
-        for version in ("1", "2")
-    ]
-    folders = [
-        sample_folder(tmp_path / run.candidate.metadata.version, run, sample_records(run)[part])
-        for run, part in zip(runs, (slice(2), slice(2, 4)), strict=True)
-    ]
+    folders = []
+    for version, part in (("1", slice(2)), ("2", slice(2, 4))):
+        metadata = PolicyMetadata(name="mine", version=version)
+        run = sample_run(tasks=(SORT,), metadata=metadata)
+        folders.append(sample_folder(tmp_path / version, run, sample_records(run)[part]))
+    first = folders[0].read_run()
     shutil.copytree(folders[1].path, folders[0].path, dirs_exist_ok=True)
     path = folders[0].path
-    readers = {
-        "report": lambda: write_report(folders[0]),
-        "verify": lambda: verify(folders[0]),
-        "bundle": lambda: write_bundle(folders[0], tmp_path / "x.zip"),
-        "compare": lambda: compare([str(path), str(folders[1].path)]),
-        "records": lambda: read_source(path),
-    }
-    for read in readers.values():
+    for read in (
+        lambda: write_report(folders[0]),
+        lambda: verify(folders[0]),
+        lambda: write_bundle(folders[0], tmp_path / "x.zip"),
+        lambda: compare([str(path), str(folders[1].path)]),
+        lambda: read_source(path),
+    ):
         with pytest.raises(OtherRunError, match=r"every record of a folder is of one run: its pol"):
             read()
     with pytest.raises(OtherRunError):
-        open_source(path).read_records(replace(runs[0]))
+        open_source(path).read_records(first)
 
 
-def test_record_beyond_the_run_is_no_silent_part_of_it(tmp_path: Path) -> None:
+def test_record_beyond_the_run_is_no_silent_part_of_it(tmp_path):
     """As where the description of a smaller part was copied over that of a larger one."""
     run = sample_run()
     folder = sample_folder(tmp_path, run, sample_records(run))
@@ -264,22 +249,16 @@ def test_record_beyond_the_run_is_no_silent_part_of_it(tmp_path: Path) -> None:
         read_source(folder.path)
 
 
-def test_fresh_and_retry_work_in_shards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fresh_and_retry_work_in_shards(tmp_path, monkeypatch):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
     policy, folder = f"{toy_tasks.__name__}:BreaksOnce", RunFolder(tmp_path / "run")
-    errors = [
-        evaluate(policy, small_suite(), folder, workers=0, shard=shard).overall.errors
-        for shard in QUARTERS
-    ]
-    assert sum(errors) == 4
+    first = [written(folder, shard, policy) for shard in QUARTERS]
+    assert sum(each.overall.errors for each in first) == 4
     kept = {key: folder.record(key).stat().st_mtime_ns for key in folder.read_run().episode_keys()}
-    again = [
-        evaluate(policy, small_suite(), folder, workers=0, shard=shard, retry_broken=True)
-        for shard in QUARTERS[::-1]
-    ]
+    again = [written(folder, shard, policy, retry_broken=True) for shard in QUARTERS[::-1]]
     assert sum(each.overall.errors for each in again) == 0
     new = [key for key, time in kept.items() if folder.record(key).stat().st_mtime_ns != time]
     assert len(new) == 4
-    evaluate(policy, small_suite(), folder, workers=0, shard=QUARTERS[0], fresh=True)
+    written(folder, QUARTERS[0], policy, fresh=True)
     attempts = [entry for entry in folder.entries() if getattr(entry, "attempt", 0) > 1]
     assert {entry.key for entry in attempts} <= set(new)

@@ -12,15 +12,8 @@ HEIGHT, WIDTH = 48, 64
 
 
 def step(number: int, *, last: bool) -> Step:
-    return Step(
-        number=number,
-        action=np.zeros(16),
-        observation={},
-        reward=0.0,
-        terminated=last,
-        truncated=False,
-        info={},
-    )
+    played = {"number": number, "terminated": last, "truncated": False}
+    return Step(**played, action=np.zeros(16), observation={}, reward=0.0, info={})
 
 
 def video_of(steps: int, broken_after: int | None = None) -> bytes:
@@ -34,16 +27,10 @@ def video_of(steps: int, broken_after: int | None = None) -> bytes:
 
     recorder = VideoRecorder(render)
     recorder.on_episode_start(None, {}, {})  # type: ignore[arg-type]
-    error = None
-    for number in range(1, steps + 1):
-        if number == broken_after:
-            error = ZeroDivisionError()
-            break
+    for number in range(1, broken_after or steps + 1):
         recorder.on_step(step(number, last=number == steps))
-    recorder.on_episode_end(error)
-    video = recorder.video()
-    assert video
-    return video
+    recorder.on_episode_end(ZeroDivisionError() if broken_after else None)
+    return recorder.video() or b""
 
 
 def frames(video: bytes) -> list[np.ndarray]:
@@ -55,7 +42,7 @@ def frames(video: bytes) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize(("steps", "shown"), [(8, 5), (9, 6), (1, 2)])
-def test_video_shows_the_reset_every_other_step_and_the_last(steps: int, shown: int) -> None:
+def test_video_shows_the_reset_every_other_step_and_the_last(steps, shown):
     images = frames(video_of(steps))
     assert len(images) == shown
     assert FRAME_EVERY == 2
@@ -67,11 +54,11 @@ def test_video_shows_the_reset_every_other_step_and_the_last(steps: int, shown: 
         assert abs(int(outside[0]) - int(outside[1])) < 20
 
 
-def test_video_of_a_broken_episode_shows_what_there_was() -> None:
+def test_video_of_a_broken_episode_shows_what_there_was():
     assert len(frames(video_of(20, broken_after=9))) == 5
 
 
-def test_nothing_shown_is_no_video() -> None:
+def test_nothing_shown_is_no_video():
     recorder = VideoRecorder(lambda: np.zeros((2, 2, 3), dtype=np.uint8))
     recorder.on_episode_end(None)
     assert recorder.video() is None
@@ -85,7 +72,7 @@ def image(shade: int, height: int = 224, width: int = 224) -> np.ndarray:
     return np.full((height, width, 3), shade, np.uint8)
 
 
-def test_stage_and_time_stand_in_the_corner_and_nowhere_else() -> None:
+def test_stage_and_time_stand_in_the_corner_and_nowhere_else():
     picture = Picture(SORT)
     drawn = [picture.draw(TABLE, number, stage) for number, stage in ((0, 0), (30, 0), (30, 2))]
     assert (TABLE == 200).all()
@@ -97,7 +84,7 @@ def test_stage_and_time_stand_in_the_corner_and_nowhere_else() -> None:
     assert np.array_equal(drawn[2], Picture(SORT).draw(TABLE, 30, 2))
 
 
-def test_long_names_end_at_the_edge() -> None:
+def test_long_names_end_at_the_edge():
     drawn = Picture(SORT).draw(TABLE[:, :64], 0, 3)
     assert drawn.shape == (480, 64, 3)
     assert drawn[CAPTION, -4:].max() <= 200
@@ -112,9 +99,7 @@ def test_long_names_end_at_the_edge() -> None:
         ([(224, 224), (90, 160), (224, 224)], 640 + 284),
     ],
 )
-def test_images_of_the_policy_stand_beside_the_table(
-    sizes: list[tuple[int, int]], width: int
-) -> None:
+def test_images_of_the_policy_stand_beside_the_table(sizes, width):
     picture = Picture(SORT)
     picture.look(7, {f"camera_{nth}": image(40 + nth, *size) for nth, size in enumerate(sizes)})
     drawn = picture.draw(TABLE, 8, 0)
@@ -125,7 +110,7 @@ def test_images_of_the_policy_stand_beside_the_table(
         assert (drawn[(nth + 1) * cell - 4, 644] == 40 + nth).all()
 
 
-def test_picture_says_when_the_policy_saw_it_only_if_it_did() -> None:
+def test_picture_says_when_the_policy_saw_it_only_if_it_did():
     columns = []
     for is_seen, number in ((True, 3), (True, 6), (False, 3), (False, 6)):
         picture = Picture(SORT, is_seen=is_seen)

@@ -1,7 +1,5 @@
 """Policies that answer many episodes at a time, for processes to import; some misbehave."""
 
-import os
-import signal
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -11,7 +9,7 @@ import numpy as np
 from duobench.policy import HoldPolicy, PolicyMetadata, Session, noise
 from duobench.robot.joints import JOINT_RANGES
 from tests.evaluation import toy_tasks
-from tests.evaluation.toy_tasks import mark, seed_of
+from tests.evaluation.toy_tasks import HORIZON, dies, mark, raises, seed_of
 
 WIDTH = 64
 LOW, HIGH = np.vstack([np.vstack([JOINT_RANGES, (0.0, 1.0)])] * 2).T.astype(np.float32)
@@ -33,62 +31,69 @@ class Wanders:
     def act_batch(
         self, sessions: Sequence[Session], observations: Sequence[dict[str, Any]]
     ) -> np.ndarray:
+        self.before({(one.seed, one.call) for one in sessions})
         drawn = np.stack([noise(one.seed, one.call, (16,)) for one in sessions])
         seen = np.stack([observation["agent_pos"] for observation in observations])
         output = np.tanh(np.hstack([seen, 2 * drawn]) @ self._first) @ self._second
         portion = 1 / (1 + np.exp(-8 * output.reshape(-1, 3, 16)))
         return LOW + portion * (HIGH - LOW)
 
+    def before(self, asked: set[tuple[int, int]]) -> None:
+        """What is done before an answer to calls of episodes, by their seeds."""
+
 
 class DiesOnce(Wanders):
     """Kills its process in the middle of the run, once."""
 
-    def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
-        if any(one.call == 3 for one in sessions) and mark("died"):
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().act_batch(sessions, observations)
+    def before(self, asked: set[tuple[int, int]]) -> None:
+        if any(call == 3 for _, call in asked) and mark("died"):
+            dies()
 
 
 class DiesInOne(Wanders):
     """Kills its process in the first episode of the second task."""
 
-    def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
-        if any((one.seed, one.call) == (seed_of("nod", 0), 2) for one in sessions):
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().act_batch(sessions, observations)
+    def before(self, asked: set[tuple[int, int]]) -> None:
+        if (seed_of("nod", 0), 2) in asked:
+            dies()
 
 
 class DiesLate(Wanders):
     """Kills its process after the horizon of the second episode."""
 
-    def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
-        calls = toy_tasks.HORIZON // 3
-        if any((one.seed, one.call) == (seed_of("wave", 1), calls) for one in sessions):
+    def before(self, asked: set[tuple[int, int]]) -> None:
+        if (seed_of("wave", 1), HORIZON // 3) in asked:
             mark("late")
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().act_batch(sessions, observations)
+            dies()
 
 
 class Hangs(Wanders):
     """Does not come back from the first episode."""
 
-    def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
-        if any((one.seed, one.call) == (seed_of("wave", 0), 2) for one in sessions):
+    def before(self, asked: set[tuple[int, int]]) -> None:
+        if (seed_of("wave", 0), 2) in asked:
             time.sleep(1000)
-        return super().act_batch(sessions, observations)
 
 
 class Breaks(Wanders):
     """Raises in the first episode, and gives no numbers in the second."""
 
+    def before(self, asked: set[tuple[int, int]]) -> None:
+        if (seed_of("wave", 0), 1) in asked:
+            raises()
+
     def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
         chunks = super().act_batch(sessions, observations)
-        for row, session in enumerate(sessions):
-            if session.seed == seed_of("wave", 0) and session.call == 1:
-                raise ZeroDivisionError("my policy is broken")
-            if session.seed == seed_of("wave", 1):
-                chunks[row] = np.nan
+        chunks[[one.seed == seed_of("wave", 1) for one in sessions]] = np.nan
         return chunks
+
+
+class Searches(Wanders):
+    """Looks for a simulator in every step, and stops if it finds one."""
+
+    def before(self, asked: set[tuple[int, int]]) -> None:  # noqa: ARG002
+        if found := toy_tasks.simulators():
+            raise RuntimeError(f"found {found}")
 
 
 class Reads(Wanders):
@@ -102,15 +107,6 @@ class Reads(Wanders):
         observations: Sequence[dict[str, Any]],
     ) -> list[np.ndarray]:
         return [toy_tasks.Reads().act(observation) for observation in observations]
-
-
-class Searches(Wanders):
-    """Looks for a simulator in every step, and stops if it finds one."""
-
-    def act_batch(self, sessions: Sequence[Session], observations: Sequence[dict]) -> np.ndarray:
-        if found := toy_tasks.simulators():
-            raise RuntimeError(f"found {found}")
-        return super().act_batch(sessions, observations)
 
 
 class Unseeded(HoldPolicy):

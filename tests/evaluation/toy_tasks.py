@@ -95,101 +95,15 @@ def seed_of(task_id: str, index: int, split: str = EVAL) -> int:
     return policy_seed(task_id, episode_seed(task_id, index, split), split)
 
 
-class DiesOnce(RandomPolicy):
-    """Random, but kills its process in the middle of the first attempt at every episode.
-
-    A forked child stays behind, which keeps every file of its parent open.
-    """
-
-    def reset(self, instruction: str, seed: int) -> None:
-        super().reset(instruction, seed)
-        self._episode = f"{instruction}-{seed}"
-        self._acts = 0
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        self._acts += 1
-        if self._acts == 5 and mark(self._episode):
-            fork_a_helper()
-            os.kill(os.getpid(), signal.SIGKILL)
-        return super().act(observation)
-
-
-class DiesAtOnce(HoldPolicy):
-    """Kills its process when it is asked for the first time."""
-
-    def act(self, observation: Mapping[str, Any]) -> Any:  # noqa: ARG002 - sees nothing
-        os.kill(os.getpid(), signal.SIGKILL)
-
-
-class DiesInOne(HoldPolicy):
-    """Kills its process in one episode of the second task."""
-
-    def reset(self, instruction: str, seed: int) -> None:
-        super().reset(instruction, seed)
-        if seed == seed_of("nod", 1):
-            os.kill(os.getpid(), signal.SIGKILL)
-
-
-class SpoilsOnce(RandomPolicy):
-    """Random, but once writes nonsense into every socket that it inherited."""
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        if mark("nonsense"):
-            for path in Path("/proc/self/fd").iterdir():
-                with suppress(OSError):
-                    if stat.S_ISSOCK(os.fstat(int(path.name)).st_mode):
-                        os.write(int(path.name), b"\0\0\0\0\0\0\0\5hello")
-        return super().act(observation)
-
-
-class Counts(HoldPolicy):
-    """Still; counts its answers in an episode, for the first one is also asked for in advance."""
-
-    def reset(self, instruction: str, seed: int) -> None:
-        super().reset(instruction, seed)
-        self.acts = 0
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        self.acts += 1
-        return super().act(observation)
-
-
-class SpoilsClock(Counts):
-    """Writes nonsense into every file in memory that it inherited, and does not come back."""
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        if self.acts:
-            for path in Path("/proc/self/fd").iterdir():
-                with suppress(OSError):
-                    if "memfd:" in str(path.readlink()):
-                        os.pwrite(int(path.name), struct.pack("3d", 1.0, 1.0, math.inf), 0)
-            time.sleep(1000)
-        return super().act(observation)
-
-
-class HasHelpers(HoldPolicy):
-    """Starts processes of every kind, and none of them ever ends."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        mark(f"policy-{os.getpid()}")
-        fork_a_helper()
-        mark(f"helper-{subprocess.Popen(['sleep', '1000']).pid}")
-        process = multiprocessing.get_context("spawn").Process(
-            target=time.sleep, args=(1000,), daemon=True
-        )
-        process.start()
-        mark(f"helper-{process.pid}")
-
-    def close(self) -> None:
-        mark("closed")
-
-
 def fork_a_helper() -> None:
     pid = os.fork()
     if pid == 0:
         time.sleep(1000)
     mark(f"helper-{pid}")
+
+
+def dies() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def hangs() -> None:
@@ -217,37 +131,116 @@ def raises_much() -> None:
     raise ValueError("line\n" * 1_000_000)
 
 
+def cannot_be_made() -> None:
+    raise ZeroDivisionError("no weights")
+
+
+def dies_when_made() -> None:
+    dies()
+
+
 FAULTS: tuple[Callable[[], None], ...] = (exits, raises, cancels, raises_bytes, raises_much)
+LATE_FAULTS: tuple[Callable[[], None], ...] = (raises, exits, dies, hangs)
 
 
-class Faulty(HoldPolicy):
+class Acts:
+    """Does something before each answer of an episode; the first one is also asked in advance."""
+
+    instruction, seed, acts = "", 0, 0
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)  # pyright: ignore[reportAttributeAccessIssue]
+        self.instruction, self.seed, self.acts = instruction, seed, 0
+
+    def act(self, observation: Mapping[str, Any]) -> Any:
+        self.acts += 1
+        self.before()
+        return super().act(observation)  # pyright: ignore[reportAttributeAccessIssue]
+
+    def before(self) -> None:
+        """What is done before an answer."""
+
+
+class DiesOnce(Acts, RandomPolicy):
+    """Random, but kills its process in the middle of the first attempt at every episode.
+
+    A forked child stays behind, which keeps every file of its parent open.
+    """
+
+    def before(self) -> None:
+        if self.acts == 5 and mark(f"{self.instruction}-{self.seed}"):
+            fork_a_helper()
+            dies()
+
+
+class DiesAtOnce(Acts, HoldPolicy):
+    def before(self) -> None:
+        dies()
+
+
+class DiesInOne(Acts, HoldPolicy):
+    """Kills its process in one episode of the second task."""
+
+    def before(self) -> None:
+        if self.seed == seed_of("nod", 1):
+            dies()
+
+
+class SpoilsOnce(Acts, RandomPolicy):
+    """Random, but once writes nonsense into every socket that it inherited."""
+
+    def before(self) -> None:
+        for path in Path("/proc/self/fd").iterdir() if mark("nonsense") else ():
+            with suppress(OSError):
+                if stat.S_ISSOCK(os.fstat(int(path.name)).st_mode):
+                    os.write(int(path.name), b"\0\0\0\0\0\0\0\5hello")
+
+
+class SpoilsClock(Acts, HoldPolicy):
+    """Writes nonsense into every file in memory that it inherited, and does not come back."""
+
+    def before(self) -> None:
+        if self.acts > 1:
+            for path in Path("/proc/self/fd").iterdir():
+                with suppress(OSError):
+                    if "memfd:" in str(path.readlink()):
+                        os.pwrite(int(path.name), struct.pack("3d", 1.0, 1.0, math.inf), 0)
+            time.sleep(1000)
+
+
+class HasHelpers(HoldPolicy):
+    """Starts processes of every kind, and none of them ever ends."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        mark(f"policy-{os.getpid()}")
+        fork_a_helper()
+        mark(f"helper-{subprocess.Popen(['sleep', '1000']).pid}")
+        process = multiprocessing.get_context("spawn").Process(
+            target=time.sleep, args=(1000,), daemon=True
+        )
+        process.start()
+        mark(f"helper-{process.pid}")
+
+    def close(self) -> None:
+        mark("closed")
+
+
+class Faulty(Acts, HoldPolicy):
     """Breaks in the fourth step of the first episodes, each time in another way."""
 
-    def reset(self, instruction: str, seed: int) -> None:
-        super().reset(instruction, seed)
+    def before(self) -> None:
         seeds = [seed_of("wave", index) for index in range(len(FAULTS))]
-        self._fault = FAULTS[seeds.index(seed)] if seed in seeds else lambda: None
-        self._acts = 0
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        self._acts += 1
-        if self._acts == 4:
-            self._fault()
-        return super().act(observation)
+        if self.acts == 4 and self.seed in seeds:
+            FAULTS[seeds.index(self.seed)]()
 
 
-class Hangs(HoldPolicy):
+class Hangs(Acts, HoldPolicy):
     """Hangs in the fourth step of the first episode."""
 
-    def reset(self, instruction: str, seed: int) -> None:
-        super().reset(instruction, seed)
-        self._acts = 0 if seed == seed_of("wave", 0) else 100
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        self._acts += 1
-        if self._acts == 4:
+    def before(self) -> None:
+        if self.acts == 4 and self.seed == seed_of("wave", 0):
             hangs()
-        return super().act(observation)
 
 
 class Late(HoldPolicy):
@@ -259,8 +252,7 @@ class Late(HoldPolicy):
     def reset(self, instruction: str, seed: int) -> None:
         super().reset(instruction, seed)
         seeds = {seed_of(name, k): k for name in ("nudge", "wave", "nod") for k in range(10)}
-        self.index = seeds[seed]
-        self.acts = 0
+        self.index, self.acts = seeds[seed], 0
 
     def act(self, observation: Mapping[str, Any]) -> Any:
         chunk = np.repeat(np.atleast_2d(super().act(observation)), 5, axis=0)
@@ -269,13 +261,6 @@ class Late(HoldPolicy):
             self.acts += 1
             row[1] += 0.05 * max(0, self.acts - wait)
         return chunk
-
-
-def dies() -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-LATE_FAULTS: tuple[Callable[[], None], ...] = (raises, exits, dies, hangs)
 
 
 class FailsLate(Late):
@@ -292,8 +277,6 @@ class FailsLate(Late):
 class TriesAgain(Late):
     """Kills its process once it is too late, and succeeds in the next attempt."""
 
-    waits = ()
-
     def act(self, observation: Mapping[str, Any]) -> Any:
         if self.acts > HORIZON and mark("again"):
             dies()
@@ -301,35 +284,44 @@ class TriesAgain(Late):
         return super().act(observation)
 
 
-class Tires(RandomPolicy):
+class Tires(Acts, RandomPolicy):
     """The same in every episode: two stages, and then too long for the 23rd answer."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - always the same
         super().reset(instruction, seed=2481962773)
-        self._acts = 0
 
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        self._acts += 1
-        if self._acts == 23:
-            time.sleep(3.2)
-        return super().act(observation)
+    def before(self) -> None:
+        time.sleep(3.2 if self.acts == 23 else 0.0)
 
 
-class Interrupts(Counts):
+class Interrupts(Acts, HoldPolicy):
     """Raises what Ctrl-C raises."""
 
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        if self.acts:
+    def before(self) -> None:
+        if self.acts > 1:
             raise KeyboardInterrupt
-        return super().act(observation)
 
 
-class Dawdles(Counts):
+class Dawdles(Acts, HoldPolicy):
     """Takes a tenth of a second for every answer but the first."""
 
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        time.sleep(0.1 if self.acts else 0.0)
-        return super().act(observation)
+    def before(self) -> None:
+        time.sleep(0.1 if self.acts > 1 else 0.0)
+
+
+class RaisesInTheSecondAnswer(Acts, HoldPolicy):
+    def before(self) -> None:
+        if self.acts > 1:
+            raises()
+
+
+class BreaksOnce(Acts, RandomPolicy):
+    """Random, but raises in the first attempt at the second and the third episode of a task."""
+
+    def before(self) -> None:
+        broken = {seed_of(name, index) for name in ("wave", "nod") for index in (1, 2)}
+        if self.seed in broken and self.acts == 1 and mark(f"{self.instruction}-{self.seed}"):
+            raises()
 
 
 class Moves(HoldPolicy):
@@ -378,49 +370,11 @@ class Reads(HoldPolicy):
 
 
 class SeesNowhere(HoldPolicy):
-    """Expects a camera that does not exist."""
-
     metadata = PolicyMetadata(name="sees_nowhere", cameras=("haed",))
 
 
 class IsSlow(HoldPolicy):
-    """Expects another control rate."""
-
     metadata = PolicyMetadata(name="is_slow", cameras=(), control_rate_hz=10.0)
-
-
-class BreaksOnce(RandomPolicy):
-    """Random, but raises in the first attempt at the second and the third episode of a task."""
-
-    def reset(self, instruction: str, seed: int) -> None:
-        super().reset(instruction, seed)
-        broken = {seed_of(name, index) for name in ("wave", "nod") for index in (1, 2)}
-        if seed in broken and mark(f"{instruction}-{seed}"):
-            raise ZeroDivisionError("my policy was broken")
-
-
-def cannot_be_made() -> None:
-    raise ZeroDivisionError("no weights")
-
-
-def dies_when_made() -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-def simulators() -> list[object]:
-    """Everything in this process that may be a simulator, and modules that make one."""
-    kinds = ("Simulation", "MjData", "MjModel", "SimBackend", "SimEnv")
-    found = [each for each in gc.get_objects() if type(each).__name__ in kinds]
-    return [*found, *({"mujoco", "duobench.sim.simulation"} & sys.modules.keys())]
-
-
-class Searches(RandomPolicy):
-    """Random, but looks for a simulator in every step, and stops if it finds one."""
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        if found := simulators():
-            raise RuntimeError(f"found {found}")
-        return super().act(observation)
 
 
 class IsTooWide(HoldPolicy):
@@ -430,13 +384,19 @@ class IsTooWide(HoldPolicy):
         return np.pad(np.atleast_2d(super().act(observation)), ((0, 0), (0, 1)))
 
 
-class RaisesInTheSecondAnswer(Counts):
-    """Raises in every episode, once it has begun."""
+def simulators() -> list[object]:
+    """Everything in this process that may be a simulator, and modules that make one."""
+    kinds = ("Simulation", "MjData", "MjModel", "SimBackend", "SimEnv")
+    found = [each for each in gc.get_objects() if type(each).__name__ in kinds]
+    return [*found, *({"mujoco", "duobench.sim.simulation"} & sys.modules.keys())]
 
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        if self.acts:
-            raises()
-        return super().act(observation)
+
+class Searches(Acts, RandomPolicy):
+    """Random, but looks for a simulator in every step, and stops if it finds one."""
+
+    def before(self) -> None:
+        if found := simulators():
+            raise RuntimeError(f"found {found}")
 
 
 MISBEHAVIOUR = "DUOBENCH_TEST_WORKER"

@@ -24,7 +24,7 @@ from duobench.robot.joints import HOME_JOINTS
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.hardware.rigs import Steps, arm, new_rig, wait
-from tests.teleop.operator import hand, message
+from tests.teleop.operator import hand, message, said
 
 TASK = "bin_sort"
 Made = Callable[..., tuple[Any, Any]]
@@ -240,7 +240,7 @@ def test_a_session_leads_records_and_keeps_an_episode(made: Made, tmp_path: Path
     def send(squeeze: float, rise: float) -> None:
         nonlocal turn
         hands = [hand(homes[side].moved(0, 0, rise), squeeze=squeeze) for side in SIDES]
-        session.receive(message(turn, *hands), turn / CONTROL_HZ)
+        session.receive(said(message(turn, *hands)), turn / CONTROL_HZ)
         session.advance(turn / CONTROL_HZ)
         turn += 1
 

@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
 from duobench.envs.spaces import JOINT_NAMES

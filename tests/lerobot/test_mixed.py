@@ -12,8 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 import duobench
 from duobench.cli import main
 from duobench.data import Actor, DataSet, Recorder

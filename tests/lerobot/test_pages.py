@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 from tests.docs.markdown import DOCS
 from tests.lerobot.tools import TINY, run
 

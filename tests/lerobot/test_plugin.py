@@ -1,15 +1,10 @@
-"""LeRobot's programs play our episodes: the same ones, with the same outcome.
-
-Runs in an environment with LeRobot and with the plugin, which `make test-lerobot` makes.
-"""
+"""LeRobot's programs play our episodes: the same ones, with the same outcome."""
 
 import json
 import sys
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
 
 from duobench.cli import main
 from duobench.randomness import episode_seed

@@ -1,7 +1,4 @@
-"""Checkpoints of LeRobot as policies: small ones with random weights, saved and loaded by LeRobot.
-
-Runs in an environment with LeRobot, which `make test-lerobot` makes.
-"""
+"""Checkpoints of LeRobot as policies: small ones with random weights, saved by LeRobot itself."""
 
 import json
 import shutil
@@ -11,9 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 import torch
 from lerobot.configs import FeatureType, PolicyFeature, PreTrainedConfig
 from lerobot.envs.utils import preprocess_observation
@@ -22,7 +16,7 @@ from lerobot.policies import get_policy_class, make_pre_post_processors
 from duobench import policy
 from duobench.envs.action_labels import POSE_LABELS
 from duobench.errors import DuoBenchError
-from duobench.lerobot_keys import FEATURE_NAMES
+from duobench.lerobot_keys import FEATURE_NAMES, LAST
 from duobench.policy.batch import Batching, SessionPolicy
 from duobench.policy.lerobot_model import EpisodeNoise, LeRobotPolicy
 from duobench.policy.registry import PolicyName, make_any
@@ -221,66 +215,68 @@ def test_weights_can_run_in_other_numbers(folders: dict[str, Path]) -> None:
     assert np.isfinite(chunk_of(made)).all()
 
 
-def _wide(folder: Path) -> Path:
-    return checkpoints.act(folder, **checkpoints.features(width=14))
+Maker = Callable[[Path], Path]
+"""Saves a checkpoint in a folder, and gives what is loaded."""
 
 
-def _misspelt(folder: Path) -> Path:
-    return checkpoints.act(folder, **checkpoints.features(("head", "left_wirst")))
+def saved(spoil: Callable[[Path], object] = lambda _folder: None, **options: Any) -> Maker:
+    """Saves an ACT with some options, and then spoils it."""
+
+    def make(folder: Path) -> Path:
+        spoil(checkpoints.act(folder, **options))
+        return folder
+
+    return make
 
 
-def _ensembling(folder: Path) -> Path:
-    checkpoints.act(folder, n_action_steps=1)
-    change(folder, "config.json", temporal_ensemble_coeff=0.01)
-    return folder
-
-
-def _seeing(key: str, kind: FeatureType, shape: tuple[int, ...]) -> Callable[[Path], Path]:
-    """A checkpoint that sees one feature more, or one in another shape."""
+def seeing(key: str, kind: FeatureType, shape: tuple[int, ...]) -> Maker:
+    """Saves one that sees one feature more, or one in another shape."""
     features = checkpoints.features()
     features["input_features"][f"observation.{key}"] = PolicyFeature(kind, shape)
-    return lambda folder: checkpoints.act(folder, **features)
+    return saved(**features)
 
 
-def _training(folder: Path) -> Path:
-    checkpoints.act(folder / "checkpoints/last/pretrained_model")
-    return folder
-
-
-def _old(folder: Path) -> Path:
-    checkpoints.act(folder)
-    (folder / "policy_preprocessor.json").unlink()
-    return folder
-
-
-def _missing_weights(folder: Path) -> Path:
-    """The configuration asks for a layer that the weights lack."""
-    checkpoints.act(folder)
-    change(folder, "config.json", n_encoder_layers=2)
-    return folder
+def with_config(**values: Any) -> Callable[[Path], None]:
+    return lambda folder: change(folder, "config.json", **values)
 
 
 @pytest.mark.parametrize(
     ("make", "query", "message"),
     [
-        (checkpoints.act, "&steps=31", "predicts 30 actions, not 31"),
-        (checkpoints.act, "&stops=3", "Did you mean 'steps'"),
-        (checkpoints.act, "&dtype=bfloat16", "runs in float32"),
+        (saved(), "&steps=31", "predicts 30 actions, not 31"),
+        (saved(), "&stops=3", "Did you mean 'steps'"),
+        (saved(), "&dtype=bfloat16", "runs in float32"),
         (checkpoints.diffusion, "&steps=1", "sees 2 observations at a time"),
         (lambda folder: folder, "", "There is no folder"),
-        (_wide, "", "actions have 14 numbers"),
-        (_wide, "&action=cartesian", "14 numbers, those of mode 'cartesian' 20"),
-        (_misspelt, "", "did you mean observation.images.left_wrist"),
-        (_ensembling, "", "temporal_ensemble_coeff"),
+        (saved(**checkpoints.features(width=14)), "", "actions have 14 numbers"),
         (
-            _seeing("images.head", FeatureType.VISUAL, (3, SIZE, 2 * SIZE)),
-            "",
-            "left_wrist 64x64",
+            saved(**checkpoints.features(width=14)),
+            "&action=cartesian",
+            "14 numbers, those of mode 'cartesian' 20",
         ),
-        (_seeing("more", FeatureType.ENV, (3,)), "", "also sees observation.more"),
-        (_training, "", "Did you mean .*checkpoints/last/pretrained_model"),
-        (_old, "", "migrate_policy_normalization"),
-        (_missing_weights, "", "Missing key"),
+        (
+            saved(**checkpoints.features(("head", "left_wirst"))),
+            "",
+            "did you mean observation.images.left_wrist",
+        ),
+        (
+            saved(with_config(temporal_ensemble_coeff=0.01), n_action_steps=1),
+            "",
+            "temporal_ensemble_coeff",
+        ),
+        (seeing("images.head", FeatureType.VISUAL, (3, SIZE, 2 * SIZE)), "", "left_wrist 64x64"),
+        (seeing("more", FeatureType.ENV, (3,)), "", "also sees observation.more"),
+        (
+            lambda folder: checkpoints.act(folder / LAST).parents[2],
+            "",
+            f"Did you mean .*{LAST}",
+        ),
+        (
+            saved(lambda folder: (folder / "policy_preprocessor.json").unlink()),
+            "",
+            "migrate_policy_normalization",
+        ),
+        (saved(with_config(n_encoder_layers=2)), "", "Missing key"),  # that the weights lack
     ],
 )
 def test_what_does_not_fit_is_rejected(tmp_path: Path, make: Any, query: str, message: str) -> None:

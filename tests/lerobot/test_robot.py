@@ -1,7 +1,4 @@
-"""Real arms as a robot of LeRobot, on a rig that is computed.
-
-Runs in an environment with LeRobot and with the plugin, which `make test-lerobot` makes.
-"""
+"""Real arms as a robot of LeRobot, on a rig that is computed."""
 
 from __future__ import annotations
 
@@ -9,9 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 from lerobot.robots import RobotConfig, make_robot_from_config
 from lerobot.utils.errors import DeviceNotConnectedError
 from lerobot.utils.import_utils import register_third_party_plugins

@@ -5,10 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
-
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 from lerobot.datasets import LeRobotDataset
 
 from duobench.cli import main

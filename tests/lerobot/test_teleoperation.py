@@ -1,7 +1,4 @@
-"""Parts of LeRobot lead our arms by hands on the page, and our simulated robot follows.
-
-Runs in an environment with LeRobot and with the plugin, which `make test-lerobot` makes.
-"""
+"""Parts of LeRobot lead our arms by hands on the page, and our simulated robot follows."""
 
 from __future__ import annotations
 
@@ -16,9 +13,6 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 from lerobot.common.control_utils import teleop_smooth_move_to, teleop_supports_feedback
 from lerobot.envs import HILSerlRobotEnvConfig
 from lerobot.processor import (

@@ -1,7 +1,4 @@
-"""Programs of LeRobot lead our simulated robot by hands on the page, and record it.
-
-Runs in an environment with LeRobot and with the plugin, which `make test-lerobot` makes.
-"""
+"""Programs of LeRobot lead our simulated robot by hands on the page, and record it."""
 
 from __future__ import annotations
 
@@ -14,9 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("lerobot", reason="LeRobot is not installed here: make test-lerobot")
-
 from lerobot.datasets import LeRobotDataset
 
 from duobench.envs.spaces import JOINT_NAMES

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.pages.driving import Operated, broken_rules, operated
+from tests.pages.driving import Operated, operated
+from tests.pages.windows import broken_rules
 
 METRES_A_PIXEL = 2 * 2.0 * math.tan(0.5) / 600  # two metres away, half a radian above the middle
 MIDDLE = (400, 300)

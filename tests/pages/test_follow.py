@@ -4,7 +4,7 @@ from contextlib import closing
 from pathlib import Path
 from threading import Thread
 
-from duobench.replay.follow import FollowedRun
+from duobench.replay.sources import FollowedRun
 from duobench.replay.viewer import Viewer
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks

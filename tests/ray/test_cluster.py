@@ -48,9 +48,7 @@ def on(cluster: LocalCluster) -> tuple[str, ...]:
 
 
 @pytest.mark.parametrize("policy", ["expert", "random", WANDERS])
-def test_bytes_are_those_of_one_process_and_of_two_workers(
-    policy: str, cluster: LocalCluster, tmp_path: Path
-) -> None:
+def test_bytes_are_those_of_one_process_and_of_two_workers(policy, cluster, tmp_path):
     words = ("--tasks", "carry_pot", "bin_sort", "--episodes", "2", "--videos", "0")
     duobench(tmp_path / "one", policy, *words, "--workers", "0")
     duobench(tmp_path / "two", policy, *words, "--workers", "2")
@@ -61,13 +59,13 @@ def test_bytes_are_those_of_one_process_and_of_two_workers(
     wait_until(lambda: not cluster.processes(), "the end of all actors")
 
 
-def test_policy_finds_no_simulator_in_its_process(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_policy_finds_no_simulator_in_its_process(cluster, tmp_path):
     words = ("--tasks", toy_tasks.WAVE_NAME, "--episodes", "2", "--videos", "0")
     said = duobench(tmp_path / "run", SEARCHES, *words, "--workers", "2", *on(cluster))
     assert "failed with an error" not in said
 
 
-def test_images_and_videos_come_from_the_nodes(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_images_and_videos_come_from_the_nodes(cluster, tmp_path):
     words = ("--tasks", toy_tasks.NUDGE_NAME, "--episodes", "2", "--videos", "2")
     for name, where in (("here", ()), ("ray", on(cluster))):
         duobench(tmp_path / name, "random", *words, "--workers", "2", *where)
@@ -77,15 +75,13 @@ def test_images_and_videos_come_from_the_nodes(cluster: LocalCluster, tmp_path: 
     assert all(video.stat().st_size > 1000 for video in videos)
 
 
-def test_results_are_the_same_after_kills(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_results_are_the_same_after_kills(cluster, tmp_path):
     counts = sum((counts for _, counts in disturb(tmp_path, cluster, 6, 1)), Counter[str]())
     assert counts.total() == 6
     assert len(counts) > 1
 
 
-def test_killed_driver_leaves_nothing_behind_and_goes_on(
-    cluster: LocalCluster, tmp_path: Path
-) -> None:
+def test_killed_driver_leaves_nothing_behind_and_goes_on(cluster, tmp_path):
     out = tmp_path / "run"
     process = start("random", out, cluster.address)
     wait_until(lambda: list(out.glob("records/*/*/*.json")), "a record")
@@ -100,7 +96,7 @@ def test_killed_driver_leaves_nothing_behind_and_goes_on(
     assert len(list(out.glob("records/*/*/*.json"))) == 6
 
 
-def test_interrupted_driver_ends_its_actors(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_interrupted_driver_ends_its_actors(cluster, tmp_path):
     out = tmp_path / "run"
     process = start("random", out, cluster.address)
     wait_until(lambda: list(out.glob("records/*/*/*.json")), "a record")
@@ -111,7 +107,7 @@ def test_interrupted_driver_ends_its_actors(cluster: LocalCluster, tmp_path: Pat
     assert all(record.read_text().endswith("}\n") for record in kept)
 
 
-def test_policy_that_hangs_fails_its_episode_alone(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_policy_that_hangs_fails_its_episode_alone(cluster, tmp_path):
     words = ("--tasks", toy_tasks.WAVE_NAME, "--episodes", "2", "--videos", "0")
     policy = "tests.evaluation.toy_batches:Hangs"
     limit = ("--act-timeout", "4", "--workers", "2")
@@ -121,9 +117,7 @@ def test_policy_that_hangs_fails_its_episode_alone(cluster: LocalCluster, tmp_pa
     assert "did not answer within 4 s" in record.read_text()
 
 
-def test_episode_that_always_kills_its_policy_is_set_aside(
-    cluster: LocalCluster, tmp_path: Path
-) -> None:
+def test_episode_that_always_kills_its_policy_is_set_aside(cluster, tmp_path):
     tasks = ("--tasks", toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME)
     words = (*tasks, "--episodes", "1", "--videos", "0", "--workers", "2")
     policy = "tests.evaluation.toy_batches:DiesInOne"
@@ -132,14 +126,14 @@ def test_episode_that_always_kills_its_policy_is_set_aside(
     assert len(list(tmp_path.glob("run/records/wave/*/00000.json"))) == 1
 
 
-def test_policies_alone_are_given_the_graphics_card(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_policies_alone_are_given_the_graphics_card(cluster, tmp_path):
     words = ("--tasks", toy_tasks.WAVE_NAME, "--episodes", "2", "--videos", "0")
     card = ("--policy-gpus", "0.5", "--workers", "2")
     said = duobench(tmp_path / "run", "tests.ray.policies:NeedsCard", *words, *card, *on(cluster))
     assert "failed with an error" not in said
 
 
-def test_graphics_card_that_no_node_has_is_said(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_graphics_card_that_no_node_has_is_said(cluster, tmp_path):
     words = ("--tasks", "bin_sort", "--episodes", "1", "--videos", "0", "--policy-gpus", "2")
     out = tmp_path / "run"
     folders = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
@@ -162,7 +156,7 @@ def test_graphics_card_that_no_node_has_is_said(cluster: LocalCluster, tmp_path:
     assert "No node of the cluster has 2 graphics cards for a policy yet" in said
 
 
-def test_wrong_token_is_not_taken(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_wrong_token_is_not_taken(cluster, tmp_path):
     words = ("--tasks", "bin_sort", "--episodes", "1", *on(cluster))
     said = duobench(tmp_path / "run", "random", *words, status=1, RAY_AUTH_TOKEN="0" * 32)
     assert "cannot be used from here" in said

@@ -1,26 +1,19 @@
 """The page on Ray: its command runs on a cluster, and its tables are in order."""
 
 import shlex
-from pathlib import Path
 
 import pytest
 
 pytest.importorskip("ray", reason="Ray is not installed here: make test-ray")
 
-from dev.benchmarks.ray_cluster import LocalCluster
 from tests.docs.markdown import DOCS, blocks
 from tests.ray.test_cluster import duobench
 
 PAGE = DOCS / "scale.md"
-INSTEAD = {
-    "lerobot:PATH": "hold",
-    "100": "1",
-    "16": "2",
-    "1": "0",
-}
+INSTEAD = {"lerobot:PATH": "hold", "100": "1", "16": "2", "1": "0"}
 
 
-def test_the_command_runs(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_the_command_runs(cluster, tmp_path):
     commands = blocks(PAGE, "shell")[0].splitlines()
     (command,) = [line for line in commands if line.startswith("duobench eval ")]
     words = [INSTEAD.get(word, word) for word in shlex.split(command)[2:]]

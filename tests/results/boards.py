@@ -28,20 +28,11 @@ def entry(
 ) -> BoardEntry:
     """An entry whose policy succeeds in the first episodes of each task and reaches nothing else.
 
-    Args:
-        name: Name of the policy.
-        share: Which part of the episodes of each task are successes.
-        episodes: Of each task.
-        tasks: Tasks, by default all of the benchmark.
-        lost: How many of the last records are not there.
-        object_state: Whether the policy is privileged.
-        unverifiable: What cannot be played again.
-        commands: The commands that played it.
-        changes: Fields of the run.
+    A share of the episodes of each task are successes; the last records may be lost, some may be
+    unverifiable, and changes are fields of the run. Without tasks it has those of the benchmark.
     """
-    tasks = tasks or find_tasks(())
     run = sample_run(
-        tasks=tuple(tasks),
+        tasks=tuple(tasks or find_tasks(())),
         episodes=episodes,
         policy=name,
         metadata=PolicyMetadata(name="any", version="1", object_state=object_state),
@@ -58,17 +49,15 @@ def entry(
 
 def of_run(run: Run, share: float) -> list[EpisodeRecord]:
     """Records of all episodes of a run, the first of each task successes."""
-    made = []
+    made: list[EpisodeRecord] = []
+    candidate = run.candidate
     for task in run.suite.tasks:
-        won = sample_record(task, 0, tuple(range(1, task.max_stage + 1)))
-        lost = sample_record(task, 0, ())
+        won, lost = (
+            sample_record(task, 0, reached, policy=candidate.policy, config=candidate.config)
+            for reached in (tuple(range(1, task.max_stage + 1)), ())
+        )
         made += [
-            replace(
-                won if episode < share * run.suite.episodes else lost,
-                episode=episode,
-                policy=run.candidate.policy,
-                config=run.candidate.config,
-            )
+            replace(won if episode < share * run.suite.episodes else lost, episode=episode)
             for episode in run.suite.indices
         ]
     return made

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from duobench.policy import PolicyMetadata
-from duobench.results.suite import TaskInfo
 from tests.results.samples import LIFT, SORT, TURN, sample_folder, sample_record, sample_run
 
 Stages = Mapping[str, Sequence[int]]
@@ -21,6 +20,7 @@ def play(
     policy: str = "mine",
     first_episode: int = 0,
     object_state: bool = False,
+    look: str = "default",
     **changes: Any,
 ) -> str:
     """A run folder whose episodes ended with these stages, task by task.
@@ -31,28 +31,28 @@ def play(
         policy: Name of the policy.
         first_episode: Index of the first one.
         object_state: Whether the policy is privileged.
+        look: Look of the suite.
         changes: Fields of the records and, where it has them, of the run.
     """
-    tasks = tuple(BY_ID[name] for name in stages)
-    of_run = {name: changes[name] for name in ("config", "look") if name in changes}
-    changes.pop("look", None)
-    if "suite_version" in changes:
-        of_run["version"] = changes["suite_version"]
+    of_run = {"config": "config", "suite_version": "version"}
     run = sample_run(
-        tasks=tasks,
-        episodes=max(map(len, stages.values())),
+        tasks=tuple(BY_ID[name] for name in stages),
+        episodes=max(1, *map(len, stages.values())),
         first_episode=first_episode,
+        look=look,
         policy=policy,
         metadata=PolicyMetadata(name=policy, version="1", object_state=object_state),
-        **of_run,
+        **{of_run[name]: value for name, value in changes.items() if name in of_run},
     )
     records = [
-        sample_record(task, first_episode + index, _steps(task, stage), policy=policy, **changes)
-        for task in tasks
+        sample_record(
+            task,
+            first_episode + index,
+            tuple((n + 1) * task.horizon // (task.max_stage + 1) for n in range(stage)),
+            policy=policy,
+            **changes,
+        )
+        for task in run.suite.tasks
         for index, stage in enumerate(stages[task.id])
     ]
     return str(sample_folder(path, run, records).path)
-
-
-def _steps(task: TaskInfo, stage: int) -> tuple[int, ...]:
-    return tuple((number + 1) * task.horizon // (task.max_stage + 1) for number in range(stage))

@@ -2,7 +2,8 @@
 
 import random
 import re
-from dataclasses import replace
+from dataclasses import fields, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,62 +16,42 @@ from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import CUSTOM, Suite, TaskInfo
-from duobench.shifts.shift import NO_SHIFT
 
 VERSIONS: dict[str, Any] = {"duobench": "0", "mujoco": "4.0.0", "numpy": "2.4.6"}
 
-LIFT = TaskInfo(
-    reference="lift",
-    id="lift",
-    title="Lift <It>",
-    category="bimanual manipulation",
-    stages=("touched", "raised"),
-    horizon=200,
+
+def _task(path: str, title: str, category: str, stages: tuple[str, ...], horizon: int) -> TaskInfo:
+    name = title.split(maxsplit=1)[0].lower()
+    return TaskInfo(
+        reference=path, id=name, title=title, category=category, stages=stages, horizon=horizon
+    )
+
+
+LIFT = _task("lift", "Lift <It>", "bimanual manipulation", ("touched", "raised"), 200)
+SORT = _task(
+    "pkg.tasks:SORT", "Sort", "parallel execution", ("one held", "one sorted", "both sorted"), 90
 )
-SORT = TaskInfo(
-    reference="pkg.tasks:SORT",
-    id="sort",
-    title="Sort",
-    category="parallel execution",
-    stages=("one held", "one sorted", "both sorted"),
-    horizon=90,
-)
-TURN = TaskInfo(
-    reference="turn",
-    id="turn",
-    title="Turn",
-    category="bimanual manipulation",
-    stages=("held",),
-    horizon=50,
-)
+TURN = _task("turn", "Turn", "bimanual manipulation", ("held",), 50)
 TASKS = (LIFT, SORT, TURN)
-
-
 CONFIG = EnvConfig(cameras=())
 
 
 def sample_run(**changes: Any) -> Run:
     """Run of three tasks; changes are fields of the run, of its suite or of its one policy."""
-    suite: dict[str, Any] = {
-        "tasks": TASKS,
-        "episodes": 4,
-        "first_episode": 0,
-        "version": SUITE_VERSION,
-        "overtime": 1.0,
-    }
-    suite |= {"look": "default", "shifts": (NO_SHIFT,)}
+    suite: dict[str, Any] = {"tasks": TASKS, "episodes": 4} | _taken(changes, Suite)
     policy: dict[str, Any] = {
         "policy": "mine",
         "metadata": PolicyMetadata(name="mine", version="1"),
         "config": CONFIG,
-        "batching": None,
-        "trained_on": "",
-    }
-    fields: dict[str, Any] = {"limits": TimeLimits(), "versions": VERSIONS}
-    for part in (suite, policy):
-        part |= {name: changes.pop(name) for name in list(changes) if name in part}
-    candidates = (Candidate(**policy),)
-    return Run(**{"suite": Suite(**suite), "candidates": candidates} | fields | changes)
+    } | _taken(changes, Candidate)
+    run: dict[str, Any] = {"limits": TimeLimits(), "versions": VERSIONS}
+    run |= {"suite": Suite(**suite), "candidates": (Candidate(**policy),)}
+    return Run(**run | changes)
+
+
+def _taken(changes: dict[str, Any], kind: type) -> dict[str, Any]:
+    names = [field.name for field in fields(kind) if field.name in changes]
+    return {name: changes.pop(name) for name in names}
 
 
 def key(folder: RunFolder, task: str, episode: int) -> Key:
@@ -114,11 +95,7 @@ def sample_record(
         "error": error,
         "layout": {"poses": {"cube": [0.5, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]}, "variants": {}},
         "state_hash": None if error else "ab" * 32,
-        "unmet": None,
-        "start": None,
-        "end": None,
-        "sent": None,
-        "clipped": None,
+        **dict.fromkeys(("unmet", "start", "end", "sent", "clipped")),
         "versions": {**VERSIONS, "python": "3.11", "platform": "Linux", "renderer": None},
     }
     return EpisodeRecord(**fields | changes)
@@ -127,24 +104,21 @@ def sample_record(
 def sample_records(run: Run, seed: int = 0) -> list[EpisodeRecord]:
     """One record for every episode, of varied success."""
     rng = random.Random(seed)
-    records = []
-    for candidate in run.candidates:
-        for shift in run.suite.shifts:
-            for task in run.suite.tasks:
-                for episode in run.suite.indices:
-                    stage = rng.randint(0, task.max_stage)
-                    reached = tuple(sorted(rng.sample(range(1, task.horizon + 1), stage)))
-                    record = sample_record(
-                        task,
-                        episode,
-                        reached,
-                        run=run.hash,
-                        policy=candidate.policy,
-                        policy_version=candidate.metadata.version,
-                        config=replace(candidate.config, shift=shift),
-                        execution=run.suite.execution_of(task.id, shift),
-                    )
-                    records.append(record)
+    records: list[EpisodeRecord] = []
+    each = product(run.candidates, run.suite.shifts, run.suite.tasks, run.suite.indices)
+    for candidate, shift, task, episode in each:
+        stage = rng.randint(0, task.max_stage)
+        record = sample_record(
+            task,
+            episode,
+            tuple(sorted(rng.sample(range(1, task.horizon + 1), stage))),
+            run=run.hash,
+            policy=candidate.policy,
+            policy_version=candidate.metadata.version,
+            config=replace(candidate.config, shift=shift),
+            execution=run.suite.execution_of(task.id, shift),
+        )
+        records.append(record)
     return records
 
 

@@ -130,33 +130,37 @@ def replaced(parts: dict[str, bytes]) -> Entries:
     ]
 
 
-HOSTILE: dict[str, tuple[Callable[[dict[str, bytes]], Entries], str]] = {
-    "absolute": (lambda p: with_manifest({**p, "/etc/passwd": b""}), "no bundle has a part"),
-    "parent": (lambda p: with_manifest({**p, "records/../x.json": b""}), "no bundle has a part"),
-    "hidden": (lambda p: with_manifest({**p, "records/lift/../00000.json": b""}), "No bundle has"),
-    "folder": (lambda p: with_manifest({**p, "records/lift/": b""}), "No bundle has"),
-    "twice": (lambda p: [*with_manifest(p), (entry(RECORD), b"{}")], "default/00000.json twice"),
-    "link": (
-        lambda p: [*with_manifest(p)[:-1], (entry(LAST, stat.S_IFLNK), b"x")],
-        "is a link",
-    ),
+Parts = dict[str, bytes]
+
+
+def added(name: str) -> Callable[[Parts], Entries]:
+    """An archive with a part more, which is a copy of a record."""
+    return lambda parts: with_manifest({**parts, name: parts[RECORD]})
+
+
+def beside(name: str) -> Callable[[Parts], Entries]:
+    """An archive with a part more that its manifest does not list."""
+    return lambda parts: [*with_manifest(parts), (entry(name), b"{}")]
+
+
+HOSTILE: dict[str, tuple[Callable[[Parts], Entries], str]] = {
+    "absolute": (added("/etc/passwd"), "no bundle has a part"),
+    "parent": (added("records/../x.json"), "no bundle has a part"),
+    "hidden": (added("records/lift/../00000.json"), "No bundle has"),
+    "folder": (added("records/lift/"), "No bundle has"),
+    "twice": (beside(RECORD), "default/00000.json twice"),
+    "link": (lambda p: [*with_manifest(p)[:-1], (entry(LAST, stat.S_IFLNK), b"x")], "is a link"),
     "no manifest": (lambda p: with_manifest(p)[1:], "It has no manifest.json"),
     "no run": (lambda p: with_manifest({RECORD: p[RECORD]}), "or no run.json"),
-    "unlisted": (lambda p: [*with_manifest(p), (entry(f"{FOLDER}/00009.json"), b"")], "00009"),
+    "unlisted": (beside(f"{FOLDER}/00009.json"), "00009"),
     "missing": (lambda p: with_manifest(p)[:-1], "is in its manifest or in it, not in both"),
     "changed": (replaced, "The SHA-256 of records/lift/.*00000.json is not that"),
     "too few": (
         lambda p: with_manifest({n: c for n, c in p.items() if n != RECORD}),
         "says that 0 records are missing, not 1",
     ),
-    "foreign": (
-        lambda p: with_manifest({**p, f"{FOLDER}/00007.json": p[RECORD]}),
-        "of no episode of its run, .*00007.json",
-    ),
-    "alias": (
-        lambda p: with_manifest({**p, f"{FOLDER}/000000.json": p[RECORD]}),
-        "of no episode of its run, .*000000.json",
-    ),
+    "foreign": (added(f"{FOLDER}/00007.json"), "of no episode of its run, .*00007.json"),
+    "alias": (added(f"{FOLDER}/000000.json"), "of no episode of its run, .*000000.json"),
     "run": (lambda p: with_manifest({**p, "run.json": b"{}"}), "run.json: Schema None"),
 }
 

@@ -8,16 +8,17 @@ from duobench.results.entrants import Group, read_entrants, split_name
 from duobench.results.paper import check_policy, paper_results, value_of
 from duobench.shifts.shift import Shift
 from duobench.tasks import catalog
-from tests.docs.markdown import ROOT, Row, tables
+from tests.docs.markdown import ROOT, tables
 from tests.results.outcomes import play
 
 SOME = {"sort": [3, 1, 0]}
 
 
-def test_groups_stand_apart_and_letters_follow_them(tmp_path: Path) -> None:
-    told = play(tmp_path / "told", SOME, "told", object_state=True)
-    sees = play(tmp_path / "sees", SOME, "sees")
-    expert = play(tmp_path / "expert", SOME, "expert")
+def test_groups_stand_apart_and_letters_and_names_follow_them(tmp_path: Path) -> None:
+    told, sees, expert, again = (
+        play(tmp_path / name, SOME, name, object_state=name == "told")
+        for name in ("told", "sees", "expert", "sees/again")
+    )
     entrants = read_entrants(["paper:ACT", told, sees, expert])
     assert [(one.key, one.name, one.group) for one in entrants] == [
         ("A", "sees", Group.UNPRIVILEGED),
@@ -25,12 +26,8 @@ def test_groups_stand_apart_and_letters_follow_them(tmp_path: Path) -> None:
         ("C", "expert", Group.PRIVILEGED),
         ("D", "ACT [paper]", Group.ELSEWHERE),
     ]
-
-
-def test_equal_names_get_their_letter_and_given_names_stay(tmp_path: Path) -> None:
-    one, other = (play(tmp_path / name, SOME) for name in ("one", "other"))
-    assert [e.name for e in read_entrants([one, other])] == ["mine (A)", "mine (B)"]
-    assert [e.name for e in read_entrants([f"small={one}", other])] == ["small", "mine"]
+    assert [one.name for one in read_entrants([sees, sees])] == ["sees (A)", "sees (B)"]
+    assert [one.name for one in read_entrants([f"small={sees}", again])] == ["small", "sees/again"]
 
 
 def test_an_equals_sign_in_a_path_is_no_name(tmp_path: Path) -> None:
@@ -52,20 +49,12 @@ def test_an_equals_sign_in_a_path_is_no_name(tmp_path: Path) -> None:
 def test_what_is_no_comparison_is_rejected(
     sources: list[str], message: str, tmp_path: Path
 ) -> None:
-    run = play(tmp_path / "run", SOME)
-    empty = play(tmp_path / "empty", {"sort": [0]})
-    for record in Path(empty).glob("records/*/*/*.json"):
-        record.unlink()
+    run, empty = play(tmp_path / "run", SOME), play(tmp_path / "empty", {"sort": []})
     with pytest.raises(EvaluationError, match=message):
         read_entrants([source.format(run=run, empty=empty) for source in sources])
 
 
 PAPER = paper_results()
-
-
-def readme() -> list[Row]:
-    (rows,) = (rows for rows in tables(ROOT / "README.md") if "X-VLA" in rows[0])
-    return rows
 
 
 def test_every_task_and_category_of_the_benchmark_is_there() -> None:
@@ -87,7 +76,8 @@ def test_means_are_those_of_the_tasks_but_for_rounding(policy: str) -> None:
 
 
 def test_numbers_are_those_of_the_readme() -> None:
-    for row in readme():
+    (rows,) = (rows for rows in tables(ROOT / "README.md") if "X-VLA" in rows[0])
+    for row in rows:
         task = row["task"]
         values = PAPER.means["overall"].values if task == "overall" else PAPER.tasks[task]
         for policy, name in PAPER.policies.items():
@@ -95,11 +85,19 @@ def test_numbers_are_those_of_the_readme() -> None:
             assert row[name] == f"{rate:.0f} ({progress:.2f})".replace("(0.", "(.")
 
 
-def test_a_mean_over_other_tasks_is_not_made_up() -> None:
-    assert value_of("ACT", ["carry_pot"]) == (44, 0.63)
-    assert value_of("ACT", ["hinge_chest", "spring_door", "pour_marbles"]) == (12, 0.25)
-    assert value_of("ACT", ["hinge_chest", "spring_door"]) is None
-    assert value_of("ACT", ["mine"]) is None
+@pytest.mark.parametrize(
+    ("tasks", "value"),
+    [
+        (["carry_pot"], (44, 0.63)),
+        (["hinge_chest", "spring_door", "pour_marbles"], (12, 0.25)),
+        (["hinge_chest", "spring_door"], None),
+        (["mine"], None),
+    ],
+)
+def test_a_mean_over_other_tasks_is_not_made_up(
+    tasks: list[str], value: tuple[float, float] | None
+) -> None:
+    assert value_of("ACT", tasks) == value
 
 
 def test_unknown_policy_says_which_there_are() -> None:

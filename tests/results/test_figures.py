@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.results.figures import FIGURES, INK, SUCCESS, for_page, ink_on, plot, stage_colours
+from duobench.results.figures import FIGURES, INK, SUCCESS, for_page, ink_on, plots, stage_colours
 from duobench.results.scores import summarize
 from tests.results.samples import LIFT, TASKS, sample_record, sample_records, sample_run
 
@@ -23,10 +23,7 @@ def words(svg: str) -> list[str]:
 
 def test_same_results_give_the_same_bytes_in_any_process() -> None:
     """Whatever it hashes with, and whenever: there is no date in them."""
-    code = (
-        "from tests.results.test_figures import FIGURES, FOUND, plot\n"
-        "print(*(repr(plot(name, FOUND)) for name in FIGURES), sep='\\n')"
-    )
+    code = "from tests.results.test_figures import FOUND, plots\nprint(repr(plots(FOUND)))"
     printed = subprocess.run(
         [sys.executable, "-c", code],
         cwd=Path(__file__).parents[2],
@@ -35,43 +32,37 @@ def test_same_results_give_the_same_bytes_in_any_process() -> None:
         capture_output=True,
         text=True,
     ).stdout
-    assert printed.splitlines() == [repr(plot(name, FOUND)) for name in FIGURES]
+    assert printed.strip() == repr(plots(FOUND))
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_figure_names_every_task(name: str) -> None:
-    assert {task.title for task in TASKS} <= set(words(plot(name, FOUND)))
-
-
-def test_bars_are_annotated_with_the_success_rate() -> None:
-    shown = words(plot("stages", FOUND))
-    for one in FOUND.tasks:
-        assert f"{100 * one.score.successes / one.score.episodes:.1f} %" in shown
+def test_figures_name_every_task_and_its_success_rate() -> None:
+    titles = {task.title for task in TASKS}
+    rates = {f"{100 * one.score.successes / one.score.episodes:.1f} %" for one in FOUND.tasks}
+    assert titles <= set(words(plots(FOUND)["progress"]))
+    assert titles | rates <= set(words(plots(FOUND)["stages"]))
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_element_for_a_page_brings_no_style_sheet_and_takes_the_pages_ink(name: str) -> None:
-    element = for_page(plot(name, FOUND))
+    element = for_page(plots(FOUND)[name])
     root = ET.fromstring(element)
     assert root.get("width") is None
     assert root.get("viewBox")
-    assert "<style" not in element
-    assert INK not in element
-    assert "currentColor" in element
-    assert words(element) == words(plot(name, FOUND))
+    assert [word in element for word in ("<style", INK, "currentColor")] == [False, False, True]
+    assert words(element) == words(plots(FOUND)[name])
     assert not [node for node in root.iter() if node.tag.endswith("}g") and node.get("id")]
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_run_without_records_can_be_plotted(name: str) -> None:
-    assert plot(name, summarize(TASKS, [])).rstrip().endswith("</svg>")
+    assert plots(summarize(TASKS, []))[name].rstrip().endswith("</svg>")
 
 
 @pytest.mark.parametrize("title", [r"$\frac$", "from $5 to $10", "50 % & <more>"])
 @pytest.mark.parametrize("name", FIGURES)
 def test_title_is_shown_as_it_is(name: str, title: str) -> None:
     task = replace(LIFT, title=title)
-    assert title in words(plot(name, summarize([task], [sample_record(task, 0, (1,))])))
+    assert title in words(plots(summarize([task], [sample_record(task, 0, (1,))]))[name])
 
 
 STAGES = range(1, 8)

@@ -3,6 +3,8 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,12 +31,21 @@ from tests.results.samples import (
     sample_run,
 )
 
+RUN = sample_run()
+RECORD = sample_record(LIFT, 0, (5, 9))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    """A run with one record."""
+    return sample_folder(tmp_path / "run", RUN, [RECORD])
+
 
 def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
-    folder, run = RunFolder(tmp_path / "new" / "run"), sample_run()
+    folder = RunFolder(tmp_path / "new" / "run")
     for _ in range(2):
-        folder.begin(run)
-        assert folder.read_run() == run
+        folder.begin(RUN)
+        assert folder.read_run() == RUN
 
 
 @pytest.mark.parametrize(
@@ -45,10 +56,7 @@ def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
         ({"first_episode": 4}, "first episode 4 instead of 0"),
         ({"tasks": TASKS[:2]}, "tasks lift sort instead of lift sort turn"),
         ({"version": "2"}, f"suite version 2 instead of {SUITE_VERSION}"),
-        (
-            {"versions": {**VERSIONS, "mujoco": "4.0.9"}},
-            "version of mujoco 4.0.9 instead",
-        ),
+        ({"versions": {**VERSIONS, "mujoco": "4.0.9"}}, "version of mujoco 4.0.9 instead"),
         ({"trained_on": "real"}, "trained on real instead of"),
         ({"limits": TimeLimits(act_timeout=1)}, "time limit act_timeout 1 instead of 120"),
         ({"metadata": PolicyMetadata(name="mine", version="2")}, "policy's version 2 instead of 1"),
@@ -59,9 +67,8 @@ def test_begun_run_can_be_begun_again(tmp_path: Path) -> None:
     ],
 )
 def test_other_run_is_refused_with_what_differs(
-    tmp_path: Path, changes: dict[str, Any], message: str
+    folder: RunFolder, changes: dict[str, Any], message: str
 ) -> None:
-    folder = sample_folder(tmp_path / "run", sample_run(), sample_records(sample_run())[:1])
     before = folder.description.read_bytes()
     with pytest.raises(OtherRunError, match=rf"holds another evaluation; this one has .*{message}"):
         folder.begin(sample_run(**changes))
@@ -69,15 +76,15 @@ def test_other_run_is_refused_with_what_differs(
 
 
 def test_run_grows_and_its_description_with_it(tmp_path: Path) -> None:
-    records = sample_records(sample_run())
-    folder = sample_folder(tmp_path / "run", sample_run(), records)
+    records = sample_records(RUN)
+    folder = sample_folder(tmp_path / "run", RUN, records)
     folder.begin(sample_run(episodes=9))
     assert folder.read_run() == sample_run(episodes=9)
     assert folder.read_records(folder.read_run()) == records
 
 
 def test_run_without_a_record_gives_way_to_a_corrected_one(tmp_path: Path) -> None:
-    folder, run = sample_folder(tmp_path / "run", sample_run(), []), sample_run(policy="corrected")
+    folder, run = sample_folder(tmp_path / "run", RUN, []), sample_run(policy="corrected")
     folder.begin(run)
     assert folder.read_run() == run
 
@@ -95,28 +102,22 @@ def test_folder_that_cannot_be_made_is_refused(tmp_path: Path, name: str, messag
 
 def test_run_killed_while_it_described_itself_can_be_begun_again(tmp_path: Path) -> None:
     (tmp_path / ".run.json.123.tmp").write_text("{")
-    RunFolder(tmp_path).begin(sample_run())
+    RunFolder(tmp_path).begin(RUN)
     assert [path.name for path in tmp_path.iterdir()] == ["run.json"]
 
 
 def test_folder_with_strange_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("precious")
     with pytest.raises(OtherRunError, match="not empty and holds no evaluation"):
-        RunFolder(tmp_path).begin(sample_run())
+        RunFolder(tmp_path).begin(RUN)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
-def test_records_come_back_in_the_order_of_the_run(tmp_path: Path) -> None:
-    run = sample_run()
-    records = sample_records(run)
-    folder = sample_folder(tmp_path / "run", run, records[::-1])
-    assert folder.read_records(run) == records
-
-
-def test_missing_records_are_left_out(tmp_path: Path) -> None:
-    run = sample_run()
-    records = sample_records(run)[2:-1]
-    assert sample_folder(tmp_path / "run", run, records).read_records(run) == records
+def test_records_come_back_in_the_order_of_the_run_without_those_that_are_missing(
+    tmp_path: Path,
+) -> None:
+    records = sample_records(RUN)[2:-1]
+    assert sample_folder(tmp_path / "run", RUN, records[::-1]).read_records(RUN) == records
 
 
 @pytest.mark.parametrize(
@@ -133,43 +134,34 @@ def test_missing_records_are_left_out(tmp_path: Path) -> None:
         {"task": "turn"},
     ],
 )
-def test_record_of_another_run_is_refused(tmp_path: Path, changes: dict[str, Any]) -> None:
-    folder, run = sample_folder(tmp_path / "run", sample_run(), []), sample_run()
-    record = sample_record(LIFT, 0, (5, 9))
-    folder.write(record)
-    assert len(folder.read_records(run)) == 1
+def test_record_of_another_run_is_refused(folder: RunFolder, changes: dict[str, Any]) -> None:
+    (record,) = folder.read_records(RUN)
     folder.record(record.key).write_text(encode(replace(record, **changes), RECORD_SCHEMA))
     error = OtherRunError if "run" in changes else EvaluationError
     with pytest.raises(error, match=r"00000\.json (does not belong|belongs to another run)"):
-        folder.read_records(run)
+        folder.read_records(RUN)
 
 
-def test_another_schema_is_named(tmp_path: Path) -> None:
-    record = sample_record(LIFT, 0, (5, 9))
-    folder = sample_folder(tmp_path / "run", sample_run(), [record])
-    for path in (folder.record(record.key), folder.description):
+def test_another_schema_is_named(folder: RunFolder) -> None:
+    for path in (folder.record(RECORD.key), folder.description):
         document = json.loads(path.read_text())
         path.write_text(json.dumps({**document, "schema": document["schema"] - 1}))
         with pytest.raises(FileError, match=rf"{path.name}: Schema 7; this version reads 8"):
             folder.read_records(folder.read_run())
 
 
-def test_folder_without_a_run_says_how_to_make_one(tmp_path: Path) -> None:
+def test_folder_without_a_readable_run_says_so(tmp_path: Path) -> None:
     with pytest.raises(EvaluationError, match=r"run\.json is missing"):
         RunFolder(tmp_path).read_run()
-
-
-def test_unreadable_description_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("{}")
     with pytest.raises(FileError, match=r"Cannot read .*run\.json"):
         RunFolder(tmp_path).read_run()
 
 
-def test_record_that_cannot_be_read_says_how_to_go_on(tmp_path: Path) -> None:
-    folder = sample_folder(tmp_path, sample_run(), [])
+def test_record_that_cannot_be_read_says_how_to_go_on(folder: RunFolder) -> None:
     folder.record(key(folder, "lift", 2)).mkdir(parents=True)
     with pytest.raises(FileError, match=r"00002\.json: Is a directory\. Delete the file and"):
-        folder.read_records(sample_run())
+        folder.read_records(RUN)
 
 
 def test_run_of_endless_length_is_read(tmp_path: Path) -> None:
@@ -178,46 +170,37 @@ def test_run_of_endless_length_is_read(tmp_path: Path) -> None:
     assert len(folder.read_records(run)) == 1
 
 
-def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
+@contextmanager
+def locking(path: Path, block: str) -> Generator[tuple[subprocess.Popen[str], str]]:
+    """A process that locks a folder, and what it prints first; it is killed where that is done."""
     script = (
         "import os, sys, time\n"
         "from pathlib import Path\n"
         "from duobench.files import locked\n"
-        "with locked(Path(sys.argv[1])):\n"
-        "    if os.fork() == 0:\n"
-        "        print(os.getpid(), flush=True)\n"
-        "    time.sleep(1000)\n"
+        f"with locked(Path(sys.argv[1])):\n    {block}\n    time.sleep(1000)\n"
     )
-    with subprocess.Popen(
-        [sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, text=True
-    ) as other:
+    command = [sys.executable, "-c", script, str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout
-        orphan = int(other.stdout.readline())
+        try:
+            yield other, other.stdout.readline().strip()
+        finally:
+            other.kill()
+
+
+def test_lock_does_not_outlive_a_kill_in_a_forked_child(tmp_path: Path) -> None:
+    with locking(tmp_path, "os.fork() or print(os.getpid(), flush=True)") as (other, printed):
         other.kill()
         other.wait()
-        assert is_running(orphan)
+        assert is_running(int(printed))
         with locked(tmp_path):
             pass
-        os.kill(orphan, signal.SIGKILL)
+        os.kill(int(printed), signal.SIGKILL)
 
 
 def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> None:
-    script = (
-        "import sys\n"
-        "from pathlib import Path\n"
-        "from duobench.files import locked\n"
-        "with locked(Path(sys.argv[1])):\n"
-        "    print('locked', flush=True)\n"
-        "    sys.stdin.read()\n"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", script, str(tmp_path)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    ) as other:
-        assert other.stdout
-        assert other.stdout.readline() == "locked\n"
+    with locking(tmp_path, "print('locked', flush=True)") as (other, printed):
+        assert printed == "locked"
         with pytest.raises(LockedError, match="Another process"), locked(tmp_path):
             pass
         other.kill()

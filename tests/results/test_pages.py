@@ -1,3 +1,4 @@
+from collections.abc import Container
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -7,11 +8,13 @@ from PIL import Image
 
 from duobench.envs.config import EnvConfig
 from duobench.policy import Batching, PolicyMetadata
+from duobench.results.folder import RunFolder
 from duobench.results.pages import PageVideos, identity, stacks
+from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.scores import RunPart, group_by_condition, task_result
 from duobench.video import VP9, write_video
-from tests.results.samples import SORT, TURN, key, sample_folder, sample_record, sample_run
+from tests.results.samples import SORT, TURN, sample_folder, sample_record, sample_run
 
 
 def part_of(run: Run) -> RunPart:
@@ -34,25 +37,29 @@ def test_a_run_is_told_by_everything_that_was_chosen() -> None:
         batching=Batching(mode="dynamic", size=4),
     )
     facts = identity(part_of(run))
-    assert facts["Policy"] == "mine (net)"
-    assert facts["Its version"] == "7"
-    assert facts["Tasks"] == "sort, turn"
-    assert facts["Episodes"] == "numbers 3–6, 4 of each task"
-    assert facts["Look"] == "dark"
-    assert facts["Cameras"] == "head, 128 × 96 pixels"
     assert "privileged" in facts["Other observations"]
-    assert facts["Action mode"] == "cartesian"
-    assert facts["Overtime"] == "up to 1.5 horizons"
-    assert facts["Chunk"] == "30 actions"
-    assert facts["Inference"] == "float16, cuda, dynamic batches of 4"
+    assert (
+        facts.items()
+        >= {
+            "Policy": "mine (net)",
+            "Its version": "7",
+            "Tasks": "sort, turn",
+            "Episodes": "numbers 3–6, 4 of each task",
+            "Look": "dark",
+            "Cameras": "head, 128 × 96 pixels",
+            "Action mode": "cartesian",
+            "Overtime": "up to 1.5 horizons",
+            "Chunk": "30 actions",
+            "Inference": "float16, cuda, dynamic batches of 4",
+        }.items()
+    )
 
 
 def test_what_is_not_known_is_said() -> None:
     facts = identity(part_of(sample_run(metadata=PolicyMetadata(name="mine"))))
-    assert facts["Its version"] == facts["Inference"] == "not known"
-    assert facts["Cameras"] == "none"
+    known = {"Its version": "not known", "Inference": "not known", "Cameras": "none"}
+    assert facts.items() >= {**known, "Chunk": "of varying or unknown length"}.items()
     assert "Overtime" not in facts
-    assert "unknown" in facts["Chunk"]
 
 
 def test_machines_and_software_are_told_once_each() -> None:
@@ -73,41 +80,39 @@ def test_machines_and_software_are_told_once_each() -> None:
 SHADES = [np.full((48, 64, 3), shade, np.uint8) for shade in range(0, 250, 2)]
 
 
+def videos_of(
+    path: Path, records: list[EpisodeRecord], *, without: Container[int] = ()
+) -> tuple[RunFolder, PageVideos]:
+    """The folder of a run with what is no video beside its records, and what finds videos in it."""
+    run = sample_run()
+    folder = sample_folder(path, run, records)
+    for record in records:
+        video = folder.video(record.key)
+        video.parent.mkdir(parents=True, exist_ok=True)
+        if record.episode not in without:
+            video.write_bytes(b"video")
+    return folder, PageVideos(folder, run, folder.path, False)
+
+
 def test_poster_is_the_last_frame_and_goes_with_its_episode(tmp_path: Path) -> None:
     record = sample_record(SORT, 0, (5,))
-    run = sample_run()
-    folder = sample_folder(tmp_path, run, [record])
-    videos = PageVideos(folder, run, folder.path, False)
+    folder, videos = videos_of(tmp_path, [record], without=[0])
     assert videos.video(record) is None
-    path = folder.video(key(folder, SORT.id, 0))
-    path.parent.mkdir(parents=True)
-    write_video(SHADES, path, VP9, Fraction(15))
+    write_video(SHADES, folder.video(record.key), VP9, Fraction(15))
     assert videos.poster(record) == "videos/sort/mine.sim.none.default/00000.jpg"
-    with Image.open(folder.poster(key(folder, SORT.id, 0))) as poster:
+    with Image.open(folder.poster(record.key)) as poster:
         assert poster.size == (64, 48)
         assert abs(int(np.asarray(poster).mean()) - 248) < 8
     folder.discard(record.key)
     assert not list(tmp_path.glob("videos/*/*/*"))
 
 
-def test_what_is_no_video_has_no_poster(tmp_path: Path) -> None:
-    record = sample_record(SORT, 0, (5,))
-    run = sample_run()
-    folder = sample_folder(tmp_path, run, [record])
-    path = folder.video(key(folder, SORT.id, 0))
-    path.parent.mkdir(parents=True)
-    path.write_bytes(b"video")
-    assert PageVideos(folder, run, folder.path, False).poster(record) is None
-
-
-def test_one_video_is_shown_for_each_last_stage(tmp_path: Path) -> None:
+def test_one_video_is_shown_for_each_last_stage_and_what_is_none_has_no_poster(
+    tmp_path: Path,
+) -> None:
     reached = ((), (5,), (5,), (1, 2, 3), ())
     records = [sample_record(SORT, episode, each) for episode, each in enumerate(reached)]
-    run = sample_run()
-    folder = sample_folder(tmp_path, run, records)
-    for episode in (1, 2, 3, 4):
-        path = folder.video(key(folder, SORT.id, episode))
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(b"video")
-    featured = PageVideos(folder, run, folder.path, False).featured(task_result(SORT, records))
-    assert [record.episode for record in featured] == [4, 1, 3]
+    _, videos = videos_of(tmp_path, records, without=[0])
+    shown = videos.featured(task_result(SORT, records))
+    assert [record.episode for record in shown] == [4, 1, 3]
+    assert videos.poster(records[1]) is None

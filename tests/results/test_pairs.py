@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,39 +31,38 @@ def pair_of(*sources: str) -> Pair:
     return pair
 
 
-@pytest.fixture
-def good(tmp_path: Path) -> str:
-    return play(tmp_path / "good", GOOD, "good")
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return play(tmp_path_factory.mktemp("good"), GOOD, "good")
 
 
-def test_same_episodes_are_tested_in_pairs(good: str, tmp_path: Path) -> None:
-    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad"))
-    assert pair.paired
-    assert pair.left_out == 0
+@pytest.fixture(scope="module")
+def pair(good: str, tmp_path_factory: pytest.TempPathFactory) -> Pair:
+    """Both on the same episodes."""
+    return pair_of(good, play(tmp_path_factory.mktemp("bad"), BAD, "bad"))
+
+
+def test_same_episodes_are_tested_in_pairs(pair: Pair) -> None:
+    assert (pair.paired, pair.left_out) == (True, 0)
     sort = next(test for test in pair.tests if test.row.label == "Sort")
-    assert sort.only == (8, 1)
-    assert (sort.successes, sort.episodes) == ((9, 2), (11, 11))
-    assert sort.p == mcnemar(8, 1)
-    assert sort.interval == tango_interval(8, 1, 11)
+    assert (sort.only, sort.successes, sort.episodes) == ((8, 1), (9, 2), (11, 11))
+    assert (sort.p, sort.interval) == (mcnemar(8, 1), tango_interval(8, 1, 11))
     stages = [a - b for a, b in zip(GOOD["sort"], BAD["sort"], strict=True)]
     assert sort.progress_p == paired_permutation(stages)
     assert sort.progress == pytest.approx(sum(stages) / 11 / 3)
 
 
-def test_tasks_are_one_family_and_all_tasks_another(good: str, tmp_path: Path) -> None:
-    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad"))
+def test_tasks_are_one_family_and_all_tasks_another(pair: Pair) -> None:
     tasks = pair.of(RowKind.TASK)
     assert [test.adjusted for test in tasks] == holm([test.p for test in tasks])
     (overall,) = pair.of(RowKind.OVERALL)
     assert overall.only == (11, 2)
     assert overall.adjusted == overall.p == mcnemar(11, 2)
     (both,) = pair.of(RowKind.CATEGORY)
-    assert both.row.label == "bimanual manipulation"
-    assert both.only == (3, 1)
+    assert (both.row.label, both.only) == ("bimanual manipulation", (3, 1))
 
 
-def test_progress_of_tasks_with_other_numbers_of_stages_adds_up(good: str, tmp_path: Path) -> None:
-    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad"))
+def test_progress_of_tasks_with_other_numbers_of_stages_adds_up(pair: Pair) -> None:
     (overall,) = pair.of(RowKind.OVERALL)
     highest = {"sort": 3, "lift": 2, "turn": 1}
     gains = [
@@ -76,8 +76,7 @@ def test_other_episodes_are_two_samples(good: str, tmp_path: Path) -> None:
     pair = pair_of(good, play(tmp_path / "bad", BAD, "bad", first_episode=11))
     assert not pair.paired
     sort = next(test for test in pair.tests if test.row.label == "Sort")
-    assert sort.only is None
-    assert sort.more_episodes is None
+    assert (sort.only, sort.more_episodes) == (None, None)
     assert sort.p == barnard((9, 2), (11, 11))
     assert sort.interval == newcombe_interval((9, 2), (11, 11))
     assert sort.progress_p == permutation(GOOD["sort"], BAD["sort"])
@@ -87,42 +86,39 @@ def test_other_episodes_are_two_samples(good: str, tmp_path: Path) -> None:
 def test_samples_with_other_shares_of_tasks_are_not_pooled(good: str, tmp_path: Path) -> None:
     fewer = {**BAD, "sort": [1, 2]}
     pair = pair_of(good, play(tmp_path / "bad", fewer, "bad", first_episode=11))
-    assert len(pair.of(RowKind.TASK)) == 3
-    assert pair.of(RowKind.OVERALL) == ()
+    assert (len(pair.of(RowKind.TASK)), pair.of(RowKind.OVERALL)) == (3, ())
+
+
+def layout(y: float, **variants: str) -> dict[str, object]:
+    return {"poses": {"cube": [0.5, y, -0.0, 0.0, 0.0, 0.0, 1.0]}, "variants": variants}
 
 
 @pytest.mark.parametrize(
-    "changes",
+    ("changes", "paired", "conditions"),
     [
-        {"layout": {"poses": {"cube": [0.5, 0.2, 0.0, 0.0, 0.0, 0.0, 1.0]}, "variants": {}}},
-        {"layout": {"poses": {}, "variants": {"cup": "left"}}},
+        ({"layout": layout(0.2)}, False, ()),
+        ({"layout": {"poses": {}, "variants": {"cup": "left"}}}, False, ()),
+        ({"layout": layout(0.1, cup="left")}, False, ()),
+        ({"layout": layout(0.1 + 1e-12)}, True, ()),  # the last bit does not matter
+        (
+            {"config": replace(CONFIG, look="dark"), "look": "dark"},
+            True,
+            ("look default and dark",),
+        ),
     ],
 )
-def test_another_layout_is_another_episode(
-    good: str, tmp_path: Path, changes: dict[str, object]
+def test_episodes_are_the_same_where_their_layouts_are(
+    good: str, tmp_path: Path, changes: dict[str, Any], paired: bool, conditions: tuple[str, ...]
 ) -> None:
-    assert not pair_of(good, play(tmp_path / "bad", BAD, "bad", **changes)).paired
-
-
-def test_last_bit_of_a_layout_does_not_matter(good: str, tmp_path: Path) -> None:
-    poses = {"cube": [0.5, 0.1 + 1e-12, -0.0, 0.0, 0.0, 0.0, 1.0]}
-    layout = {"poses": poses, "variants": {}}
-    assert pair_of(good, play(tmp_path / "bad", BAD, "bad", layout=layout)).paired
-
-
-def test_another_look_stays_a_pair_and_is_said(good: str, tmp_path: Path) -> None:
-    config = replace(CONFIG, look="dark")
-    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad", config=config, look="dark"))
-    assert pair.paired
-    assert pair.conditions == ("look default and dark",)
+    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad", **changes))
+    assert (pair.paired, pair.conditions) == (paired, conditions)
 
 
 def test_only_shared_episodes_are_tested(good: str, tmp_path: Path) -> None:
     half = {task: stages[:6] for task, stages in BAD.items()}
     pair = pair_of(good, play(tmp_path / "bad", half, "bad", first_episode=5))
-    assert pair.paired
+    assert (pair.paired, pair.left_out) == (True, 15)
     assert {test.episodes for test in pair.of(RowKind.TASK)} == {(6, 6)}
-    assert pair.left_out == 15
 
 
 def test_tasks_of_one_run_are_shown_and_not_tested(good: str, tmp_path: Path) -> None:
@@ -149,11 +145,11 @@ def best(comparison: RunComparison) -> dict[str, list[str]]:
 
 
 def test_best_is_who_is_better_than_every_other_of_its_group(tmp_path: Path) -> None:
-    count = 12
-    every = play(tmp_path / "a", {"turn": [1] * count}, "every")
-    none = play(tmp_path / "b", {"turn": [0] * count}, "none")
-    nearly = play(tmp_path / "c", {"turn": [1] * (count - 1) + [0]}, "nearly")
-    told = play(tmp_path / "d", {"turn": [1] * count}, "told", object_state=True)
+    outcomes = {"every": [1] * 12, "none": [0] * 12, "nearly": [1] * 11 + [0], "told": [1] * 12}
+    every, none, nearly, told = (
+        play(tmp_path / name, {"turn": stages}, name, object_state=name == "told")
+        for name, stages in outcomes.items()
+    )
     assert best(compare([every, none])) == {"Turn": ["every"]}
     assert best(compare([every, none, nearly])) == {"Turn": []}
     assert best(compare([none, told])) == {"Turn": []}

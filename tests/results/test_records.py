@@ -14,6 +14,7 @@ from duobench.results.records import RECORD_SCHEMA, EpisodeRecord, pack_targets,
 from duobench.shifts.shift import Shift
 from tests.results.samples import LIFT, sample_record, sample_records, sample_run
 
+TEXT = encode(sample_record(), RECORD_SCHEMA)
 RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boom\n")]
 
 
@@ -25,16 +26,15 @@ def test_record_survives_its_file(record: EpisodeRecord, tmp_path: Path) -> None
 
 
 def test_text_has_a_field_a_line() -> None:
-    text = encode(sample_record(), RECORD_SCHEMA)
-    assert '\n  "stage_changes": [[10, 1], [20, 2], [30, 3]],\n' in text
-    assert json.loads(text)["schema"] == RECORD_SCHEMA
+    assert '\n  "stage_changes": [[10, 1], [20, 2], [30, 3]],\n' in TEXT
+    assert json.loads(TEXT)["schema"] == RECORD_SCHEMA
 
 
-@pytest.mark.parametrize(
-    ("step", "stage"), [(0, 0), (9, 0), (10, 1), (19, 1), (20, 2), (30, 3), (90, 3)]
-)
-def test_stage_after_a_step_is_the_last_one_reached(step: int, stage: int) -> None:
-    assert sample_record().stage_after(step) == stage
+def test_stage_after_a_step_is_the_last_one_reached() -> None:
+    record = sample_record()
+    stages = {step: record.stage_after(step) for step in (0, 9, 10, 19, 20, 30, 90)}
+    assert stages == {0: 0, 9: 0, 10: 1, 19: 1, 20: 2, 30: 3, 90: 3}
+    assert sample_record(LIFT, reached=(7,)).progress == 0.5
 
 
 def test_condition_has_a_readable_name_that_no_other_has() -> None:
@@ -49,10 +49,6 @@ def test_condition_has_a_readable_name_that_no_other_has() -> None:
     assert names[1] == "mine.sim.look-3.default"
     assert len(set(names)) == len(names)
     assert all(re.fullmatch(r"[A-Za-z0-9_-]*(\.[A-Za-z0-9_-]+){3}", name) for name in names)
-
-
-def test_progress_is_the_share_of_stages() -> None:
-    assert sample_record(LIFT, reached=(7,)).progress == 0.5
 
 
 @pytest.mark.parametrize(
@@ -81,27 +77,30 @@ def read_record(path: Path) -> EpisodeRecord:
     return read(path, EpisodeRecord, RECORD_SCHEMA)
 
 
-def broken_texts() -> dict[str, str]:
-    whole = encode(sample_record(), RECORD_SCHEMA)
-    document = json.loads(whole)
-    return {
-        "truncated": whole[: len(whole) // 2],
-        "empty": "",
-        "list": "[]",
-        "another schema": json.dumps({**document, "schema": 99}),
-        "missing field": json.dumps({k: v for k, v in document.items() if k != "seed"}),
-        "unknown field": json.dumps({**document, "colour": "red"}),
-        "contradiction": json.dumps({**document, "final_stage": 1}),
-        "odd changes": json.dumps({**document, "stage_changes": [[1, 2, 3]]}),
-        "blank error": json.dumps({**document, "error": " \n", "success": False}),
-        "nested": "[" * 100_000,
-    }
+DOCUMENT = json.loads(TEXT)
+BROKEN: dict[str, str | bytes] = {
+    "truncated": TEXT[: len(TEXT) // 2],
+    "empty": "",
+    "list": "[]",
+    "no text": b"\xff\xfe\x00",
+    "another schema": json.dumps({**DOCUMENT, "schema": 99}),
+    "missing field": json.dumps({k: v for k, v in DOCUMENT.items() if k != "seed"}),
+    "unknown field": json.dumps({**DOCUMENT, "colour": "red"}),
+    "contradiction": json.dumps({**DOCUMENT, "final_stage": 1}),
+    "odd changes": json.dumps({**DOCUMENT, "stage_changes": [[1, 2, 3]]}),
+    "blank error": json.dumps({**DOCUMENT, "error": " \n", "success": False}),
+    "nested": "[" * 100_000,
+}
 
 
-@pytest.mark.parametrize("kind", broken_texts())
+@pytest.mark.parametrize("kind", [*BROKEN, "folder"])
 def test_broken_file_is_named(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "00003.json"
-    path.write_text(broken_texts()[kind])
+    if kind == "folder":
+        path.mkdir()
+    else:
+        text = BROKEN[kind]
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(FileError, match=r"Cannot read .*00003\.json: "):
         read_record(path)
 
@@ -126,36 +125,17 @@ def test_wrong_type_is_refused_with_file_and_field(
     field: str, value: Any, found: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "00003.json"
-    path.write_text(
-        json.dumps({**json.loads(encode(sample_record(), RECORD_SCHEMA)), field: value})
-    )
+    path.write_text(json.dumps({**DOCUMENT, field: value}))
     with pytest.raises(FileError, match=rf"00003\.json: {re.escape(found)} - at `{field}"):
         read_record(path)
 
 
-def test_file_that_is_no_text_or_no_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "r.json").write_bytes(b"\xff\xfe\x00")
-    (tmp_path / "folder.json").mkdir()
-    for name in ("r.json", "folder.json"):
-        with pytest.raises(FileError, match=f"Cannot read .*{name}"):
-            read_record(tmp_path / name)
-
-
-SHAPE = (40, 16)
-
-
-@pytest.mark.parametrize("kind", [np.float32, np.float64])
-def test_targets_come_back_to_the_bit(kind: type) -> None:
-    sent = np.random.default_rng(0).standard_normal(SHAPE).astype(kind)
-    assert np.array_equal(unpack_targets(pack_targets(sent), len(sent)), sent)
-
-
-def test_float32_takes_half_the_room() -> None:
-    sent = np.random.default_rng(0).standard_normal(SHAPE)
-    assert len(pack_targets(sent.astype(np.float32))) < 0.6 * len(pack_targets(sent))
-
-
-def test_no_step_has_no_targets() -> None:
+def test_targets_come_back_to_the_bit_and_float32_takes_half_the_room() -> None:
+    double = np.random.default_rng(0).standard_normal((40, 16))
+    single = double.astype(np.float32)
+    for sent in (single, double, np.zeros((0, 16))):
+        assert np.array_equal(unpack_targets(pack_targets(sent), len(sent)), sent)
+    assert len(pack_targets(single)) < 0.6 * len(pack_targets(double))
     assert unpack_targets(pack_targets([]), 0).shape == (0, 16)
 
 

@@ -1,5 +1,6 @@
 import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -40,12 +41,8 @@ def test_interval_is_that_of_scipy(confidence: float) -> None:
         )
 
 
-def test_interval_of_perfect_scores_ends_exactly_at_the_score() -> None:
-    assert wilson_interval(0, 20)[0] == 0.0
-    assert wilson_interval(20, 20)[1] == 1.0
-
-
-def test_without_trials_nothing_is_known() -> None:
+def test_interval_ends_exactly_at_perfect_scores_and_knows_nothing_without_trials() -> None:
+    assert (wilson_interval(0, 20)[0], wilson_interval(20, 20)[1]) == (0.0, 1.0)
     assert wilson_interval(0, 0) == (0.0, 1.0)
 
 
@@ -58,52 +55,40 @@ def test_impossible_counts_are_refused(successes: int, trials: int, confidence: 
         wilson_interval(successes, trials, confidence)
 
 
-# --- examples that others have published ---------------------------------------------------------
-
-# Hyper-responsive airways of 21 children before and after a transplantation: 1 only before, 7 only
-# after. Test: Fagerland, Lydersen and Laake, "The McNemar test for binary matched-pairs data", BMC
-# Med. Res. Methodol. 13:91 (2013). Interval: the same, "Recommended tests and confidence intervals
-# for paired binomial proportions", Stat. Med. 33 (2014).
-CHILDREN = (1, 7, 21)
-# Heights of 15 pairs of maize plants in eighths of an inch, from Darwin: of the 2^15 assignments of
-# signs, 1726 have a sum as large. R. A. Fisher, "The Design of Experiments" (1935), section 21.
+# Heights of 15 pairs of maize plants in eighths of an inch, from Darwin.
 MAIZE = (49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48)
-# Examples (a) to (g) of method 10 in Newcombe (1998), Stat. Med. 17, table II.
-NEWCOMBE = [
-    ((56, 48), (70, 80), (0.0524, 0.3339)),
-    ((9, 3), (10, 10), (0.1705, 0.8090)),
-    ((6, 2), (7, 7), (0.0582, 0.8062)),
-    ((5, 0), (56, 29), (-0.0381, 0.1926)),
-    ((0, 0), (10, 20), (-0.1611, 0.2775)),
-    ((0, 0), (10, 10), (-0.2775, 0.2775)),
-    ((10, 0), (10, 20), (0.6791, 1.0000)),
-]
 
 
-def test_published_example_of_mcnemar_and_tango() -> None:
-    assert mcnemar(*CHILDREN[:2]) == pytest.approx(0.0703, abs=5e-5)
-    assert tango_interval(*CHILDREN) == pytest.approx((-0.517, -0.026), abs=5e-4)
-
-
-def test_published_example_of_the_paired_permutation_test() -> None:
-    assert paired_permutation(MAIZE) == pytest.approx(1726 / 2**15, rel=1e-12)
-
-
-@pytest.mark.parametrize(("successes", "episodes", "expected"), NEWCOMBE)
-def test_published_examples_of_the_hybrid_interval(
-    successes: tuple[int, int], episodes: tuple[int, int], expected: tuple[float, float]
+@pytest.mark.parametrize(
+    ("function", "args", "expected", "error"),
+    [
+        # Hyper-responsive airways of 21 children before and after a transplantation: 1 only before,
+        # 7 only after. Fagerland, Lydersen and Laake, "The McNemar test for binary matched-pairs
+        # data", BMC Med. Res. Methodol. 13:91 (2013), and their "Recommended tests and confidence
+        # intervals for paired binomial proportions", Stat. Med. 33 (2014).
+        (mcnemar, (1, 7), 0.0703, 5e-5),
+        (tango_interval, (1, 7, 21), (-0.517, -0.026), 5e-4),
+        # Of the 2^15 assignments of signs, 1726 have a sum as large. R. A. Fisher, "The Design of
+        # Experiments" (1935), section 21.
+        (paired_permutation, (MAIZE,), 1726 / 2**15, 5e-14),
+        # Examples (a) to (g) of method 10 in Newcombe (1998), Stat. Med. 17, table II.
+        (newcombe_interval, ((56, 48), (70, 80)), (0.0524, 0.3339), 5.1e-5),
+        (newcombe_interval, ((9, 3), (10, 10)), (0.1705, 0.8090), 5.1e-5),
+        (newcombe_interval, ((6, 2), (7, 7)), (0.0582, 0.8062), 5.1e-5),
+        (newcombe_interval, ((5, 0), (56, 29)), (-0.0381, 0.1926), 5.1e-5),
+        (newcombe_interval, ((0, 0), (10, 20)), (-0.1611, 0.2775), 5.1e-5),
+        (newcombe_interval, ((0, 0), (10, 10)), (-0.2775, 0.2775), 5.1e-5),
+        (newcombe_interval, ((10, 0), (10, 20)), (0.6791, 1.0000), 5.1e-5),
+        # A vaccine: Mehta and Senchaudhuri (2003), one-sided .0341, as in SciPy's documentation.
+        (barnard, ((7, 12), (15, 15)), 2 * 0.0341, 1e-4),
+        # Manual of G*Power 3.1, chapter 5: odds ratio .25, discordant .4, one-sided level .05.
+        (mcnemar_power, (50, 0.08, 0.32, 0.1), 0.839343, 5e-5),
+    ],
+)
+def test_published_example(
+    function: Callable[..., object], args: tuple[object, ...], expected: object, error: float
 ) -> None:
-    assert newcombe_interval(successes, episodes) == pytest.approx(expected, abs=5.1e-5)
-
-
-def test_published_example_of_barnards_test() -> None:
-    """A vaccine: Mehta and Senchaudhuri (2003), one-sided .0341, as in SciPy's documentation."""
-    assert barnard((7, 12), (15, 15)) == pytest.approx(2 * 0.0341, abs=1e-4)
-
-
-def test_published_example_of_the_power_of_mcnemar() -> None:
-    """Manual of G*Power 3.1, chapter 5: odds ratio .25, discordant .4, one-sided level .05."""
-    assert mcnemar_power(50, 0.08, 0.32, level=0.1) == pytest.approx(0.839343, abs=5e-5)
+    assert function(*args) == pytest.approx(expected, abs=error)
 
 
 # --- against SciPy, and against their own definition ---------------------------------------------

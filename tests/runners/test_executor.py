@@ -1,4 +1,7 @@
-"""Workers are real processes here, and really hang, die and leave helpers behind."""
+"""Workers are real processes here, and really hang, die and leave helpers behind.
+
+A policy is apart from the simulator, and is asked once before anything is played or written.
+"""
 
 import os
 import socket
@@ -8,17 +11,26 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import MachineryError, RenderingError, UnplayedError
+from duobench.errors import (
+    MachineryError,
+    OtherRunError,
+    PolicyError,
+    RenderingError,
+    UnplayedError,
+)
+from duobench.policy import Batching
 from duobench.results.journal import Ended
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
-from duobench.runners import process
-from duobench.runners import process_executor as executor
+from duobench.runners import executor, process
 from duobench.runners.process import Channel
 from duobench.runners.worker import EpisodeError, Report, Request
-from tests.evaluation import toy_tasks
-from tests.evaluation.conftest import Play, assert_same_episodes, compared
+from tests.evaluation import toy_batches, toy_tasks
+from tests.evaluation.conftest import assert_same_episodes, compared
 from tests.evaluation.processes import is_running, wait_until
+from tests.runners.test_batches import episodes, named
+
+WAVE = {"workers": 1, "episodes": 1, "tasks": find_tasks([toy_tasks.WAVE_NAME])}
 
 
 def marked(tmp_path: Path, kind: str) -> list[int]:
@@ -30,9 +42,7 @@ def assert_gone(pids: list[int]) -> None:
     wait_until(lambda: not any(map(is_running, pids)), "the end of the helpers")
 
 
-def test_dying_workers_are_replaced_and_their_episodes_played_again(
-    play: Play, reference: dict[str, bytes], tmp_path: Path
-) -> None:
+def test_dying_workers_are_replaced_and_their_episodes_played_again(play, reference, tmp_path):
     folder, results = play("DiesOnce", workers=2, episodes=1)
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 2)
@@ -42,8 +52,8 @@ def test_dying_workers_are_replaced_and_their_episodes_played_again(
 
 
 def test_episode_that_always_kills_its_process_is_set_aside_and_all_others_are_played(
-    play: Play, tmp_path: Path
-) -> None:
+    play, tmp_path
+):
     message = r"1 episode could not be played\. nod, episode 1: in each of 3 .*by SIGKILL\."
     with pytest.raises(UnplayedError, match=message):
         play("DiesInOne", workers=1, episodes=3)
@@ -59,40 +69,29 @@ def test_episode_that_always_kills_its_process_is_set_aside_and_all_others_are_p
     assert "It was not played: in each of 3 attempts" in reasons[1]
 
 
-def test_result_that_cannot_be_read_is_played_again(
-    play: Play, reference: dict[str, bytes]
-) -> None:
-    folder, results = play("SpoilsOnce", workers=1, episodes=1)
-    assert results.overall.errors == 0
-    assert_same_episodes(folder, reference, 2)
-
-
-@pytest.mark.parametrize("misbehaviour", ["answers_for_another", "answers_twice"])
-def test_result_that_nobody_asked_for_is_dropped(
-    play: Play,
-    reference: dict[str, bytes],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    misbehaviour: str,
-) -> None:
+@pytest.mark.parametrize(
+    ("policy", "misbehaviour"),
+    [("SpoilsOnce", ""), ("random", "answers_for_another"), ("random", "answers_twice")],
+)
+def test_result_that_nobody_asked_for_or_can_read_is_dropped(
+    play, reference, tmp_path, monkeypatch, policy, misbehaviour
+):
     monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, misbehaviour)
-    folder, results = play("random", workers=1, episodes=2)
+    folder, results = play(policy, workers=1, episodes=2)
     assert list((tmp_path / "marks").iterdir())
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 4)
     assert sum(isinstance(entry, Ended) for entry in folder.entries()) == 4
 
 
-def test_policy_that_spoils_its_clock_fails_its_episode_alone(play: Play) -> None:
+def test_policy_that_spoils_its_clock_fails_its_episode_alone(play):
     _, results = play("SpoilsClock", workers=1, episodes=2, tasks=find_tasks([toy_tasks.NOD_NAME]))
     for record in results.tasks[0].records:
         assert record.reason.startswith("PolicyTimeoutError")
         assert 0 <= record.steps <= record.horizon
 
 
-def test_time_to_read_a_message_grows_with_its_length_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_time_to_read_a_message_grows_with_its_length_alone(monkeypatch):
     """Eight times as long takes eight times as long, on any machine; were all looked through again
     with each piece that comes, it would be up to sixty-four times.
     """
@@ -119,19 +118,8 @@ def reading_time(length: int) -> float:
     return time.process_time() - start
 
 
-def test_workers_that_cannot_start_end_the_run(play: Play) -> None:
-    with pytest.raises(MachineryError, match=r"3 workers in a row.*ended by SIGKILL"):
-        play("dies_when_made", workers=1)
-
-
-def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> None:
-    _, results = play(
-        "Hangs",
-        workers=1,
-        episodes=2,
-        tasks=find_tasks([toy_tasks.WAVE_NAME]),
-        limits=TimeLimits(act_timeout=3.0),
-    )
+def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play):
+    _, results = play("Hangs", **WAVE | {"episodes": 2, "limits": TimeLimits(act_timeout=3.0)})
     first, second = results.tasks[0].records
     assert first.error == (
         "PolicyTimeoutError: The policy did not answer within 3 s, its limit for one reset or act."
@@ -142,16 +130,10 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play: Play) -> 
 
 
 @pytest.mark.parametrize("limits", [{"act_timeout": 3.0}, {"episode_timeout": 3.0}])
-def test_stopped_policy_keeps_what_its_episode_had_reached(
-    play: Play, limits: dict[str, float]
-) -> None:
-    asked = {
-        "tasks": find_tasks([toy_tasks.WAVE_NAME]),
-        "episodes": 1,
-        "limits": TimeLimits(**limits),
-    }
-    alone, _ = play("Tires", "alone", **asked)
-    folder, results = play("Tires", workers=1, **asked)
+def test_stopped_policy_keeps_what_its_episode_had_reached(play, limits):
+    asked = WAVE | {"limits": TimeLimits(**limits)}
+    alone, _ = play("Tires", "alone", **asked | {"workers": 0})
+    folder, results = play("Tires", **asked)
     ((record,),) = [one.records for one in results.tasks]
     assert record.reason.startswith("PolicyTimeoutError")
     assert [stage for _, stage in record.stage_changes] == [1, 2]
@@ -159,15 +141,13 @@ def test_stopped_policy_keeps_what_its_episode_had_reached(
     assert compared(folder) == compared(alone)
 
 
-def test_what_looks_like_an_interrupt_of_a_policy_is_its_error(play: Play) -> None:
+def test_what_looks_like_an_interrupt_of_a_policy_is_its_error(play):
     _, results = play("Interrupts", workers=1, episodes=1)
     assert [one.records[0].reason for one in results.tasks] == ["KeyboardInterrupt"] * 2
 
 
-def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
-    play: Play, tmp_path: Path
-) -> None:
-    play("HasHelpers", workers=1, episodes=1, tasks=find_tasks([toy_tasks.WAVE_NAME]))
+def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(play, tmp_path):
+    play("HasHelpers", **WAVE)
     (policy,) = marked(tmp_path, "policy")
     helpers = marked(tmp_path, "helper")
     assert policy != os.getpid()
@@ -177,9 +157,7 @@ def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(
-    play: Play, monkeypatch: pytest.MonkeyPatch, workers: int
-) -> None:
+def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(play, monkeypatch, workers):
     if workers:
         monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, "has_no_graphics")
     else:
@@ -190,19 +168,93 @@ def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(
 
 
 @pytest.mark.parametrize("workers", [0, 1])
-def test_policy_that_needs_images_where_nothing_renders_ends_the_run(
-    play: Play, monkeypatch: pytest.MonkeyPatch, workers: int
-) -> None:
+def test_policy_that_needs_images_where_nothing_renders_ends_the_run(play, monkeypatch, workers):
     monkeypatch.setenv("MUJOCO_GL", "off")
     with pytest.raises(RenderingError, match="switched off by MUJOCO_GL=off"):
         play("Sees", workers=workers, episodes=1)
 
 
-def test_simulation_that_does_not_come_back_is_played_again(
-    play: Play, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_simulation_that_does_not_come_back_is_played_again(play, monkeypatch):
     monkeypatch.setattr(executor, "GRACE_S", 1.0)
     tasks = find_tasks([f"{toy_tasks.__name__}:STUCK"])
     limits = TimeLimits(episode_timeout=5.0)
     _, results = play("hold", workers=1, episodes=1, tasks=tasks, limits=limits)
     assert (results.overall.episodes, results.overall.errors) == (1, 0)
+
+
+# --- the policy is apart, and asked in advance ---------------------------------------------------
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_policy_that_searches_its_process_finds_no_simulator(play, reference, workers):
+    folder, results = play("Searches", workers=workers)
+    assert results.overall.errors == 0
+    assert_same_episodes(folder, reference, 8)
+
+
+def test_batch_policy_that_searches_its_process_finds_no_simulator(play):
+    runs = [
+        play(named(policy, Batching(size=2)), policy.__name__, workers=2, episodes=2)
+        for policy in (toy_batches.Searches, toy_batches.Wanders)
+    ]
+    assert [results.overall.errors for _, results in runs] == [0, 0]
+    searched, plain = (episodes(folder) for folder, _ in runs)
+    assert searched == plain
+
+
+@pytest.mark.parametrize(
+    ("policy", "workers", "error", "message"),
+    [
+        ("Searches", 0, PolicyError, "does not answer .*first observation.*RuntimeError: found"),
+        ("IsTooWide", 0, PolicyError, "does not answer .*first observation.*17"),
+        ("IsTooWide", 1, PolicyError, "does not answer .*first observation.*17"),
+        ("DiesAtOnce", 1, PolicyError, "does not answer .*first observation.*process ended"),
+        ("dies_when_made", 1, MachineryError, "3 workers in a row.*ended by SIGKILL"),
+    ],
+)
+def test_policy_that_cannot_answer_is_refused_before_anything_is_written(
+    play, tmp_path, policy, workers, error, message
+):
+    with pytest.raises(error, match=f"(?s){message}"):
+        play(policy, workers=workers)
+    assert not (tmp_path / "run" / "run.json").exists()
+
+
+def test_run_of_nothing_but_errors_gives_way_to_a_changed_policy(play, reference):
+    _, results = play("RaisesInTheSecondAnswer", workers=1)
+    assert results.overall.errors == results.overall.episodes == 8
+    folder, results = play("random")
+    assert results.overall.errors == 0
+    assert compared(folder) == reference
+
+
+def test_run_with_one_good_episode_is_kept_unless_it_is_begun_anew(play, reference):
+    folder, _ = play("BreaksOnce")
+    stranger = folder.path / "notes.txt"
+    stranger.write_text("mine")
+    with pytest.raises(OtherRunError, match="another evaluation"):
+        play("random")
+    again, _ = play("random", fresh=True)
+    assert stranger.read_text() == "mine"
+    stranger.unlink()
+    assert compared(again) == reference
+
+
+def test_nothing_is_removed_where_there_is_no_run(play, tmp_path):
+    mine = tmp_path / "run" / "records" / "wave" / "00000.json"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    with pytest.raises(OtherRunError, match="holds no evaluation"):
+        play("random", fresh=True)
+    assert mine.read_text() == "mine"
+
+
+def test_time_of_the_policy_is_known_apart_from_waiting_for_it(play):
+    folder, results = play("Dawdles", workers=1, episodes=1)
+    times = [entry.times for entry in folder.entries() if isinstance(entry, Ended)]
+    assert len(times) == 2
+    for each in times:
+        assert each is not None
+        assert each.policy >= 0.1 * (toy_tasks.HORIZON - 1)
+        assert each.waiting > 0
+    assert results.overall.errors == 0

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,7 +23,7 @@ import sys
 from pathlib import Path
 from rich.console import Console
 from duobench.results.folder import RunFolder
-from duobench.cli.shared.table import results_table
+from duobench.cli.shared.console import results_table
 from duobench.results.report import read_parts
 from duobench.runners.evaluate import evaluate
 from tests.evaluation.conftest import small_suite
@@ -34,13 +35,10 @@ Console(width=130).print(results_table(read_parts(folder)[0]))
 EPISODES = 4
 
 
-def start(
-    script: Path, folder: Path, workers: int, policy: str = "random"
-) -> subprocess.Popen[str]:
-    source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
+def start(script: Path, folder: Path, workers: int, policy: str = "random") -> Any:
     return subprocess.Popen(
         [sys.executable, str(script), str(folder), str(workers), policy],
-        env={**os.environ, "PYTHONPATH": source},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -54,7 +52,7 @@ def script(tmp_path: Path) -> Path:
     return path
 
 
-def test_killed_run_goes_on_to_the_same_table(script: Path, tmp_path: Path) -> None:
+def test_killed_run_goes_on_to_the_same_table(script, tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     with start(script, whole, 0) as process:
         expected, complaint = process.communicate()
@@ -79,14 +77,11 @@ def test_killed_run_goes_on_to_the_same_table(script: Path, tmp_path: Path) -> N
     assert "All tasks" in table
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert compared(RunFolder(killed)) == compared(RunFolder(whole))
-    names = [
-        sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
-        for folder in (whole, killed)
-    ]
+    names = [{path.relative_to(one) for path in one.rglob("*")} for one in (whole, killed)]
     assert names[0] == names[1]
 
 
-def test_interrupted_run_stops_and_keeps_what_is_finished(script: Path, tmp_path: Path) -> None:
+def test_interrupted_run_stops_and_keeps_what_is_finished(script, tmp_path):
     folder = tmp_path / "run"
     with start(script, folder, 2) as process:
         records = folder / "records"
@@ -101,9 +96,7 @@ def test_interrupted_run_stops_and_keeps_what_is_finished(script: Path, tmp_path
     assert run_folder.read_records(run_folder.read_run())
 
 
-def test_helpers_of_a_policy_end_with_a_killed_run(
-    script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_helpers_of_a_policy_end_with_a_killed_run(script, tmp_path, monkeypatch):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
     with start(script, tmp_path / "run", 1, f"{toy_tasks.__name__}:HasHelpers") as process:
         wait_until(lambda: len(list(tmp_path.glob("helper-*"))) == 3, "the helpers")
@@ -113,7 +106,7 @@ def test_helpers_of_a_policy_end_with_a_killed_run(
     wait_until(lambda: not any(map(is_running, helpers)), "the end of the helpers")
 
 
-def test_results_are_the_same_after_ten_kills(tmp_path: Path) -> None:
+def test_results_are_the_same_after_ten_kills(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
     counts = sum((counts for _, counts in disturb(tmp_path, 10, 1, port)), Counter[str]())

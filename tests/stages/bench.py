@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from duobench.sim.simulation import Simulation
 from duobench.stages.logic import Predicate
 from duobench.stages.progress import Progress, Stage
 
 
 class Bench:
-    """Facts that a test switches on and off, and the progress of stages made of them."""
+    """Facts that a test switches on and off, one letter each; a step is the facts that hold."""
 
     def __init__(self, sim: Simulation) -> None:
         self.sim = sim
@@ -30,9 +32,17 @@ class Bench:
         return progress
 
     def play(self, progress: Progress, *steps: str) -> list[int]:
-        """Stage after each step; a step is the facts that hold, one letter each."""
+        """Stage after each step."""
         stages = []
         for step in steps:
             self.true = set(step)
             stages.append(progress.update(self.sim))
         return stages
+
+    def answers(self, question: Predicate, steps: Iterable[str]) -> list[bool]:
+        """Whether a predicate holds at each step of an episode."""
+        progress, answers = self.begin(question), []
+        for step in steps:
+            self.play(progress, step)
+            answers.append(progress.final_holds)
+        return answers

@@ -1,6 +1,5 @@
 """Carrying with both arms as sequences of moments, each of which two arms really brought about."""
 
-import numpy as np
 import pytest
 
 from duobench.experts.handling import carry
@@ -10,13 +9,11 @@ from duobench.objects.pot import HEIGHT, PLATE, RADIUS
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.coordination import HOP_HEIGHT, TIP_SECONDS, carriage
-from duobench.stages.logic import Predicate
 from duobench.stages.placing import PUT_HEIGHT
 from duobench.stages.predicates import FLICKER_SECONDS, BoxRegion, inside
-from duobench.stages.progress import Progress, Stage
 from duobench.tasks.carry_pot import HANDLES, LIFT, TASK
 from duobench.types import CONTROL_HZ, SIDES, DuoCommand, Side
-from tests.task_harness import TaskHarness, take_away
+from tests.task_harness import Moments, TaskHarness, take_away
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 STOVE = SE3.at(0.5, 0.3)
@@ -24,13 +21,6 @@ LAYOUT = Layout(poses={"pot": SE3.at(0.5, -0.05, HEIGHT / 2), "stove": STOVE})
 PLACE = inside("pot", BoxRegion(body="stove", low=(-0.1, -0.1, 0.0), high=(0.1, 0.1, 0.2)))
 CARRIAGE = carriage("pot", HANDLES, "stove", place=PLACE, top=PLATE[2], height=LIFT)
 FLICKER, TIP = (round(seconds * CONTROL_HZ) for seconds in (FLICKER_SECONDS, TIP_SECONDS))
-
-Moments = dict[str, np.ndarray]
-
-
-@pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
 
 
 def push(arms: Arms) -> Script:
@@ -54,21 +44,19 @@ def rise(arms: Arms, height: float) -> Script:
 
 
 @pytest.fixture(scope="module")
-def moments(bench: TaskHarness) -> Moments:
+def moments() -> Moments:
     """States by letter: on the (t)able, (c)arried by both, in the air in the (l)eft hand alone or
     in (n)o hand, in both hands against the stove's (s)ide, on the stove in (b)oth hands or (f)ree,
     a (j)olt there that takes one pad of each hand off its handle, (h)opping above the stove, just
     (u)p from it again in both hands; and so little above the stove that it is put down when it is
     let go, in (m)any hands or in (o)ne, or just too (w)ide above it.
     """
-    saved: Moments = {}
-
-    def keep(letter: str) -> None:
-        saved[letter] = bench.sim.get_state()
+    moments = Moments(TaskHarness(TASK), LAYOUT)
+    bench, keep = moments.bench, moments.keep
 
     def without(*sides: Side) -> None:
         """Open grippers, until they no longer touch the pot, from how it is carried."""
-        bench.sim.set_state(saved["c"])
+        moments.at("c")
         command = bench.sim.duo.command()
         openings = command.openings.copy()
         openings[[side.index for side in sides]] = 0.5
@@ -86,10 +74,6 @@ def moments(bench: TaskHarness) -> Moments:
         yield from land(arms)
         keep("b")
         landed = arms.sim.pose("pot")
-        bench.sim.place("pot", landed.moved(y=0.0008))
-        bench.sim.forward()
-        keep("j")
-        bench.sim.set_state(saved["b"])
         yield from rise(arms, 0.8 * PUT_HEIGHT)
         keep("m")
         yield from rise(arms, PUT_HEIGHT + 0.6 * HOP_HEIGHT)
@@ -99,50 +83,35 @@ def moments(bench: TaskHarness) -> Moments:
         yield from carry(arms, "pot", landed, speed=0.1)
         yield from let_go(arms)
         keep("f")
-        bench.sim.place("pot", landed.moved(z=PUT_HEIGHT - 0.002))
-        bench.sim.forward()
-        keep("h")
 
-    bench.start(layout=LAYOUT)
+    moments.start()
     bench.act(whole_way)
+    landed = moments.at("b").pose("pot")
+    moments.edit("j", "b", lambda sim: sim.place("pot", landed.moved(y=0.0008)))
+    moments.edit("h", "f", lambda sim: sim.place("pot", landed.moved(z=PUT_HEIGHT - 0.002)))
     without(RIGHT)
     keep("l")
     without(LEFT, RIGHT)
     keep("n")
-    bench.sim.set_state(saved["m"])
-    take_away(bench.sim, RIGHT, saved["t"])
+    take_away(moments.at("m"), RIGHT, moments.states["t"])
     bench.sim.data.qvel[:] = 0.0
     bench.sim.forward()
     keep("o")
-    return saved
+    return moments
 
 
-def ask(bench: TaskHarness, moments: Moments, letters: str, question: Predicate) -> bool:
-    """Whether a predicate holds at the end of a sequence of moments."""
-    bench.sim.set_state(moments["t"])
-    progress = Progress((Stage(name="asked", instruction="Do it.", holds=question),))
-    progress.reset(bench.sim, {})
-    for letter in letters:
-        bench.sim.set_state(moments[letter])
-        progress.update(bench.sim)
-    return progress.final_holds
-
-
-def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Moments) -> None:
+def test_the_moments_are_what_they_are_called(moments: Moments) -> None:
     hands = {**dict.fromkeys("csbumw", SIDES), **dict.fromkeys("lo", (LEFT,))}
     supports = {"t": {"table"}, **{key: {"stove"} for key in "sbjf"}}
-    for letter, state in moments.items():
-        bench.sim.set_state(state)
-        contacts = bench.sim.contacts
+    for letter in moments.states:
+        contacts = moments.at(letter).contacts
         for side, handle in zip(SIDES, HANDLES, strict=True):
             assert contacts.grasped(side, handle) == (side in hands.get(letter, ())), letter
         assert contacts.partners("pot") == supports.get(letter, set()), letter
     for letter, least, most in (("u", 1, 2), ("w", 1, 1.25), ("m", 0, 1), ("o", 0, 1), ("h", 0, 1)):
-        bench.sim.set_state(moments[letter])
-        above = bench.sim.min_height("pot") - PLATE[2]
+        above = moments.at(letter).min_height("pot") - PLATE[2]
         assert least * PUT_HEIGHT < above < most * PUT_HEIGHT, letter
-    bench.sim.set_state(moments["s"])
-    assert 0.005 < bench.sim.min_height("pot") < PLATE[2] - 0.005
+    assert 0.005 < moments.at("s").min_height("pot") < PLATE[2] - 0.005
 
 
 @pytest.mark.parametrize(
@@ -192,12 +161,10 @@ def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Momen
         ("tcbtbf", False),
     ],
 )
-def test_what_was_put_down(
-    bench: TaskHarness, moments: Moments, letters: str, counts: bool
-) -> None:
-    assert ask(bench, moments, letters, CARRIAGE.put_down) == counts
+def test_what_was_put_down(moments: Moments, letters: str, counts: bool) -> None:
+    assert moments.answer(letters, CARRIAGE.put_down) == counts
 
 
 @pytest.mark.parametrize("letter", "tclnsbjufhmo")
-def test_what_is_carried(bench: TaskHarness, moments: Moments, letter: str) -> None:
-    assert ask(bench, moments, letter, CARRIAGE.carried) == (letter in "cu")
+def test_what_is_carried(moments: Moments, letter: str) -> None:
+    assert moments.answer(letter, CARRIAGE.carried) == (letter in "cu")

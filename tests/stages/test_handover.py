@@ -17,9 +17,8 @@ from duobench.stages.passage import Passage
 from duobench.stages.predicates import touching
 from duobench.tasks.transfer_cube import TASK
 from duobench.types import Side
-from tests.predicate_probe import PredicateProbe
 from tests.steps import bring, drop, meet
-from tests.task_harness import TaskHarness
+from tests.task_harness import Moments, TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 LAYOUT = Layout(
@@ -30,23 +29,14 @@ LAYOUT = Layout(
 )
 LOW_IN_BOWL = np.array([0.55, 0.15, 0.033])
 
-Moments = dict[str, np.ndarray]
-
 
 @pytest.fixture(scope="module")
-def bench() -> TaskHarness:
-    return TaskHarness(TASK)
-
-
-@pytest.fixture(scope="module")
-def moments(bench: TaskHarness) -> Moments:
+def moments() -> Moments:
     """States by letter: on the (t)able, held by (r)ight, (b)oth, (l)eft alone, by left against the
     bowl (i), in the bowl and (f)ree, in the air and held by (n)obody.
     """
-    saved: Moments = {}
-
-    def keep(letter: str) -> None:
-        saved[letter] = bench.sim.get_state()
+    moments = Moments(TaskHarness(TASK), LAYOUT)
+    keep = moments.keep
 
     def whole_way(arms: Arms) -> Script:
         keep("t")
@@ -60,55 +50,29 @@ def moments(bench: TaskHarness) -> Moments:
         keep("i")
         yield from drop(arms, LEFT)
         keep("f")
-        bench.sim.place("cube", SE3.at(0.9, 0.0, 0.3))
-        bench.sim.forward()
-        keep("n")
 
-    bench.start(layout=LAYOUT)
-    bench.act(whole_way)
-    return saved
+    moments.start()
+    moments.bench.act(whole_way)
+    moments.edit("n", "f", lambda sim: sim.place("cube", SE3.at(0.9, 0.0, 0.3)))
+    return moments
 
 
-def answer(
-    bench: TaskHarness,
-    moments: Moments,
-    letters: str,
-    question: Predicate,
-    move: Callable[[int], object] = int,
-) -> bool:
-    """Whether a predicate holds at the end of a sequence of moments, before each of which something
-    may move.
-    """
-    bench.start(layout=LAYOUT)
-    lowest = {"cube": bench.sim.min_height("cube")}
-    probe = PredicateProbe(question)
-    yes = False
-    for number, letter in enumerate(letters):
-        move(number)
-        bench.sim.set_state(moments[letter])
-        yes = probe.ask(bench.sim, lowest)
-    return yes
+def receivers(
+    moments: Moments, letters: str, *, before: Callable[[int], None] | None = None, **way: Passage
+) -> list[Side]:
+    received = handover("cube", "bowl", **way).received
+    return [side for side, word in received.items() if moments.answer(letters, word, before)]
 
 
-def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Moments) -> None:
-    hands = {
-        "t": (),
-        "r": (RIGHT,),
-        "b": (LEFT, RIGHT),
-        "l": (LEFT,),
-        "i": (LEFT,),
-        "f": (),
-        "n": (),
-    }
-    supports = {"t": "table", "i": "bowl", "f": "bowl"}
-    for letter, state in moments.items():
-        bench.sim.set_state(state)
-        contacts = bench.sim.contacts
-        for side in Side:
-            assert contacts.grasped(side, "cube") == (side in hands[letter]), letter
-        for support in ("table", "bowl"):
-            touches = contacts.between("cube", support)
-            assert touches == (supports.get(letter) == support), letter
+def test_the_moments_are_what_they_are_called(moments: Moments) -> None:
+    hands = {"r": {RIGHT}, "b": {LEFT, RIGHT}, "l": {LEFT}, "i": {LEFT}}
+    supports = {"t": {"table"}, "i": {"bowl"}, "f": {"bowl"}}
+    for letter in moments.states:
+        contacts = moments.at(letter).contacts
+        grasping = {side for side in Side if contacts.grasped(side, "cube")}
+        touching = {other for other in ("table", "bowl") if contacts.between("cube", other)}
+        assert grasping == hands.get(letter, set()), letter
+        assert touching == supports.get(letter, set()), letter
 
 
 @pytest.mark.parametrize(
@@ -140,28 +104,22 @@ def test_the_moments_are_what_they_are_called(bench: TaskHarness, moments: Momen
         ("trbt" * 9 + "l", None),
     ],
 )
-def test_who_received(
-    bench: TaskHarness, moments: Moments, letters: str, receiver: Side | None
-) -> None:
-    received = handover("cube", "bowl").received
-    assert [s for s, p in received.items() if answer(bench, moments, letters, p)] == (
-        [receiver] if receiver else []
-    )
+def test_who_received(moments: Moments, letters: str, receiver: Side | None) -> None:
+    assert receivers(moments, letters) == ([receiver] if receiver else [])
 
 
 def test_why_both_did_not_hold_it_is_told_of_the_step_at_which_both_had_it(
-    bench: TaskHarness, moments: Moments
+    moments: Moments,
 ) -> None:
-    bench.sim.set_state(moments["b"])
-    at = bench.sim.position("cube")
-    bench.sim.place("bowl", SE3.at(*at[:2], at[2] - 0.03))
-    bench.sim.forward()
-    leaning = bench.sim.get_state()
-    bench.start(layout=LAYOUT)
+    x, y, z = moments.at("b").position("cube")
+    moments.edit("leaning", "b", lambda sim: sim.place("bowl", SE3.at(x, y, z - 0.03)))
+    moments.start()
+    bench = moments.bench
     bench.progress.explain()
-    for state in (moments["t"], moments["r"], leaning, moments["r"]):
-        bench.sim.set_state(state)
+    for letter in ("t", "r", "leaning", "r"):
+        moments.at(letter)
         bench.judge()
+    del moments.states["leaning"]
     assert bench.stage == 1
     assert bench.progress.unmet == ("when both arms last grasped cube: cube touches bowl",)
 
@@ -199,15 +157,14 @@ def ring(where: dict[str, str]) -> Passage:
     ],
 )
 def test_who_received_on_the_way(
-    bench: TaskHarness, moments: Moments, letters: str, places: str, receiver: Side | None
+    moments: Moments, letters: str, places: str, receiver: Side | None
 ) -> None:
     where = {"place": ""}
-    received = handover("cube", "bowl", way=ring(where)).received
 
     def go(step: int) -> None:
         where["place"] = places[step]
 
-    assert [s for s, p in received.items() if answer(bench, moments, letters, p, go)] == (
+    assert receivers(moments, letters, before=go, way=ring(where)) == (
         [receiver] if receiver else []
     )
 
@@ -246,7 +203,5 @@ ANYWHERE = IN_BOWL | ~IN_BOWL
         (ANYWHERE, "trblibf", False),  # and by the other arm
     ],
 )
-def test_what_was_put_there(
-    bench: TaskHarness, moments: Moments, place: Predicate, letters: str, put: bool
-) -> None:
-    assert answer(bench, moments, letters, handover("cube", "bowl").put(place)) == put
+def test_what_was_put_there(moments: Moments, place: Predicate, letters: str, put: bool) -> None:
+    assert moments.answer(letters, handover("cube", "bowl").put(place)) == put

@@ -4,26 +4,10 @@ import itertools
 
 import pytest
 
-from duobench.stages.logic import Predicate, held_for, since
-from tests.predicate_probe import PredicateProbe
+from duobench.stages.logic import held_for, since
+from tests.stages.bench import Bench
 
 STEPS = 5
-
-
-class Sequence:
-    """Questions about one step of a sequence after another; a step is the letters that hold."""
-
-    def __init__(self) -> None:
-        self.now = ""
-
-    def letter(self, letter: str) -> Predicate:
-        return Predicate(letter, lambda _moment: letter in self.now)
-
-    def ask(self, steps: tuple[str, ...], question: Predicate) -> list[bool]:
-        probe, answers = PredicateProbe(question), []
-        for self.now in steps:
-            answers.append(probe.ask())
-        return answers
 
 
 def remembered(past: tuple[str, ...], event: str, until: str) -> bool:
@@ -35,25 +19,23 @@ def remembered(past: tuple[str, ...], event: str, until: str) -> bool:
 
 
 @pytest.mark.parametrize("first", ["", "p", "q", "pq"])
-def test_ever_until_is_of_earlier_steps_and_forgets(first: str) -> None:
-    sequence = Sequence()
-    question = since(sequence.letter("p"), reset=sequence.letter("q"))
+def test_ever_until_is_of_earlier_steps_and_forgets(bench: Bench, first: str) -> None:
+    question = since(bench.fact("p"), reset=bench.fact("q"))
     for rest in itertools.product(["", "p", "q", "pq"], repeat=STEPS - 1):
         steps = (first, *rest)
         expected = [remembered(steps[:now], "p", "q") for now in range(STEPS)]
-        assert sequence.ask(steps, question) == expected, steps
+        assert bench.answers(question, steps) == expected, steps
 
 
-def test_each_until_the_other_tells_who_was_last() -> None:
-    sequence = Sequence()
-    left, right = sequence.letter("l"), sequence.letter("r")
+def test_each_until_the_other_tells_who_was_last(bench: Bench) -> None:
+    left, right = bench.fact("l"), bench.fact("r")
     lasts = {"l": since(left, reset=right), "r": since(right, reset=left)}
     for letters in itertools.product("lr-", repeat=STEPS):
         for letter, last in lasts.items():
             expected = [
                 "".join(letters[:now]).replace("-", "")[-1:] == letter for now in range(STEPS)
             ]
-            assert sequence.ask(letters, last) == expected, letters
+            assert bench.answers(last, letters) == expected, letters
 
 
 @pytest.mark.parametrize(
@@ -61,26 +43,28 @@ def test_each_until_the_other_tells_who_was_last() -> None:
     [("prx", 1), ("prqx", 0), ("prqprx", 1), ("prpqx", 0), ("pqrx", 0), ("rpx", 0), ("qprx", 1)],
 )
 def test_what_is_forgotten_is_forgotten_inside_other_memories_too(
-    steps: str, expected: int
+    bench: Bench, steps: str, expected: int
 ) -> None:
     """r after p, and no q since p, nor since r."""
-    sequence = Sequence()
-    p, q, r, x = map(sequence.letter, "pqrx")
+    p, q, r, x = map(bench.fact, "pqrx")
     question = x & since(r & since(p, reset=q), reset=q)
-    assert sequence.ask(tuple(steps), question)[-1] == bool(expected)
+    assert bench.answers(question, steps)[-1] == bool(expected)
 
 
-def test_a_memory_with_and_one_without_an_end_are_two() -> None:
-    sequence = Sequence()
-    p, q = sequence.letter("p"), sequence.letter("q")
-    question = since(p) & ~since(p, reset=q)
-    assert sequence.ask(("p", "", "q", ""), question) == [False, False, False, True]
+def test_a_memory_with_and_one_without_an_end_are_two(bench: Bench) -> None:
+    p, q = bench.fact("p"), bench.fact("q")
+    assert bench.answers(since(p) & ~since(p, reset=q), ("p", "", "q", "")) == [0, 0, 0, 1]
 
 
-def test_time_is_summed_up_over_breaks_until_it_is_reset() -> None:
-    sequence = Sequence()
-    a, r = sequence.letter("a"), sequence.letter("r")
-    question = held_for(a, 0.1, reset=r)
-    assert sequence.ask(("a", "", "a", "", "a", ""), question) == [False] * 4 + [True] * 2
-    assert sequence.ask(("a", "a", "r", "a", "a", "a"), question) == [False] * 5 + [True]
-    assert sequence.ask(("ar", "a", "a", "a"), question) == [False] * 3 + [True], "not that step"
+@pytest.mark.parametrize(
+    ("steps", "expected"),
+    [
+        (("a", "", "a", "", "a", ""), [0, 0, 0, 0, 1, 1]),
+        (("a", "a", "r", "a", "a", "a"), [0, 0, 0, 0, 0, 1]),
+        (("ar", "a", "a", "a"), [0, 0, 0, 1]),  # not that step
+    ],
+)
+def test_time_is_summed_up_over_breaks_until_it_is_reset(
+    bench: Bench, steps: tuple[str, ...], expected: list[int]
+) -> None:
+    assert bench.answers(held_for(bench.fact("a"), 0.1, reset=bench.fact("r")), steps) == expected

@@ -11,7 +11,6 @@ from duobench.stages.logic import Predicate
 from duobench.stages.passage import EXIT_DEPTH, Hole, passage
 from tests.predicate_probe import PredicateProbe
 
-RADIUS, RIM = 0.10, 0.115
 LENGTH = 0.096
 GATE = SE3.at(0.4, 0.1, yaw=0.5)
 PLACES = {
@@ -26,11 +25,36 @@ PLACES = {
 }
 
 
+HOLE = Hole(body="gate", height=RING_HEIGHT, radius=0.10, rim=0.115)
+
+
 @pytest.fixture(scope="module")
 def sim() -> Simulation:
-    return Simulation(
+    sim = Simulation(
         (Prop(name="cube", solid=cube(WHITE)), Prop(name="gate", solid=gate(), fixed=True))
     )
+    sim.place("gate", GATE)
+    return sim
+
+
+def put(sim: Simulation, x: float, y: float, z: float) -> None:
+    """Place the cube, from the middle of the ring."""
+    sim.place("cube", GATE @ SE3.at(x, y, RING_HEIGHT + z))
+    sim.forward()
+
+
+def answers_on(sim: Simulation, way: str, held: str) -> tuple[str, str]:
+    """Whether the object crosses the hole, and whether it is through, at each place of a way."""
+    hands = {"held": ""}
+    grasp = Predicate("held", lambda _: hands["held"] == "1")
+    words = passage("cube", HOLE, length=LENGTH, held=grasp)
+    probes = [PredicateProbe(word, sim) for word in (words.crossing, words.through)]
+    answers = []
+    for place, hands["held"] in zip(way, held, strict=True):
+        put(sim, *PLACES[place])
+        answers.append([str(int(probe.ask())) for probe in probes])
+    crossing, through = ("".join(column) for column in zip(*answers, strict=True))
+    return crossing, through
 
 
 @pytest.mark.parametrize(
@@ -90,29 +114,6 @@ def test_what_comes_through_is_held(sim: Simulation, held: str, crossing: str) -
 def test_what_reaches_through_is_within(
     sim: Simulation, place: tuple[float, float, float], within: bool
 ) -> None:
-    hole = Hole(body="gate", height=RING_HEIGHT, radius=RADIUS, rim=RIM)
-    words = passage("cube", hole, length=LENGTH, held=Predicate("held", lambda _: True))
-    x, y, z = place
-    sim.place("gate", GATE)
-    sim.place("cube", GATE @ SE3.at(x, y, RING_HEIGHT + z))
-    sim.forward()
-    assert PredicateProbe(words.within).ask(sim) == within
-
-
-def answers_on(sim: Simulation, way: str, held: str) -> tuple[str, str]:
-    """Whether the object crosses the hole, and whether it is through, at each place of a way."""
-    hands = {"held": False}
-    grasp = Predicate("held", lambda _: hands["held"])
-    hole = Hole(body="gate", height=RING_HEIGHT, radius=RADIUS, rim=RIM)
-    words = passage("cube", hole, length=LENGTH, held=grasp)
-    both = PredicateProbe(words.crossing), PredicateProbe(words.through)
-    sim.place("gate", GATE)
-    answers = []
-    for place, hand in zip(way, held, strict=True):
-        hands["held"] = hand == "1"
-        x, y, z = PLACES[place]
-        sim.place("cube", GATE @ SE3.at(x, y, RING_HEIGHT + z))
-        sim.forward()
-        answers.append([str(int(probe.ask(sim))) for probe in both])
-    crossing, through = ("".join(column) for column in zip(*answers, strict=True))
-    return crossing, through
+    words = passage("cube", HOLE, length=LENGTH, held=Predicate("held", lambda _: True))
+    put(sim, *place)
+    assert PredicateProbe(words.within, sim).ask() == within

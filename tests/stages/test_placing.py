@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import pytest
 
@@ -15,8 +14,8 @@ from duobench.spatial import SE3
 from duobench.stages.logic import Predicate
 from duobench.stages.placing import PUT_HEIGHT, REST_SECONDS, low_over, placed, put
 from duobench.stages.predicates import raised
-from duobench.stages.progress import Progress, Stage
 from duobench.types import CONTROL_HZ
+from tests.predicate_probe import PredicateProbe
 
 EDGE, PLATE = 0.04, (0.20, 0.20, 0.02)
 TOP = PLATE[2] / 2
@@ -43,39 +42,21 @@ def place(sim: Simulation, gap: float, plate: SE3 = HERE, x: float = 0.0) -> Non
     sim.forward()
 
 
-@dataclass
-class Episode:
-    """One question, asked at every step."""
-
-    sim: Simulation
-    progress: Progress
-
-    def ask(self) -> bool:
-        self.progress.update(self.sim)
-        return self.progress.final_holds
-
-
-def episode(sim: Simulation, question: Predicate) -> Episode:
+def episode(sim: Simulation, question: Predicate) -> PredicateProbe:
     sim.reset_data()
     sim.apply(Layout(poses={"block": SE3.at(0.3, 0.3, EDGE / 2), "plate": HERE}))
-    progress = Progress((Stage(name="asked", instruction="Do it.", holds=question),))
-    progress.reset(sim, {})
-    return Episode(sim, progress)
+    return PredicateProbe(question, sim)
 
 
-@pytest.mark.parametrize("share", [-0.2, 0.0, 0.9, 1.1, 2.0])
-def test_low_is_at_most_a_height_above_the_top(sim: Simulation, share: float) -> None:
-    asked = episode(sim, LOW)
-    place(sim, share * PUT_HEIGHT)
-    assert asked.ask() == (share <= 1)
-
-
-@pytest.mark.parametrize("height", [0.002, 0.03])
-def test_the_height_may_be_another_one(sim: Simulation, height: float) -> None:
-    asked = episode(sim, low_over("block", "plate", TOP, height))
-    for share in (0.95, 1.05):
+@pytest.mark.parametrize("height", [PUT_HEIGHT, 0.002, 0.03])
+def test_low_is_at_most_a_height_above_the_top(sim: Simulation, height: float) -> None:
+    """That at which things are put, unless it is another one."""
+    word = LOW if height == PUT_HEIGHT else low_over("block", "plate", TOP, height)
+    asked = episode(sim, word)
+    assert asked.ask(), "what lies lower, beside the top, is for another predicate to tell"
+    for share in (-0.2, 0.0, 0.95, 1.05, 2.0):
         place(sim, share * height)
-        assert asked.ask() == (share < 1)
+        assert asked.ask() == (share <= 1)
 
 
 @pytest.mark.parametrize("x", [-0.08, 0.0, 0.08])
@@ -87,11 +68,6 @@ def test_low_follows_a_plate_that_is_tilted(sim: Simulation, degrees: float, x: 
     for gap, low in ((0.003, True), (0.020, False)):
         place(sim, gap, plate, x)
         assert asked.ask() == low
-
-
-def test_what_lies_lower_than_the_top_is_low_too(sim: Simulation) -> None:
-    """Where it is beside the top is for another predicate to say."""
-    assert episode(sim, LOW).ask()
 
 
 def test_nothing_is_put_that_no_hand_held(sim: Simulation) -> None:

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -18,35 +14,16 @@ from duobench.stages.predicates import FLICKER_SECONDS
 from duobench.stages.support import UNSUPPORTED_SECONDS
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
-from tests.adversaries.hinge_chest import CHEST
-from tests.adversaries.opening import Opening
-from tests.adversaries.spring_door import DOOR
-from tests.task_harness import TaskHarness, set_hinge, take_away
+from tests.task_harness import Moments, TaskHarness, set_hinge, take_away
+from tests.ways.hinge_chest import CHEST
+from tests.ways.opening import Opening
+from tests.ways.spring_door import DOOR
 
 LONG = round(UNSUPPORTED_SECONDS * CONTROL_HZ)
 GRAZE = round(FLICKER_SECONDS * CONTROL_HZ)
 REST = round(REST_SECONDS * CONTROL_HZ)
 OPEN, HALF_OPEN = 0.8, 0.79
-
-
 CASES = {"hinge_chest": CHEST, "spring_door": DOOR}
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A task on the bench, and states of it by letter."""
-
-    bench: TaskHarness
-    case: Opening
-    states: dict[str, np.ndarray]
-
-    def stage_after(self, *letters: str) -> int:
-        """The stage after a sequence of moments."""
-        self.bench.start(0)
-        for letter in "".join(letters):
-            self.bench.sim.set_state(self.states[letter])
-            self.bench.judge()
-        return self.bench.stage
 
 
 def lower_onto_the_arm(sim: Simulation, case: Opening) -> None:
@@ -69,7 +46,13 @@ def press_it_shut(sim: Simulation, case: Opening) -> None:
     pytest.fail("no such angle")
 
 
-def collect(bench: TaskHarness, case: Opening) -> dict[str, np.ndarray]:
+@pytest.fixture(scope="module", params=CASES)
+def case(request: pytest.FixtureRequest) -> Opening:
+    return CASES[request.param]
+
+
+@pytest.fixture(scope="module")
+def moments(case: Opening) -> Moments:
     """States by letter.
 
     What two arms did: (t) at the start; the lid held open and the cube (h)eld, come (n)ear,
@@ -79,15 +62,9 @@ def collect(bench: TaskHarness, case: Opening) -> dict[str, np.ndarray]:
     nobody else at it (G); S and F are i and f with a lid that shuts, A is f with an open lid and
     nobody at it, and d is f with the cube on the table.
     """
-    sim, saved = bench.sim, dict[str, np.ndarray]()
-
-    def keep(letter: str) -> None:
-        saved[letter] = sim.get_state()
-
-    def edit(letter: str, base: str, change: Callable[[], Any]) -> None:
-        sim.set_state(saved[base])
-        change()
-        keep(letter)
+    task = next(task for task, one in CASES.items() if one is case)
+    moments = Moments(TaskHarness(catalog.get(task)))
+    keep, edit = moments.keep, moments.edit
 
     def honest(arms: Arms) -> Script:
         keep("t")
@@ -102,50 +79,38 @@ def collect(bench: TaskHarness, case: Opening) -> dict[str, np.ndarray]:
         yield from wait(15)
         keep("f")
 
-    def at_the_other_arm() -> None:
+    def without_holder(sim: Simulation) -> None:
+        take_away(sim, case.holder, moments.states["t"])
+
+    def shut(sim: Simulation) -> None:
+        set_hinge(sim, case.lid, HALF_OPEN)
+
+    def at_the_other_arm(sim: Simulation) -> None:
         pads = sim.body_id(f"{case.holder}/gripper/base")
         sim.place("cube", SE3(np.eye(3), sim.data.xpos[pads]))
-        sim.forward()
 
-    def on_the_lid() -> None:
+    def on_the_lid(sim: Simulation) -> None:
         sim.place("cube", SE3(np.eye(3), sim.data.xipos[sim.body_id(case.lid)]))
-        sim.forward()
 
-    def on_the_table() -> None:
-        sim.place("cube", start)
-        sim.forward()
-
-    bench.start(0)
-    start = sim.pose("cube")
-    bench.act(honest)
-    edit("a", "h", lambda: take_away(sim, case.holder, saved["t"]))
-    edit("p", "h", lambda: press_it_shut(sim, case))
-    edit("s", "h", lambda: set_hinge(sim, case.lid, HALF_OPEN))
-    edit("g", "n", lambda: lower_onto_the_arm(sim, case))
-    edit("G", "g", lambda: take_away(sim, case.holder, saved["t"]))
+    moments.start()
+    start = moments.bench.sim.pose("cube")
+    moments.bench.act(honest)
+    edit("a", "h", without_holder)
+    edit("p", "h", lambda sim: press_it_shut(sim, case))
+    edit("s", "h", shut)
+    edit("g", "n", lambda sim: lower_onto_the_arm(sim, case))
+    edit("G", "g", without_holder)
     edit("o", "h", at_the_other_arm)
     edit("c", "h", on_the_lid)
-    edit("S", "i", lambda: set_hinge(sim, case.lid, HALF_OPEN))
-    edit("d", "f", on_the_table)
-    edit("A", "f", lambda: take_away(sim, case.holder, saved["t"]))
-    edit("F", "f", lambda: set_hinge(sim, case.lid, HALF_OPEN))
-    return saved
+    edit("S", "i", shut)
+    edit("d", "f", lambda sim: sim.place("cube", start))
+    edit("A", "f", without_holder)
+    edit("F", "f", shut)
+    return moments
 
 
-@pytest.fixture(scope="module", params=CASES)
-def scene(request: pytest.FixtureRequest) -> Scene:
-    bench, case = TaskHarness(catalog.get(request.param)), CASES[request.param]
-    return Scene(bench, case, collect(bench, case))
-
-
-def test_the_moments_are_what_they_shall_be(scene: Scene) -> None:
-    case, sim = scene.case, scene.bench.sim
-    contacts = sim.contacts
-
-    def at(letter: str) -> Simulation:
-        sim.set_state(scene.states[letter])
-        return sim
-
+def test_the_moments_are_what_they_shall_be(moments: Moments, case: Opening) -> None:
+    contacts, at = moments.bench.sim.contacts, moments.at
     for letter in "hnif":
         assert at(letter).angle(case.lid) > 1.0, letter
         assert contacts.gripper(case.holder, case.lid), letter
@@ -170,109 +135,102 @@ LEFT_ALONE = "A" * REST
 """The cube rests inside, and nobody is at the lid: what counts then, counted when it was put in."""
 HELD = "f" * (LONG + 1)
 """The cube rests inside, and the lid goes on being held."""
+SUPPORTED, TOUCHED = "h" * LONG, "g" * (GRAZE - 1)
+
+SEQUENCES = {
+    "the honest way counts": (
+        (0, "t"),
+        (1, "t", "h"),
+        (2, "t", SUPPORTED),
+        (2, "t", SUPPORTED, "ni"),
+        (2, "t", SUPPORTED, "ni", "f" * (REST - 1)),
+        (3, "t", SUPPORTED, "ni", "f" * REST),
+        (3, "t", SUPPORTED, "ni", LEFT_ALONE),
+    ),
+    "support needs the other arm at the lid": (
+        (1, "a" * 2 * LONG),
+        (1, "a" * 2 * LONG, LEFT_ALONE, HELD),
+    ),
+    "a touch that presses the lid shut is no support": (
+        (1, "p" * 2 * LONG),
+        (3, SUPPORTED, "p" * (LONG - 1), "gi", LEFT_ALONE),
+        (2, SUPPORTED, "p" * LONG, "gi", LEFT_ALONE),
+    ),
+    "support needs the arm with the cube to leave the lid alone": (
+        (1, "g" * 2 * LONG),
+        (1, "g" * LONG, "n" * (LONG - 1)),
+        (2, "g" * LONG, "n" * LONG),
+        (1, ("n" * (LONG - 1) + "g") * 3),
+    ),
+    "support needs an open lid and a lifted cube": (
+        (1, "s" * 2 * LONG),
+        (1, "s" * 2 * LONG, "h" * (LONG - 1)),
+        (1, "f" * 2 * LONG),
+        (2, "f" * 2 * LONG, "n"),
+    ),
+    "a cube that came without support does not count": (
+        (1, "f" * 2 * LONG),
+        (1, "h" * (LONG - 1), HELD),
+    ),
+    "a cube that was not let go inside does not count": (
+        # It flew in from a hand outside.
+        (2, SUPPORTED, "d", HELD),
+    ),
+    "a lid that shut on the way spoils it": (
+        (2, SUPPORTED, "s", "i", HELD),
+        (2, SUPPORTED, "s", "i", "F" * REST),
+        (3, SUPPORTED, "s", SUPPORTED, "i", HELD),
+    ),
+    "the arm with the cube may graze the lid but not hold it": (
+        (3, SUPPORTED, TOUCHED, "i", LEFT_ALONE),
+        (2, SUPPORTED, "g" * GRAZE, "i", LEFT_ALONE),
+        (3, SUPPORTED, TOUCHED, "n", TOUCHED, "i", LEFT_ALONE),
+    ),
+    "the cube may not hold the lid either": (
+        (3, SUPPORTED, "c" * (GRAZE - 1), "ni", LEFT_ALONE),
+        (2, SUPPORTED, "c" * GRAZE, "ni", LEFT_ALONE),
+    ),
+    "the other arm may slip but not leave": (
+        (3, SUPPORTED, "a" * (LONG - 1), "gi", LEFT_ALONE),
+        (2, SUPPORTED, "a" * LONG, "gi", LEFT_ALONE),
+    ),
+    "a lid that is still held when the hand is gone was held": (
+        (3, SUPPORTED, "g" * LONG, "i", HELD),
+        (3, SUPPORTED, "c" * LONG, "ni", HELD),
+        (3, SUPPORTED, "G" * (LONG - 1), "i", HELD),
+        # Unless its holder was away for a while, or it shut in between, or shuts when the hand is
+        # gone, or nobody is at it.
+        (2, SUPPORTED, "G" * LONG, "i", HELD),
+        (2, SUPPORTED, "g" * LONG, "s", "i", HELD),
+        (2, SUPPORTED, "g" * LONG, "i", "F" * LONG, HELD),
+        (2, SUPPORTED, "g" * LONG, "i", "A" * 2 * LONG),
+    ),
+    "only the arm that had the cube brings it": (
+        (3, SUPPORTED, "o" * (GRAZE - 1), "gi", HELD),
+        (2, SUPPORTED, "o" * GRAZE, "gi", HELD),
+    ),
+    "once the cube is inside the lid may fall": ((3, SUPPORTED, "i", "S" * 2 * LONG, "F" * REST),),
+    "a cube that was taken out again must be brought again": (
+        (2, SUPPORTED, "i", "s", "F" * REST),
+        (2, SUPPORTED, "i", "h", "d", HELD),
+        (3, SUPPORTED, "i", "h", "i", HELD),
+    ),
+}
+"""The stage after moments."""
 
 
-def test_the_honest_way_counts(scene: Scene) -> None:
-    assert scene.stage_after("t") == 0
-    assert scene.stage_after("t", "h") == 1
-    assert scene.stage_after("t", "h" * LONG) == 2
-    assert scene.stage_after("t", "h" * LONG, "ni") == 2
-    assert scene.stage_after("t", "h" * LONG, "ni", "f" * (REST - 1)) == 2
-    assert scene.stage_after("t", "h" * LONG, "ni", "f" * REST) == 3
-    assert scene.stage_after("t", "h" * LONG, "ni", LEFT_ALONE) == 3
+@pytest.mark.parametrize("rows", SEQUENCES.values(), ids=SEQUENCES)
+def test_support(moments: Moments, rows: tuple[tuple, ...]) -> None:
+    for stage, *letters in rows:
+        assert moments.stage_after(*letters) == stage, letters
 
 
-def test_support_needs_the_other_arm_at_the_lid(scene: Scene) -> None:
-    assert scene.stage_after("a" * 2 * LONG) == 1
-    assert scene.stage_after("a" * 2 * LONG, LEFT_ALONE, HELD) == 1
-
-
-def test_a_touch_that_presses_the_lid_shut_is_no_support(scene: Scene) -> None:
-    assert scene.stage_after("p" * 2 * LONG) == 1
-    assert scene.stage_after("h" * LONG, "p" * (LONG - 1), "gi", LEFT_ALONE) == 3
-    assert scene.stage_after("h" * LONG, "p" * LONG, "gi", LEFT_ALONE) == 2
-
-
-def test_support_needs_the_arm_with_the_cube_to_leave_the_lid_alone(scene: Scene) -> None:
-    assert scene.stage_after("g" * 2 * LONG) == 1
-    assert scene.stage_after("g" * LONG, "n" * (LONG - 1)) == 1
-    assert scene.stage_after("g" * LONG, "n" * LONG) == 2
-    assert scene.stage_after(("n" * (LONG - 1) + "g") * 3) == 1
-
-
-def test_support_needs_an_open_lid_and_a_lifted_cube(scene: Scene) -> None:
-    assert scene.stage_after("s" * 2 * LONG) == 1
-    assert scene.stage_after("s" * 2 * LONG, "h" * (LONG - 1)) == 1
-    assert scene.stage_after("f" * 2 * LONG) == 1
-    assert scene.stage_after("f" * 2 * LONG, "n") == 2
-
-
-def test_a_cube_that_came_without_support_does_not_count(scene: Scene) -> None:
-    assert scene.stage_after("f" * 2 * LONG) == 1
-    assert scene.stage_after("h" * (LONG - 1), HELD) == 1
-
-
-def test_a_cube_that_was_not_let_go_inside_does_not_count(scene: Scene) -> None:
-    """It flew in from a hand outside."""
-    assert scene.stage_after("h" * LONG, "d", HELD) == 2
-
-
-def test_a_lid_that_shut_on_the_way_spoils_it(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "s", "i", HELD) == 2
-    assert scene.stage_after("h" * LONG, "s", "i", "F" * REST) == 2
-    assert scene.stage_after("h" * LONG, "s", "h" * LONG, "i", HELD) == 3
-
-
-def test_the_arm_with_the_cube_may_graze_the_lid_but_not_hold_it(scene: Scene) -> None:
-    graze = "g" * (GRAZE - 1)
-    assert scene.stage_after("h" * LONG, graze, "i", LEFT_ALONE) == 3
-    assert scene.stage_after("h" * LONG, "g" * GRAZE, "i", LEFT_ALONE) == 2
-    assert scene.stage_after("h" * LONG, graze, "n", graze, "i", LEFT_ALONE) == 3
-
-
-def test_the_cube_may_not_hold_the_lid_either(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "c" * (GRAZE - 1), "ni", LEFT_ALONE) == 3
-    assert scene.stage_after("h" * LONG, "c" * GRAZE, "ni", LEFT_ALONE) == 2
-
-
-def test_the_other_arm_may_slip_but_not_leave(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "a" * (LONG - 1), "gi", LEFT_ALONE) == 3
-    assert scene.stage_after("h" * LONG, "a" * LONG, "gi", LEFT_ALONE) == 2
-
-
-def test_a_lid_that_is_still_held_when_the_hand_is_gone_was_held(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "g" * LONG, "i", HELD) == 3
-    assert scene.stage_after("h" * LONG, "c" * LONG, "ni", HELD) == 3
-    assert scene.stage_after("h" * LONG, "G" * (LONG - 1), "i", HELD) == 3
-    # Unless its holder was away for a while, or it shut in between, or shuts when the hand is gone,
-    # or nobody is at it.
-    assert scene.stage_after("h" * LONG, "G" * LONG, "i", HELD) == 2
-    assert scene.stage_after("h" * LONG, "g" * LONG, "s", "i", HELD) == 2
-    assert scene.stage_after("h" * LONG, "g" * LONG, "i", "F" * LONG, HELD) == 2
-    assert scene.stage_after("h" * LONG, "g" * LONG, "i", "A" * 2 * LONG) == 2
-
-
-def test_only_the_arm_that_had_the_cube_brings_it(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "o" * (GRAZE - 1), "gi", HELD) == 3
-    assert scene.stage_after("h" * LONG, "o" * GRAZE, "gi", HELD) == 2
-
-
-def test_once_the_cube_is_inside_the_lid_may_fall(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "i", "S" * 2 * LONG, "F" * REST) == 3
-
-
-def test_a_cube_that_was_taken_out_again_must_be_brought_again(scene: Scene) -> None:
-    assert scene.stage_after("h" * LONG, "i", "s", "F" * REST) == 2
-    assert scene.stage_after("h" * LONG, "i", "h", "d", HELD) == 2
-    assert scene.stage_after("h" * LONG, "i", "h", "i", HELD) == 3
-
-
-def test_no_lid_stays_open_by_itself_for_long(scene: Scene) -> None:
+def test_no_lid_stays_open_by_itself_for_long(moments: Moments, case: Opening) -> None:
     """Neither let go at its stop nor thrown open, from where it begins to count, at any speed."""
-    bench, lid = scene.bench, scene.case.lid
-    joint = bench.sim.model.joint(lid)
+    bench = moments.bench
+    joint = bench.sim.model.joint(case.lid)
     bench.start(0)
     for speed in np.arange(0.0, 32.0, 2.0):
-        set_hinge(bench.sim, lid, joint.range[1] if speed == 0 else OPEN, speed)
+        set_hinge(bench.sim, case.lid, joint.range[1] if speed == 0 else OPEN, speed)
         bench.hold(LONG - 2)
-        assert bench.sim.angle(lid) < OPEN, speed
+        assert bench.sim.angle(case.lid) < OPEN, speed

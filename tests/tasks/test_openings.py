@@ -19,11 +19,10 @@ from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
-from tests.adversaries.hinge_chest import CHEST
-from tests.adversaries.opening import Opening
-from tests.adversaries.spring_door import DOOR
-from tests.sincere.spring_door import Putting, done, put_in
 from tests.task_harness import TaskHarness, set_hinge
+from tests.ways.hinge_chest import CHEST
+from tests.ways.opening import Opening
+from tests.ways.spring_door import DOOR, Putting, done, put_in
 
 CASES = {"hinge_chest": CHEST, "spring_door": DOOR}
 HALF = CUBE_EDGE / 2

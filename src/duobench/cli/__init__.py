@@ -10,7 +10,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
-from duobench.cli.shared.interrupt import leave, leaving_at_once
+from duobench.cli.shared.process import leave, leaving_at_once
 from duobench.errors import DuoBenchError, escaped
 
 

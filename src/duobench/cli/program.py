@@ -7,32 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import tyro
 
-from duobench.cli.real import calibrate as real_calibrate
-from duobench.cli.real import doctor as real_doctor
-from duobench.cli.real import evaluate as real_evaluate
-from duobench.cli.real import home as real_home
-from duobench.cli.real import record as real_record
-from duobench.cli.real import teleop as real_teleop
-from duobench.cli.real import verbs as real_verbs
-from duobench.cli.shared.console import console
-from duobench.cli.spelling import check_spelling
-from duobench.cli.verbs import data, export
-from duobench.cli.verbs.bundle import bundle
-from duobench.cli.verbs.compare import compare
-from duobench.cli.verbs.doctor import doctor
-from duobench.cli.verbs.evaluate import evaluate
-from duobench.cli.verbs.leaderboard import leaderboard
-from duobench.cli.verbs.list_tasks import list_tasks
-from duobench.cli.verbs.print_ import print_
-from duobench.cli.verbs.record import record
-from duobench.cli.verbs.render import render
-from duobench.cli.verbs.replay import replay
-from duobench.cli.verbs.report import report
-from duobench.cli.verbs.serve import serve
-from duobench.cli.verbs.teleop import teleop
-from duobench.cli.verbs.train import train
-from duobench.cli.verbs.verify import verify
-from duobench.cli.verbs.view import view
+from duobench.cli.real import arms, calibrate
+from duobench.cli.shared.console import say
+from duobench.cli.shared.options import check_spelling
+from duobench.cli.verbs import data, doctor, episodes, evaluate, policies, runs, tasks, teleop
 from duobench.versions import __version__
 
 DESCRIPTION = (
@@ -40,27 +18,26 @@ DESCRIPTION = (
     "duobench --version shows the version."
 )
 
-
 VERBS: Mapping[str, Callable[..., None]] = {
-    "eval": evaluate,
-    "report": report,
-    "compare": compare,
-    "verify": verify,
-    "bundle": bundle,
-    "leaderboard": leaderboard,
-    "record": record,
-    "replay": replay,
-    "view": view,
-    "teleop": teleop,
-    "list": list_tasks,
-    "render": render,
-    "serve": serve,
-    "data": data.verbs,
-    "export": export.verbs,
-    "train": train,
-    "print": print_,
-    "real": real_verbs,
-    "doctor": doctor,
+    "eval": evaluate.evaluate,
+    "report": runs.report,
+    "compare": runs.compare,
+    "verify": runs.verify,
+    "bundle": runs.bundle,
+    "leaderboard": runs.leaderboard,
+    "record": episodes.record,
+    "replay": episodes.replay,
+    "view": tasks.view,
+    "teleop": teleop.teleop,
+    "list": tasks.list_tasks,
+    "render": tasks.render,
+    "serve": policies.serve,
+    "data": data.data,
+    "export": data.export,
+    "train": policies.train,
+    "print": tasks.print_,
+    "real": arms.real,
+    "doctor": doctor.doctor,
 }
 GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "data": {
@@ -70,21 +47,21 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
         "merge": data.merge,
         "split": data.split,
     },
-    "export": {"lerobot": export.lerobot},
+    "export": {"lerobot": data.lerobot},
     "real": {
-        "doctor": real_doctor.doctor,
-        "home": real_home.home,
-        "calibrate": real_calibrate.calibrate,
-        "record": real_record.record,
-        "eval": real_evaluate.evaluate,
-        "teleop": real_teleop.teleop,
+        "doctor": doctor.examine_rig,
+        "home": arms.home,
+        "calibrate": calibrate.calibrate,
+        "record": arms.record,
+        "eval": arms.evaluate,
+        "teleop": teleop.teleop_rig,
     },
     "real calibrate": {
-        "board": real_calibrate.board,
-        "lens": real_calibrate.lens,
-        "head": real_calibrate.head,
-        "wrist": real_calibrate.wrist,
-        "gripper": real_calibrate.gripper,
+        "board": calibrate.board,
+        "lens": calibrate.lens,
+        "head": calibrate.head,
+        "wrist": calibrate.wrist,
+        "gripper": calibrate.gripper,
     },
 }
 """Verbs that have verbs of their own."""
@@ -94,7 +71,7 @@ def run(arguments: Sequence[str] | None) -> None:
     """Read the arguments and run the verb they name."""
     words = sys.argv[1:] if arguments is None else list(arguments)
     if words == ["--version"]:
-        console().print(f"duobench {__version__}")
+        say(f"duobench {__version__}")
         return
     verbs, program, description = VERBS, "duobench", DESCRIPTION
     while words and (group := f"{program} {words[0]}".removeprefix("duobench ")) in GROUPS:

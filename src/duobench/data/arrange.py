@@ -15,6 +15,7 @@ from pathlib import Path
 from shutil import copyfile
 
 from duobench.data.dataset import SUFFIX, DataSet
+from duobench.data.recording import Recording
 from duobench.data.schema import video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.errors import DataError, NamesTakenError
@@ -26,7 +27,7 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
 
     Args:
         sources: The data sets.
-        out: Folder of the one; new, empty, or a data set that is added to.
+        out: Folder that is new, empty, or a data set that is added to.
         rename: Whether an episode whose name is taken by another one gets the next free number.
 
     Returns:
@@ -111,10 +112,13 @@ def split(
 
 
 def _share(data: DataSet, fraction: float, seed: int) -> set[Path]:
+    def shuffled(path: Path) -> str:
+        return hashlib.sha256(f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()).hexdigest()
+
     chosen: set[Path] = set()
     for task in data.tasks:
-        shuffled = sorted(data.episodes(task), key=lambda path: _shuffled(path, seed))
-        chosen |= set(shuffled[: round(fraction * len(shuffled))])
+        episodes = sorted(data.episodes(task), key=shuffled)
+        chosen |= set(episodes[: round(fraction * len(episodes))])
     return chosen
 
 
@@ -132,20 +136,18 @@ def _part(paths: Sequence[Path], target: DataSet) -> dict[Path, Path]:
     return plan
 
 
-def _shuffled(path: Path, seed: int) -> str:
-    return hashlib.sha256(f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()).hexdigest()
-
-
 def _check_videos(path: Path) -> None:
     """Reject now an episode that cannot be read, or lacks a video."""
-    for video in _videos(path).values():
+    for video, _ in _videos(path, path):
         if not video.exists():
             raise DataError(f"{video} is missing, which belongs to {path.name}.")
 
 
-def _videos(path: Path) -> dict[str, Path]:
-    """Videos of a finished episode, by camera."""
-    return DataSet(path.parents[2]).videos_of(path)
+def _videos(path: Path, place: Path) -> list[tuple[Path, Path]]:
+    """Videos that a finished episode says it has, with their places when it is copied to one."""
+    videos = Recording.read_info(path).videos
+    cameras = [camera for camera, facts in videos.items() if facts.frames]
+    return [(video_path(path, camera), video_path(place, camera)) for camera in cameras]
 
 
 def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
@@ -155,23 +157,22 @@ def _may_be(path: Path, place: Path, plan: Mapping[Path, Path]) -> bool:
         return False
     if place.with_suffix(PART_SUFFIX).exists():
         return False  # it is being recorded, or was
-    videos = ((video, video_path(place, camera)) for camera, video in _videos(path).items())
-    return all(not there.exists() or cmp(video, there, shallow=False) for video, there in videos)
+    return all(
+        not there.exists() or cmp(video, there, shallow=False)
+        for video, there in _videos(path, place)
+    )
 
 
 def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:
     """The place itself, or the next number whose place is free for an episode."""
-    if _may_be(path, place, plan):
-        return place
     numbers = (place.with_name(f"{number:05d}{SUFFIX}") for number in count())
-    return next(each for each in numbers if _may_be(path, each, plan))
+    return next(each for each in chain([place], numbers) if _may_be(path, each, plan))
 
 
 def _copy(plan: Mapping[Path, Path]) -> None:
     """Copy files to their places; those that are there are the same."""
     for place, path in plan.items():
-        for camera, video in _videos(path).items():  # first: an episode has all of its videos
-            there = video_path(place, camera)
+        for video, there in _videos(path, place):  # first: an episode has all of its videos
             if not there.exists():
                 with replacing(there) as temporary:
                     copyfile(video, temporary)

@@ -14,7 +14,7 @@ import numpy as np
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
-from duobench.data.schema import COLUMNS, VideoFacts, episode_of, steps_after_success, video_path
+from duobench.data.schema import COLUMNS, VideoFacts, steps_after_success, video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.data.videos import describe
 from duobench.envs.config import LAYOUT, SPLIT
@@ -23,7 +23,11 @@ from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
 from duobench.errors import DataError, DuoBenchError
 from duobench.randomness import SUITE_VERSION
+from duobench.types import POLICY_CAMERAS
 from duobench.versions import package_versions
+
+_GAPPY = ("frame_age", "left_robot_state", "right_robot_state")
+"""Columns that are NaN where a device said nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -32,7 +36,6 @@ class Problem:
 
     path: Path
     what: str
-    """What is wrong, as a sentence."""
 
 
 def find_problems(
@@ -58,7 +61,11 @@ def find_problems(
         Problem(path=path, what="Its recording was interrupted: recover or delete it.")
         for path in data.partials()
     ]
-    problems += list(_orphans(data))
+    problems += [
+        Problem(path=video, what="It is a video without an episode.")
+        for video in data.videos()
+        if not _has_episode(video)
+    ]
     paths = data.episodes()
     progress(0, len(paths))
     with closing(run_all(_checker, paths, workers)) as results:
@@ -69,7 +76,7 @@ def find_problems(
 
 
 def _checker() -> Callable[[Path], list[Problem]]:
-    """What checks one episode after the other; it keeps the environment of one for the next."""
+    """Checks one episode after the other, and keeps the environment of one for the next."""
     environment = lru_cache(maxsize=1)(partial(make_env, cameras=False))
 
     def check(path: Path) -> list[Problem]:
@@ -86,7 +93,6 @@ def _checker() -> Callable[[Path], list[Problem]]:
 
 
 def _beginning(recording: Recording, environment: Callable[..., gym.Env]) -> list[str]:
-    """What is wrong with the layout and the first state."""
     info = recording.info
     env = environment(info.task, action_mode=info.mode.name)
     options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
@@ -107,16 +113,13 @@ def _beginning(recording: Recording, environment: Callable[..., gym.Env]) -> lis
 def _disagreements(recording: Recording, path: Path) -> list[str]:
     """What an episode says that does not agree with itself or with its place."""
     info, outcome = recording.info, recording.info.outcome
-    stage, length = recording.stage, len(recording)
+    stage, length, steps = recording.stage, len(recording), recording.steps
     horizon = None if info.config is None else info.config.horizon
-    succeeded = recording.success_step
-    steps = length if succeeded is None else succeeded
     most_after_success = steps_after_success(info.after_success)
     infinite = [
         column.name
         for column in COLUMNS
-        if not (column.of_videos or column.of_robot)  # NaN where a device said nothing
-        and not np.isfinite(getattr(recording, column.name)).all()
+        if column.name not in _GAPPY and not np.isfinite(getattr(recording, column.name)).all()
     ]
     faults = {
         f"It belongs to task {info.task!r}, not into this folder.": path.parent.name != info.task,
@@ -140,7 +143,9 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
             "It is no success as it says, or the reverse.": (
                 bool(recording.success[-1]) != outcome.success
             ),
-            "The step of its success is not the one it says.": (outcome.success_step != succeeded),
+            "The step of its success is not the one it says.": (
+                outcome.success_step != recording.success_step
+            ),
             "The hash of its last state is missing.": (
                 not (outcome.cut or info.is_real) and info.last_hash is None
             ),
@@ -148,17 +153,15 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
     return [sentence for sentence, is_so in faults.items() if is_so]
 
 
-def _orphans(data: DataSet) -> Iterator[Problem]:
-    """Videos beside which there is no episode, finished or not."""
-    for video in data.videos():
-        belongs = episode_of(video)
-        names = [f"{belongs[0]}{suffix}" for suffix in (SUFFIX, PART_SUFFIX)] if belongs else []
-        if not any(video.with_name(name).exists() for name in names):
-            yield Problem(path=video, what="It is a video without an episode.")
+def _has_episode(video: Path) -> bool:
+    """Whether the episode of a video is beside it, finished or not."""
+    episode, _, camera = video.stem.rpartition(".")
+    return camera in POLICY_CAMERAS and any(
+        video.with_name(f"{episode}{suffix}").exists() for suffix in (SUFFIX, PART_SUFFIX)
+    )
 
 
 def _wrong_videos(recording: Recording, path: Path) -> Iterator[str]:
-    """What an episode says about its videos that is not so."""
     info = recording.info
     for place, (camera, facts) in enumerate(info.videos.items()):
         video = video_path(path, camera)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from duobench.data import stream
 from duobench.data.recording import Recording
-from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo, video_path
+from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.errors import DataError, check_known
 from duobench.files import begin_or_continue, differences, lock, read, write, writing
 from duobench.randomness import SUITE_VERSION
@@ -30,16 +30,15 @@ class Description:
     """What is said about a data set as a whole."""
 
     suite_version: str
-    """Version of the benchmark's episodes."""
     versions: dict[str, str]
-    """Versions of the packages that it was begun with."""
+    """Of the packages that it was begun with."""
     how: str = ""
     """The command that made it, if one command did."""
 
     def differences(self, other: Description) -> list[str]:
         """What keeps its episodes out of another data set: suites have their own layouts."""
-        now, before = self.suite_version, other.suite_version
-        return differences({"suite version": now}, {"suite version": before})
+        name = "suite version"
+        return differences({name: self.suite_version}, {name: other.suite_version})
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +75,11 @@ class DataSet:
         return self.path / DESCRIPTION
 
     def read_description(self) -> Description:
-        """What is said about the whole; a `FileError` if it cannot be read."""
+        """Its content; a `FileError` if it cannot be read."""
         return read(self.description, Description, SCHEMA)
+
+    def _files(self, suffix: str, task: str = "*") -> list[Path]:
+        return sorted((self.path / EPISODES).glob(f"{task}/*{suffix}"))
 
     def episode(self, task: str, name: str) -> Path:
         """File of an episode."""
@@ -89,7 +91,7 @@ class DataSet:
 
     def episodes(self, task: str | None = None) -> list[Path]:
         """Files of the finished episodes, sorted by task and name."""
-        return sorted((self.path / EPISODES).glob(f"{task or '*'}/*{SUFFIX}"))
+        return self._files(SUFFIX, task or "*")
 
     def episodes_of(self, tasks: Collection[str]) -> list[Path]:
         """Files of the finished episodes of some tasks, or of all if none is named.
@@ -102,14 +104,9 @@ class DataSet:
             check_known("task in the data set", task, found)
         return [path for path in self.episodes() if not wanted or path.parent.name in wanted]
 
-    def videos_of(self, episode: Path) -> dict[str, Path]:
-        """Videos that a finished episode says it has, by camera; those without a frame are none."""
-        found = Recording.read_info(episode).videos
-        return {camera: video_path(episode, camera) for camera in found if found[camera].frames}
-
     def partials(self) -> list[Path]:
         """Files of episodes that are being recorded, or whose recording was killed."""
-        return sorted((self.path / EPISODES).glob(f"*/*{stream.SUFFIX}"))
+        return self._files(stream.SUFFIX)
 
     @property
     def tasks(self) -> list[str]:
@@ -122,7 +119,7 @@ class DataSet:
 
     def videos(self) -> list[Path]:
         """Videos beside the files of episodes, finished or not, sorted by task and name."""
-        return sorted((self.path / EPISODES).glob(f"*/*{VIDEO_SUFFIX}"))
+        return self._files(VIDEO_SUFFIX)
 
     def new_stream(
         self, info: EpisodeInfo, sizes: Mapping[str, int], name: str | None = None
@@ -135,8 +132,7 @@ class DataSet:
             name: Name of its file; without one it is the next free number.
 
         Raises:
-            DataError: There is an episode of that name, somebody is recording one, or it is no
-                name of a file.
+            DataError: It is no name of a file, or as `EpisodeStream` says.
             OutputError: The file cannot be made.
         """
         if name is not None:
@@ -163,14 +159,9 @@ class DataSet:
         return max((int(name) for name in names if re.fullmatch(r"[0-9]+", name)), default=-1) + 1
 
     def add(self, task: str, name: str, content: bytes) -> Path:
-        """Add an episode that was recorded elsewhere, in one atomic step.
+        """Add the content of an episode's file that was recorded elsewhere, in one atomic step.
 
         What a killed recording of the same episode has left is removed.
-
-        Args:
-            task: Id of the task.
-            name: Name of its file.
-            content: The content of its file, see `Recording.to_bytes`.
         """
         path, partial = self.episode(task, name), self.partial(task, name)
         write(path, content)
@@ -179,13 +170,7 @@ class DataSet:
         return path
 
     def recover(self, partial: Path) -> Path:
-        """Turn what a killed recording has left into an episode that says that it was cut.
-
-        Args:
-            partial: One of `partials`.
-
-        Returns:
-            The file of the episode.
+        """Turn one of `partials` into the file of an episode that says that it was cut.
 
         Raises:
             DataError: Nothing of it can be read, one of its videos is missing, or another episode
@@ -197,7 +182,7 @@ class DataSet:
             lock(file.fileno(), partial)
             if not path.exists():
                 stream.recover(partial).write(path)
-            elif stream.read_info(partial) != Recording.read_info(path).begun:
+            elif stream.read_left(partial)[0] != Recording.read_info(path).begun:
                 raise DataError(
                     f"{path} is another episode than the one that {partial.name} was to become. "
                     "Rename one of them."

@@ -24,7 +24,17 @@ from duobench.types import POLICY_CAMERAS
 
 
 class ImageSource:
-    """Shows recorded states of one task: as images, and as the numbers of its objects."""
+    """Shows recorded states of one task: as images, and as the numbers of its objects.
+
+    Args:
+        task: The task, its id, or its import path.
+        cameras: Which cameras to render.
+        size: Height and width of the images in pixels.
+        look: How the images look, whatever they looked like while recording.
+
+    Raises:
+        UnknownNameError: There is no such task or look.
+    """
 
     def __init__(
         self,
@@ -34,20 +44,8 @@ class ImageSource:
         size: tuple[int, int] = IMAGE_SIZE,
         look: str | Look = DEFAULT,
     ) -> None:
-        """Compile the task's model.
-
-        Args:
-            task: The task, its id, or its import path.
-            cameras: Which cameras to render.
-            size: Height and width of the images in pixels.
-            look: How the images look, whatever they looked like while recording.
-
-        Raises:
-            UnknownNameError: There is no such task or look.
-        """
         definition = catalog.get(task)
         self.object_state: ObjectState = definition.object_state
-        """Which numbers of the objects there are."""
         self.simulation = Simulation(definition.props, definition.overview)
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
@@ -73,10 +71,7 @@ class ImageSource:
             ) from error
 
     def images(self, recording: Recording, row: int) -> dict[str, Image]:
-        """What the cameras saw at a row of a recording.
-
-        Returns:
-            Images (height, width, 3) by camera, as the environment gave them.
+        """Images (height, width, 3) of a row by camera, as the environment gave them.
 
         Raises:
             DataError: The state does not fit the task.
@@ -86,10 +81,7 @@ class ImageSource:
         return self._backend.images(self._cameras, self._size)
 
     def objects(self, recording: Recording, row: int) -> NDArray[np.float32]:
-        """Where the objects were at a row of a recording.
-
-        Returns:
-            The numbers (n,) of `object_state`, as the environment gave them on request.
+        """The numbers (n,) of `object_state` at a row, as the environment gave them on request.
 
         Raises:
             DataError: The state does not fit the task.

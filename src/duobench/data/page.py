@@ -13,8 +13,7 @@ from PIL import Image
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.recording import Recording
-from duobench.data.smoothness import JUMP, REVERSAL
-from duobench.data.summary import Summary
+from duobench.data.summary import JUMP, REVERSAL, Summary
 from duobench.data.views import RecordedImages, raw_view
 from duobench.files import write
 from duobench.pages import render
@@ -30,23 +29,20 @@ JPEG_QUALITY = 80
 
 
 def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
-    """Write the page into the folder of the data set.
+    """Write the page into the folder of the data set, and say where.
 
     Args:
         data: The data set.
         summary: What it adds up to.
         images: Whether to show images of the first episode of each task, which are rendered.
 
-    Returns:
-        The page.
-
     Raises:
         DataError: An episode cannot be read or shown.
         RenderingError: Nothing can be rendered.
         OutputError: The page cannot be written.
     """
-    shown = [task.task for task in summary.tasks if images and _has_images(data, task.task)]
-    sheets = {task: _contact_sheet(data, task) for task in shown}
+    firsts = {task.task: data.episodes(task.task)[0] for task in summary.tasks if images}
+    sheets = {task: sheet for task, path in firsts.items() if (sheet := _contact_sheet(path))}
     page = data.path / PAGE
     text = render(
         "duobench.data",
@@ -63,23 +59,18 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
     return page
 
 
-def _has_images(data: DataSet, task: str) -> bool:
-    """Whether the first episode of a task has images, or states to render them from."""
-    info = Recording.read_info(data.episodes(task)[0])
-    return not info.is_real or HEAD in info.videos
-
-
-def _contact_sheet(data: DataSet, task: str) -> str:
-    """Images of the first episode of a task side by side, as the address of a JPEG."""
-    path = data.episodes(task)[0]
+def _contact_sheet(path: Path) -> str | None:
+    """Images of an episode side by side, as the address of a JPEG; None if it has none."""
     recording = Recording.read(path)
-    moments = np.linspace(0, len(recording), COLUMNS).round().astype(int)
-    if recording.info.is_real:
+    rows = np.linspace(0, len(recording), COLUMNS).round().astype(int).tolist()
+    if not recording.info.is_real:
+        with closing(ImageSource(path.parent.name, cameras=(HEAD,), size=IMAGE_SIZE)) as source:
+            images = [source.images(recording, row)[HEAD] for row in rows]
+    elif HEAD in recording.info.videos:
         with closing(RecordedImages(recording, path, (HEAD,), IMAGE_SIZE, raw_view)) as videos:
-            images = [videos.images(int(row))[HEAD] for row in moments]
+            images = [videos.images(row)[HEAD] for row in rows]
     else:
-        with closing(ImageSource(task, cameras=(HEAD,), size=IMAGE_SIZE)) as source:
-            images = [source.images(recording, int(row))[HEAD] for row in moments]
+        return None
     buffer = io.BytesIO()
     Image.fromarray(np.hstack(images)).save(buffer, format="JPEG", quality=JPEG_QUALITY)
     return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode()}"

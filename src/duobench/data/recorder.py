@@ -17,6 +17,7 @@ from duobench.data.schema import Actor, Domain, EpisodeInfo, Outcome, steps_afte
 from duobench.data.stream import EpisodeRows, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
+from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import TRUNCATION_REASON, Info, Observation, ResetOptions, Start
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.execution import optional_method
@@ -71,6 +72,7 @@ class Recorder(DuoWrapper):
             observation lacks what is to be recorded, or there is no folder for the videos of a
             rig.
         OptionError: The seconds after success are negative or not finite.
+        OutputError: From any method: the recording cannot be written.
 
     Example:
         >>> env = Recorder(duobench.make("bin_sort"), DataSet.open("demos"), Actor(name="me"))
@@ -106,7 +108,8 @@ class Recorder(DuoWrapper):
         self._rig, self._keep, self._is_reviewed = rig, keep, is_reviewed
         self._episode: EpisodeRows | None = None  # the running one, or the one that waits
         self._intended: Array | None = None
-        self._after_success = _AfterSuccess(steps_after_success(after_success))
+        self._steps_after_success = steps_after_success(after_success)
+        self._steps_left = 0  # after success, of an episode that has succeeded
         observed = getattr(env.observation_space, "spaces", {})
         if missing := [name for name in OBSERVED if name not in observed]:
             raise DataError(
@@ -117,25 +120,16 @@ class Recorder(DuoWrapper):
         self._of_all = {
             "action_names": mode.names,
             "action_mode": mode.name,
-            "after_success": self._after_success.steps / CONTROL_HZ,
+            "after_success": self._steps_after_success / CONTROL_HZ,
             "cameras": {} if self._sim is None else describe_cameras(),
             "has_clutch": has_clutch,
             "domain": Domain.REAL if self._sim is None else Domain.SIM,
         }  # what every episode says
 
     def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
-        """Begin an episode and its recording; a running one ends here, marked as cut.
-
-        Raises:
-            OutputError: The recording cannot be written.
-        """
+        """Begin an episode and its recording; a running one ends here, marked as cut."""
         self._leave(reason="The environment was reset.")
         observation, info = self.env.reset(seed=seed, options=options)
-        state = None if self._sim is None else self.save_state()
-        config = self.base.config
-        if config is not None and self._sim is not None:
-            look = self._sim.look  # that of this episode
-            config = config if look == as_look(config.look) else replace(config, look=look)
         described = EpisodeInfo(
             task=self.task,
             instruction=info["instruction"],
@@ -143,11 +137,11 @@ class Recorder(DuoWrapper):
             layout=info.get("layout", {}),
             seed=info.get("seed"),
             split=info.get("split"),
-            config=config,
+            config=self._config(),
             suite_version=SUITE_VERSION,
             versions=package_versions(),
             actor=self.actor,
-            first_hash=state and state.hash,
+            first_hash=None if self._sim is None else self.state_hash(),
             task_instruction=self._own_instruction(),
             **(self._of_all if self._rig is None else self._of_all | self._rig.described()),
         )
@@ -158,25 +152,17 @@ class Recorder(DuoWrapper):
             self._episode = stream = self.data.new_stream(described, sizes, self.next_name)
             if self._rig is not None:
                 self._rig.begin(stream)
-        self.next_name = self._intended = None
-        self._after_success.begin()
+        self.next_name, self._intended, self._steps_left = None, None, 0
         self._episode.append(self._seen(self._episode, observation, info))
         return observation, info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
-        """Advance one control step and record it.
-
-        Args:
-            action: In the action mode: 16 numbers, or 14 with `cartesian_relative`.
-
-        Raises:
-            OutputError: The recording cannot be written.
-        """
+        """Advance one control step, by an action in the action mode, and record it."""
         given = np.asarray(action)
         wanted, self._intended = self._intended, None
         episode = self._running
         if episode is not None:
-            if self._after_success.is_on:
+            if self._steps_left:
                 optional_method(self.env, "allow_step_after_end")()
             if self._rig is not None:
                 self._rig.begin_step(episode)
@@ -191,10 +177,12 @@ class Recorder(DuoWrapper):
             episode.complete(row | {"reward": reward})
             episode.append(self._seen(episode, observation, info))
             reason = info.get(TRUNCATION_REASON)
-            if terminated and info["success"] and reason is None and self._after_success.steps:
-                terminated, truncated = self._after_success.is_over(), False
+            if terminated and info["success"] and reason is None and self._steps_after_success:
+                left = self._steps_left
+                self._steps_left = left - 1 if left else self._steps_after_success
+                terminated, truncated = not self._steps_left, False
             if terminated or truncated:
-                self._end(cut=False, reason=reason)
+                self.finish(cut=False, reason=reason)
         return observation, float(reward), terminated, truncated, info
 
     def intend(self, action: ArrayLike) -> None:
@@ -209,24 +197,39 @@ class Recorder(DuoWrapper):
         self._intended = spaces.checked_action(action, self._of_all["action_names"])
 
     def restore_state(self, state: EpisodeState) -> Start:
-        """Continue from a saved state, unrecorded; the recording of the running episode ends here.
-
-        Raises:
-            OutputError: The recording cannot be written.
-        """
+        """Continue from a saved state, unrecorded; the running episode's recording ends here."""
         self._leave(reason="Another state was restored.")
         return super().restore_state(state)
 
-    def finish(self, *, kept: bool = True, reason: str | None = None) -> None:
-        """End the recording of the running episode, if there is one, before its end.
+    def finish(self, *, cut: bool = True, kept: bool = True, reason: str | None = None) -> None:
+        """End the recording of the running episode, if there is one.
 
         One that has ended and waits for `keep` or `discard` goes on waiting.
 
         Args:
+            cut: Whether it ends before the environment ended it.
             kept: Whether it is meant to be used.
             reason: Why it ended, or why it is not.
         """
-        self._end(cut=True, kept=kept, reason=reason)
+        episode = self._running
+        if episode is None:
+            return
+        rows = episode.rows
+        if not len(rows):  # not even the reset could be recorded
+            self.discard()
+            return
+        outcome = outcome_of(episode.info, rows, kept=kept, reason=reason, cut=cut)
+        if not self._keep(outcome):
+            self.discard()
+            return
+        # A step that was broken off has left another state than that of the last row.
+        is_last = np.array_equal(self._physics(), rows[-1]["state"])
+        last_hash = self.state_hash() if self._sim is not None and is_last else None
+        episode.info = replace(episode.info, outcome=outcome, last_hash=last_hash)
+        if self._is_reviewed:
+            episode.flush()
+        else:
+            self._write()
 
     @property
     def pending(self) -> Outcome | None:
@@ -234,11 +237,7 @@ class Recorder(DuoWrapper):
         return self._episode and self._episode.info.outcome
 
     def keep(self) -> None:
-        """Write the episode that waits for it, if one does.
-
-        Raises:
-            OutputError: It cannot be written.
-        """
+        """Write the episode that waits for it, if one does."""
         if self.pending is not None:
             self._write()
 
@@ -261,7 +260,6 @@ class Recorder(DuoWrapper):
         return self._episode if self.pending is None else None
 
     def _seen(self, episode: EpisodeRows, observation: Observation, info: Info) -> dict[str, Any]:
-        """What a row holds of what was seen."""
         backend = self.base.backend
         row: dict[str, Any] = {
             **{name: observation[name] for name in OBSERVED},
@@ -273,27 +271,6 @@ class Recorder(DuoWrapper):
             "state": self._physics(),
         }
         return row if self._rig is None else row | self._rig.seen(episode, row["time"])
-
-    def _end(self, *, cut: bool, kept: bool = True, reason: str | None = None) -> None:
-        episode = self._running
-        if episode is None:
-            return
-        rows = episode.rows
-        if not len(rows):  # not even the reset could be recorded
-            self.discard()
-            return
-        outcome = outcome_of(episode.info, rows, kept=kept, reason=reason, cut=cut)
-        if not self._keep(outcome):
-            self.discard()
-            return
-        # A step that was broken off has left another state than that of the last row.
-        is_last = np.array_equal(self._physics(), rows[-1]["state"])
-        last_hash = self.state_hash() if self._sim is not None and is_last else None
-        episode.info = replace(episode.info, outcome=outcome, last_hash=last_hash)
-        if self._is_reviewed:
-            episode.flush()
-        else:
-            self._write()
 
     def _write(self) -> None:
         """Write the episode that has ended; where that fails, it is left to `recover`."""
@@ -311,6 +288,12 @@ class Recorder(DuoWrapper):
             self._episode.info = replace(self._episode.info, outcome=outcome)
             self._write()
 
+    def _config(self) -> EnvConfig | None:
+        config = self.base.config
+        if config is None or self._sim is None or self._sim.look == as_look(config.look):
+            return config
+        return replace(config, look=self._sim.look)
+
     def _own_instruction(self) -> str:
         """The task's own instruction, whatever this episode's is."""
         task = self.base.definition
@@ -319,28 +302,6 @@ class Recorder(DuoWrapper):
     def _physics(self) -> Array:
         """The state of the simulation; no numbers where there is none."""
         return np.empty(0) if self._sim is None else self._sim.simulation.get_state()
-
-
-class _AfterSuccess:
-    """Counts the control steps that an episode goes on after success."""
-
-    def __init__(self, steps: int) -> None:
-        self.steps = steps
-        self._left: int | None = None
-
-    def begin(self) -> None:
-        """Wait for success."""
-        self._left = None
-
-    @property
-    def is_on(self) -> bool:
-        """Whether an episode that has succeeded goes on."""
-        return bool(self._left)
-
-    def is_over(self) -> bool:
-        """Count a step that ended with success, and say whether it is the last one to record."""
-        self._left = self.steps if self._left is None else self._left - 1
-        return not self._left
 
 
 def _action_mode(env: gym.Env, limits: DuoLimits) -> ActionMode:

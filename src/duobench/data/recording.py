@@ -83,7 +83,6 @@ class Recording:
     """The same of the right arm (T + 1, n)."""
 
     def __post_init__(self) -> None:
-        """Reject columns that do not belong together."""
         for column in COLUMNS:
             array = getattr(self, column.name)
             rows = len(self) if column.of_action else len(self) + 1
@@ -96,13 +95,17 @@ class Recording:
                 )
 
     def __len__(self) -> int:
-        """Number of actions."""
         return len(self.action)
 
     @property
     def success_step(self) -> int | None:
         """Control steps until success, which is also the first row that has it; None without."""
         return first_success(self.success)
+
+    @property
+    def steps(self) -> int:
+        """Control steps until success, or until the end; what comes after success is no part."""
+        return len(self) if self.success_step is None else self.success_step
 
     @staticmethod
     def read(path: Path) -> Recording:
@@ -116,41 +119,24 @@ class Recording:
             return _from_table(pq.read_table(path, page_checksum_verification=True))
 
     @staticmethod
-    def read_info(path: Path) -> EpisodeInfo:
-        """Read only what is said about the episode as a whole; fast.
+    def read_info(file: Path | bytes) -> EpisodeInfo:
+        """Read only what a file, or its content, says about the episode as a whole; fast.
 
         Raises:
             DataError: See `read`.
         """
-        with _reading(path):
-            return _info_of(pq.read_schema(path))
-
-    @staticmethod
-    def info_of(content: bytes) -> EpisodeInfo:
-        """What the content of a file says about the episode as a whole; fast.
-
-        Raises:
-            DataError: See `read`.
-        """
-        with _reading("a recording"):
-            return _info_of(pq.read_schema(pa.BufferReader(content)))
+        is_path = isinstance(file, Path)
+        with _reading(file if is_path else "a recording"):
+            return _info_of(pq.read_schema(file if is_path else pa.BufferReader(file)))
 
     @staticmethod
     def read_length(path: Path) -> int:
-        """Number of actions of a recording; fast.
-
-        Raises:
-            DataError: See `read`.
-        """
+        """Number of actions of a recording; fast, with the errors of `read`."""
         with _reading(path):
             return pq.read_metadata(path).num_rows - 1
 
     def write(self, path: Path) -> None:
-        """Write the recording in one atomic step.
-
-        Raises:
-            OutputError: It cannot be written.
-        """
+        """Write it in one atomic step, or raise an `OutputError`."""
         write(path, self.to_bytes())
 
     def to_bytes(self) -> bytes:
@@ -173,38 +159,34 @@ def first_success(success: NDArray[np.bool_]) -> int | None:
 
 
 def _to_table(recording: Recording) -> pa.Table:
-    arrays = {
-        column: to_arrow(getattr(recording, column.name), int(column.of_action))
-        for column in COLUMNS
-        if column.is_in(recording.info)
-    }
-    schema = pa.schema(
-        [
-            pa.field(column.name, array.type, nullable=column.of_action)
-            for column, array in arrays.items()
-        ],
-        metadata=_metadata(encode(recording.info, SCHEMA).encode(errors="replace")),
-    )
-    return pa.Table.from_arrays(list(arrays.values()), schema=schema)
+    columns = [column for column in COLUMNS if column.is_in(recording.info)]
+    arrays = [
+        to_arrow(getattr(recording, column.name), int(column.of_action)) for column in columns
+    ]
+    fields = [
+        pa.field(column.name, array.type, nullable=column.of_action)
+        for column, array in zip(columns, arrays, strict=True)
+    ]
+    info = encode(recording.info, SCHEMA).encode(errors="replace")
+    return pa.Table.from_arrays(arrays, schema=pa.schema(fields, _metadata(info)))
 
 
 def _from_table(table: pa.Table) -> Recording:
     info = _info_of(table.schema)
-    absent = [column for column in COLUMNS if column.name not in table.column_names]
-    missing = [column.name for column in absent if column.is_in(info)]
+    absent = {column.name for column in COLUMNS} - {*table.column_names}
+    missing = [column.name for column in COLUMNS if column.is_in(info) and column.name in absent]
     if missing:
         raise DataError(f"Columns are missing: {', '.join(missing)}.")
     if not table.num_rows:
         raise DataError("It holds no rows.")
-    arrays = {
-        column.name: np.empty((table.num_rows - column.of_action, 0), column.dtype)
-        for column in absent
-    }
+    arrays = {}
     for column in COLUMNS:
-        if column in absent:
-            continue
-        rows = table.column(column.name).combine_chunks()
-        arrays[column.name] = _numbers(column, rows[:-1] if column.of_action else rows)
+        length = table.num_rows - column.of_action
+        if column.name in absent:
+            arrays[column.name] = np.empty((length, 0), column.dtype)
+        else:
+            rows = table.column(column.name).combine_chunks()
+            arrays[column.name] = _numbers(column, rows[:length])
     return Recording(info=info, **arrays)
 
 
@@ -227,7 +209,7 @@ def _info_of(schema: pa.Schema) -> EpisodeInfo:
 
 
 def _numbers(column: Column, rows: pa.Array) -> NDArray[Any]:
-    """The rows of a column, if all are there and of its type; their shape is checked later."""
+    """The rows of a column, all of which are there and of its type."""
     values = rows.flatten() if pa.types.is_fixed_size_list(rows.type) else rows
     if values.type != pa.from_numpy_dtype(column.dtype):
         raise DataError(f"Column {column.name!r} has type {rows.type}.")

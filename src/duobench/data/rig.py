@@ -34,6 +34,11 @@ class RigState(Protocol):
         """The cameras by name."""
         ...
 
+    @property
+    def clock(self) -> Any:
+        """The clock of the rig, whose `now` gives seconds."""
+        ...
+
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""
         ...
@@ -48,11 +53,6 @@ class RigState(Protocol):
 
     def gripper_readings(self) -> Mapping[Side, Any]:
         """What each gripper says at this moment, with its `opening`."""
-        ...
-
-    @property
-    def clock(self) -> Any:
-        """The clock of the rig, whose `now` gives seconds."""
         ...
 
 
@@ -72,14 +72,14 @@ class RigRecorder:
         self._cameras = msgspec.to_builtins(dict(rig.cameras))
 
     def described(self) -> dict[str, Any]:
-        """What an episode says about it at its start: fields of `EpisodeInfo`."""
+        """Fields of `EpisodeInfo`: what an episode says about it at its start."""
         readings = self._duo.readings()
         return {
             "rig": self._facts,
             "cameras": self._cameras,
             "videos": {name: VideoFacts() for name in self._duo.cameras},
             "robot_state_names": {
-                side.value: tuple(_names(readings[side])) for side in SIDES if side in readings
+                str(side): _full_state(reading)[0] for side, reading in readings.items()
             },
         }
 
@@ -98,45 +98,36 @@ class RigRecorder:
         A person may take long to begin, after the environment has looked.
         """
         videos = episode.videos
-        if videos is not None and not videos.is_listening:
-            row = self._observe()
-            episode.complete(row | self.seen(episode, row["time"]))
-            videos.listen()
-
-    def seen(self, episode: EpisodeRows, time_s: float) -> dict[str, Any]:
-        """Columns of a row that a rig alone fills: the full states of its arms, and its frames.
-
-        An arm whose driver says something else than when the episode began, as after a fault, has
-        NaN.
-
-        Args:
-            episode: The episode.
-            time_s: Time of the row, on the clock of the rig.
-        """
-        row: dict[str, Any] = {}
-        readings = self._duo.readings()
-        for side, wanted in episode.info.robot_state_names.items():
-            values = np.full(len(wanted), np.nan)
-            reading = readings.get(Side(side))
-            if reading is not None and tuple(_names(reading)) == wanted:
-                values = np.concatenate([np.ravel(part) for _, part in _parts(reading)])
-            row[f"{side}_robot_state"] = values
-        if episode.videos is not None:
-            row |= episode.videos.see(self._duo.frames(), time_s)
-        return row
-
-    def _observe(self) -> dict[str, Any]:
-        """What is seen of the arms at this moment, by the names of a recording's columns."""
+        if videos is None or videos.is_listening:
+            return
         readings, grippers = self._duo.readings(), self._duo.gripper_readings()
         joints = np.array([readings[side].joints for side in SIDES])
         openings = np.array([grippers[side].opening for side in SIDES])
         state = DuoState(joints=joints, openings=openings, tcp_poses=tcp_poses(joints))
-        return {
+        now = self._duo.clock.now()
+        row = {
             "agent_pos": state.flat.astype(np.float32),
             "tcp_pose": state.tcp_poses.astype(np.float32).ravel(),
             "joint_velocity": np.concatenate([readings[side].velocities for side in SIDES]),
-            "time": self._duo.clock.now(),
+            "time": now,
         }
+        episode.complete(row | self.seen(episode, now))
+        videos.listen()
+
+    def seen(self, episode: EpisodeRows, time_s: float) -> dict[str, Any]:
+        """Columns that a rig alone fills, of a row at a time on its clock: full states, and frames.
+
+        An arm whose driver says something else than when the episode began, as after a fault, has
+        NaN.
+        """
+        row: dict[str, Any] = {}
+        readings = self._duo.readings()
+        for side, wanted in episode.info.robot_state_names.items():
+            names, numbers = _full_state(readings[Side(side)])
+            row[f"{side}_robot_state"] = numbers if names == wanted else np.nan
+        if episode.videos is not None:
+            row |= episode.videos.see(self._duo.frames(), time_s)
+        return row
 
 
 def drivers_of(rig: Any) -> tuple[str, ...]:
@@ -156,16 +147,15 @@ def placement(layout: Layout) -> str:
     return "\n".join(lines) or "  as you like; this task says nothing."
 
 
-def _parts(reading: Any) -> list[tuple[str, Any]]:
-    """The numbers of an arm's full state, by name: what every driver measures, then its own."""
+def _full_state(reading: Any) -> tuple[tuple[str, ...], list[float]]:
+    """Names and numbers of an arm's full state: what every driver measures, then its own.
+
+    The numbers of `torques` are named `torques_0`, `torques_1`, ...
+    """
     measured = [(name, getattr(reading, name)) for name in _MEASURED]
-    return measured + sorted(reading.state.items())
-
-
-def _names(reading: Any) -> list[str]:
-    """What the numbers of an arm's full state are: `torques_0`, `torques_1`, ..."""
-    names = []
-    for name, value in _parts(reading):
+    names, numbers = [], []
+    for name, value in measured + sorted(reading.state.items()):
         size = np.size(value)
         names += [name] if np.ndim(value) == 0 else [f"{name}_{place}" for place in range(size)]
-    return names
+        numbers += np.ravel(value).tolist()
+    return tuple(names), numbers

@@ -21,7 +21,7 @@ from duobench.envs.action_modes import JOINT, ActionMode
 from duobench.envs.config import EnvConfig
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import OptionError
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS, Side
+from duobench.types import CONTROL_HZ, SIDES
 
 SCHEMA = 5
 """Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
@@ -42,13 +42,6 @@ episode, as that of ACT, may never learn them.
 def video_path(episode: Path, camera: str) -> Path:
     """Where the video of a camera is, of an episode whose file, finished or not, is given."""
     return episode.with_name(f"{episode.stem}.{camera}{VIDEO_SUFFIX}")
-
-
-def episode_of(video: Path) -> tuple[str, str] | None:
-    """The name of the episode that a video belongs to, and the camera; None for other files."""
-    name, dot, camera = video.name.removesuffix(VIDEO_SUFFIX).rpartition(".")
-    is_one = video.name.endswith(VIDEO_SUFFIX) and dot and camera in POLICY_CAMERAS
-    return (name, camera) if is_one else None
 
 
 def steps_after_success(seconds: float) -> int:
@@ -75,35 +68,15 @@ class Column:
     """Shape of one row: () for a number, (n,) for n of them, (0,) for as many as there are."""
     of_action: bool = False
     """Whether it belongs to the action of its row, so that the last row has none."""
-    of_simulation: bool = False
-    """Whether only simulated episodes have it; the rows of others hold no numbers (T + 1, 0)."""
-    of_clutch: bool = False
-    """Whether only episodes that were led with a clutch have it; those of others hold no numbers
-    (T, 0)."""
-    of_videos: bool = False
-    """Whether it has a number for each video of the episode, in their order."""
-    of_robot: str = ""
-    """Side whose arm's full state it holds; empty for all other columns."""
 
     def is_in(self, info: EpisodeInfo) -> bool:
-        """Whether an episode has it."""
-        if self.of_simulation:
-            return not info.is_real
-        if self.of_clutch:
-            return info.has_clutch
-        if self.of_videos:
-            return bool(info.videos)
-        return not self.of_robot or bool(info.robot_state_names.get(self.of_robot))
+        """Whether an episode has it; the rows of others hold no numbers, (T, 0) or (T + 1, 0)."""
+        return info.widths.get(self.name) != 0
 
     def row_shape(self, info: EpisodeInfo, size: int) -> tuple[int, ...]:
         """Shape of one row in an episode; `size` numbers where nothing says how many."""
-        if self.of_videos:
-            return (len(info.videos),)
-        if self.of_robot:
-            return (len(info.robot_state_names.get(self.of_robot, ())),)
-        if self.of_clutch and not self.is_in(info):
-            return (0,)
-        return tuple(n or size for n in self.shape)
+        width = info.widths.get(self.name)
+        return tuple(n or size for n in self.shape) if width is None else (width,)
 
 
 COLUMNS = (
@@ -114,16 +87,14 @@ COLUMNS = (
     Column(name="stage", dtype=np.int64, shape=()),
     Column(name="success", dtype=np.bool_, shape=()),
     Column(name="success_at_end", dtype=np.bool_, shape=()),
-    Column(name="state", dtype=np.float64, shape=(0,), of_simulation=True),
+    Column(name="state", dtype=np.float64, shape=(0,)),
     Column(name="action", dtype=np.float64, shape=(0,), of_action=True),
     Column(name="sent", dtype=np.float64, shape=(16,), of_action=True),
     Column(name="reward", dtype=np.float64, shape=(), of_action=True),
-    Column(name="clutch", dtype=np.bool_, shape=(2,), of_action=True, of_clutch=True),
-    Column(name="frame", dtype=np.int64, shape=(0,), of_videos=True),
-    Column(name="frame_number", dtype=np.int64, shape=(0,), of_videos=True),
-    Column(name="frame_age", dtype=np.float64, shape=(0,), of_videos=True),
-    Column(name="left_robot_state", dtype=np.float64, shape=(0,), of_robot=Side.LEFT.value),
-    Column(name="right_robot_state", dtype=np.float64, shape=(0,), of_robot=Side.RIGHT.value),
+    Column(name="clutch", dtype=np.bool_, shape=(2,), of_action=True),
+    *(Column(name=name, dtype=np.int64, shape=(0,)) for name in ("frame", "frame_number")),
+    Column(name="frame_age", dtype=np.float64, shape=(0,)),
+    *(Column(name=f"{side}_robot_state", dtype=np.float64, shape=(0,)) for side in SIDES),
 )
 """Every column of a recording; `Recording` says what they hold."""
 
@@ -132,7 +103,6 @@ class Domain(StrEnum):
     """Where an episode was played."""
 
     SIM = "sim"
-    """In the simulation."""
     REAL = "real"
     """On a rig: real arms, or drivers that imitate them, which the rig says."""
 
@@ -142,7 +112,6 @@ class RigFacts:
     """The rig that an episode was played on."""
 
     name: str
-    """Name of the lab or of the robot."""
     hash: str
     """SHA-256 of all that its file says."""
     drivers: tuple[str, ...] = ()
@@ -180,7 +149,6 @@ class Actor:
     name: str = ""
     """Name of the policy, or a person's pseudonym."""
     version: str | None = None
-    """Version of the policy, if it has one."""
     device: str | None = None
     """What a person used, or a scripted operator imitated."""
 
@@ -190,11 +158,9 @@ class Outcome:
     """How an episode ended."""
 
     success: bool
-    """Whether the last stage was reached."""
     stage: int
     """Highest stage that was reached."""
     max_stage: int
-    """Number of the task's last stage."""
     kept: bool = True
     """Whether it is meant to be used."""
     reason: str | None = None
@@ -223,7 +189,6 @@ class EpisodeInfo:
     config: EnvConfig | None
     """Configuration of the environment; None where wrappers were put together by hand."""
     suite_version: str
-    """Version of the benchmark's episodes."""
     versions: dict[str, str]
     """Versions of the packages that the episode depends on."""
     actor: Actor
@@ -240,7 +205,6 @@ class EpisodeInfo:
     action_names: tuple[str, ...] = JOINT_NAMES
     """What the numbers of `action` are."""
     action_mode: str = JOINT.name
-    """Name of what they mean."""
     after_success: float = 0.0
     """Seconds that it was to go on after success, a whole number of control steps."""
     cameras: dict[str, Any] = field(default_factory=dict)
@@ -251,9 +215,7 @@ class EpisodeInfo:
     has_clutch: bool = False
     """Whether rows say which hands led their arms."""
     domain: Domain = Domain.SIM
-    """Where it was played."""
     rig: RigFacts | None = None
-    """The rig that it was played on, if there is one."""
     videos: dict[str, VideoFacts] = field(default_factory=dict)
     """Videos beside the file, `NAME.CAMERA.mp4`, by camera, in the order of the numbers in the
     columns of frames; none in simulation, where images follow from states."""
@@ -264,6 +226,16 @@ class EpisodeInfo:
     def is_real(self) -> bool:
         """Whether it was played on real arms, whose state is not known as a whole."""
         return self.domain is Domain.REAL
+
+    @property
+    def widths(self) -> dict[str, int]:
+        """Numbers in a row of the columns that not every episode has; 0 of those that it lacks."""
+        of_videos = dict.fromkeys(("frame", "frame_number", "frame_age"), len(self.videos))
+        of_arms = {
+            f"{side}_robot_state": len(self.robot_state_names.get(side, ())) for side in SIDES
+        }
+        no_state = {"state": 0} if self.is_real else {}
+        return {"clutch": 2 * self.has_clutch} | of_videos | of_arms | no_state
 
     @property
     def mode(self) -> ActionMode:

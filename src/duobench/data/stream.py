@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from io import BufferedWriter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,8 +30,7 @@ BATCH_ROWS = 8
 """Rows that are written at a time: 0.27 seconds, which is what a kill may cost."""
 INTERRUPTED = "The recording was interrupted."
 """Why an episode ended that was recovered."""
-_FIRST_CAPACITY = 512
-"""Rows that are made room for at first."""
+_FIRST_CAPACITY = 512  # rows; it doubles
 _LENGTH_BYTES = 8
 """Bytes before the head that say how long it is."""
 
@@ -42,17 +40,16 @@ class _Head:
     """What the file begins with."""
 
     info: EpisodeInfo
-    """What is known about the episode at its start."""
     sizes: dict[str, int]
     """Numbers in one row of the columns that have as many as there are."""
 
     def row_type(self) -> np.dtype[Any]:
         """How a row lies in memory and in the file."""
-        shapes = {
-            column: column.row_shape(self.info, self.sizes.get(column.name, 0))
+        fields = [
+            (column.name, column.dtype, column.row_shape(self.info, self.sizes.get(column.name, 0)))
             for column in COLUMNS
-        }
-        return np.dtype([(c.name, c.dtype, shape) for c, shape in shapes.items()], align=True)
+        ]
+        return np.dtype(fields, align=True)
 
 
 class EpisodeRows:
@@ -65,9 +62,8 @@ class EpisodeRows:
 
     def __init__(self, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
         self.info = info
-        """What is known about it: at first what is known at its start."""
+        """What is known about it, which grows."""
         self.videos: Videos | None = None
-        """Its videos, where it has some."""
         self._head = _Head(info=info, sizes=dict(sizes))
         self._rows = np.zeros(_FIRST_CAPACITY, self._head.row_type())
         self._count = 0
@@ -102,12 +98,7 @@ class EpisodeRows:
 
 
 class EpisodeStream(EpisodeRows):
-    """Takes the rows of one episode, in a file, which is locked for as long as it is open.
-
-    Args:
-        path: Where the finished episode will be.
-        info: What is known about it at its start.
-        sizes: Numbers in one row of `action` and `state`.
+    """Takes them in a file beside the finished episode, which is locked while it is open.
 
     Raises:
         OutputError: The file cannot be made or written.
@@ -118,15 +109,20 @@ class EpisodeStream(EpisodeRows):
     def __init__(self, path: Path, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
         super().__init__(info, sizes)
         self.path = path
-        """Where the finished episode will be."""
         self._written = 0
         make_folder(path.parent)
         self._partial = path.with_suffix(SUFFIX)
         text = encode(self._head, SCHEMA).encode(errors="replace")
         with writing(self._partial):
-            self._file = _new_file(self._partial)
-        try:
-            self._check_free(videos=True)  # only now, when nobody else can begin one of that name
+            try:
+                self._file = self._partial.open("xb")
+            except FileExistsError as error:
+                raise DataError(
+                    f"{self._partial} exists: the episode is being recorded by another process, or "
+                    "its recording was killed. Recover or delete it first."
+                ) from error
+        try:  # only now, when nobody else can begin one of that name
+            _check_free(path, *(video_path(path, camera) for camera in info.videos))
             with writing(self._partial):
                 lock(self._file.fileno(), self._partial)
                 self._file.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
@@ -160,7 +156,7 @@ class EpisodeStream(EpisodeRows):
             if self.videos is not None:
                 self.info = replace(self.info, videos=self.videos.finish())
             recording = super().finish()
-            self._check_free()
+            _check_free(self.path)
             recording.write(self.path)
         except DuoBenchError:
             self.close()
@@ -181,21 +177,13 @@ class EpisodeStream(EpisodeRows):
 
     def close(self) -> None:
         """Let go of the file, with all rows in it that can be written."""
-        if self.videos is not None:
-            self.videos.close()
         with suppress(OutputError):
-            self._flush(self._count)
+            self.flush()
         self._release()
 
     def _release(self) -> None:
         with suppress(OSError):  # rows that could not be written were complained about
             self._file.close()
-
-    def _check_free(self, *, videos: bool = False) -> None:
-        cameras = self.info.videos if videos else ()
-        for path in (self.path, *(video_path(self.path, camera) for camera in cameras)):
-            if path.exists():
-                raise DataError(f"{path} exists already; an episode is never overwritten.")
 
     def _flush(self, end: int) -> None:
         """Write the rows before one; where it failed before, it begins again at the same place."""
@@ -206,30 +194,21 @@ class EpisodeStream(EpisodeRows):
         self._written = end
 
 
-def _new_file(partial: Path) -> BufferedWriter:
-    try:
-        return partial.open("xb")
-    except FileExistsError as error:
-        raise DataError(
-            f"{partial} exists: the episode is being recorded by another process, or its "
-            "recording was killed. Recover or delete it first."
-        ) from error
+def _check_free(*paths: Path) -> None:
+    for path in paths:
+        if path.exists():
+            raise DataError(f"{path} exists already; an episode is never overwritten.")
 
 
 def recover(partial: Path) -> Recording:
-    """What can be read of an episode whose recording was killed.
+    """The episode that a killed recording has left, up to its last whole row, marked as cut.
 
-    Args:
-        partial: The stream that was left.
-
-    Returns:
-        The episode up to its last whole row, marked as cut. Rows whose frames were not encoded yet
-        name the newest one that is in the video, and its age.
+    Rows whose frames were not encoded yet name the newest one that is in the video, and its age.
 
     Raises:
         DataError: Nothing of it can be read; the message names the file.
     """
-    info, rows = _read(partial)
+    info, rows = read_left(partial)
     if info.videos:
         from duobench.data.videos import recovered
 
@@ -262,17 +241,8 @@ def _recording(info: EpisodeInfo, rows: NDArray[Any]) -> Recording:
     return Recording(info=info, **columns)
 
 
-def read_info(partial: Path) -> EpisodeInfo:
-    """What was known about an episode when its recording began.
-
-    Raises:
-        DataError: See `recover`.
-    """
-    return _read(partial)[0]
-
-
-def _read(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
-    """What a stream begins with, and its whole rows."""
+def read_left(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
+    """What was known about an episode when it began, and its whole rows, with that error."""
     try:
         data = partial.read_bytes()
         end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")

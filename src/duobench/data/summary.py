@@ -7,18 +7,44 @@ from dataclasses import dataclass, replace
 from statistics import median
 
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
-from duobench.data.smoothness import JOINTS, Smoothness, at_limit, measure
+from duobench.envs.action_modes import JOINT
+from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError
 from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
-from duobench.types import SIDES
+from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
 
 LONG = 0.99
 """Share of episodes that are at most as long as the length that is compared with the horizon."""
+AT_LIMIT = 1e-3
+"""A target this near to the end of its joint's range is at the limit, in radians."""
+REVERSAL = 0.02
+"""Two steps in opposite directions, each longer than this, are a reversal: 0.6 rad/s to and fro, in
+radians. A policy that averages over them learns neither."""
+JUMP = 0.05
+"""A step longer or shorter than the one before by more than this is a jump, in radians: 45 rad/s²,
+where an FR3 allows 10 rad/s²."""
+_JOINTS = [place for place in range(FLAT_SIZE) if place not in OPENING_SLOTS]
+"""Places of the joints among the 16 numbers of a command."""
+_RANGES = np.tile(JOINT_RANGES, (len(SIDES), 1))
+"""Lower and upper ends of their ranges (14, 2), in radians."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Smoothness:
+    """What episodes' joint targets do that is hard to learn, or to execute on real arms."""
+
+    at_limit: float
+    """Share of steps with a joint at an end of its range."""
+    reversals: float
+    """Reversals an episode, of all joints together, in the mean."""
+    jumps: float
+    """Share of steps with a jump of a joint."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -30,13 +56,11 @@ class TaskSummary:
     horizon: int
     """Control steps after which an evaluation's episode is truncated."""
     stages: tuple[str, ...]
-    """Names of the stages 1 to n."""
     episodes: int
     successes: int
     discarded: int
     """How many are not meant to be used."""
     cut: int
-    """How many ended before their environment ended them."""
     frames: int
     """Actions of all episodes."""
     lengths: tuple[int, ...]
@@ -49,7 +73,6 @@ class TaskSummary:
     eval_layouts: int
     """Episodes with a layout of the evaluation's split."""
     smoothness: Smoothness
-    """What their joint targets do that is hard to learn."""
     led: float | None
     """Share of steps in which a hand of an operator led an arm; None where nothing says it."""
     real: int = 0
@@ -121,7 +144,7 @@ class Summary:
 
     @property
     def left_out(self) -> int:
-        """Frames that are missing in videos, because the encoder was too far behind."""
+        """Frames that are missing in videos."""
         return sum(task.left_out for task in self.tasks)
 
 
@@ -168,12 +191,12 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
         discarded=sum(outcome is None or not outcome.kept for outcome in outcomes),
         cut=sum(outcome is None or outcome.cut for outcome in outcomes),
         frames=sum(map(len, recordings)),
-        lengths=tuple(sorted(map(_steps, recordings))),
+        lengths=tuple(sorted(each.steps for each in recordings)),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
         actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
         repeated_layouts=len(simulated) - len({repr(info.layout) for info in simulated}),
         eval_layouts=sum(info.split == "eval" for info in infos),
-        smoothness=measure(recordings),
+        smoothness=_smoothness(recordings),
         led=_led(recordings),
         real=len(infos) - len(simulated),
         rigs=tuple(dict.fromkeys(map(_rig, (info for info in infos if info.is_real)))),
@@ -182,7 +205,6 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
 
 
 def _rig(info: EpisodeInfo) -> str:
-    """The rig of an episode in words."""
     rig = info.rig
     if rig is None:
         return "a rig without a name"
@@ -196,11 +218,6 @@ def _led(recordings: Sequence[Recording]) -> float | None:
     return sum(int(each.any(axis=1).sum()) for each in clutches) / steps if steps else None
 
 
-def _steps(recording: Recording) -> int:
-    """Control steps until success, or until the end; what was recorded after success is no part."""
-    return len(recording) if recording.success_step is None else recording.success_step
-
-
 def _who(actor: Actor) -> str:
     """An actor in words: its kind and name, where the name does not say its kind already."""
     says_kind = actor.name.partition(":")[0] == actor.kind
@@ -211,18 +228,49 @@ def _who(actor: Actor) -> str:
 def _summarize_joints(
     names: Sequence[str], commands: np.ndarray, fastest: np.ndarray
 ) -> Iterator[JointSummary]:
-    ranges = np.tile(JOINT_RANGES, (len(SIDES), 1))
     limits = np.tile(VELOCITY_LIMITS, len(SIDES))
-    shares = at_limit(commands[:, JOINTS]).mean(axis=0)
-    for joint, place in enumerate(JOINTS):
-        (low, high), targets = ranges[joint], commands[:, place]
-        quantiles = np.quantile(targets, [0.0, 0.01, 0.5, 0.99, 1.0]).tolist()
+    shares = _at_limit(commands[:, _JOINTS]).mean(axis=0)
+    for joint, place in enumerate(_JOINTS):
+        low, high = _RANGES[joint].tolist()
+        quantiles = np.quantile(commands[:, place], [0.0, 0.01, 0.5, 0.99, 1.0]).tolist()
         yield JointSummary(
             name=names[place],
-            low=float(low),
-            high=float(high),
+            low=low,
+            high=high,
             quantiles=tuple(quantiles),
             fastest=float(fastest[joint]),
             speed_limit=float(limits[joint]),
             at_limit=float(shares[joint]),
         )
+
+
+def _smoothness(recordings: Sequence[Recording]) -> Smoothness:
+    """How smooth some episodes are; as smooth as can be where there is no step."""
+    steps = at_limit = reversals = jumps = 0
+    for recording in recordings:
+        targets = _labels(recording)
+        increments = np.diff(targets, axis=0)
+        before, after = increments[:-1], increments[1:]
+        are_long = np.minimum(np.abs(before), np.abs(after)) > REVERSAL
+        steps += len(targets)
+        at_limit += int(_at_limit(targets).any(axis=1).sum())
+        reversals += int((are_long & (before * after < 0)).sum())
+        jumps += int((np.abs(after - before) > JUMP).any(axis=1).sum())
+    return Smoothness(
+        at_limit=at_limit / max(steps, 1),
+        reversals=reversals / max(len(recordings), 1),
+        jumps=jumps / max(steps, 1),
+    )
+
+
+def _labels(recording: Recording) -> Array:
+    """Joint targets (T, 14) as the actor wanted them; as they were sent, if it wanted poses."""
+    info = recording.info
+    is_joint = info.action_mode == JOINT.name and info.action_names == JOINT_NAMES
+    return (recording.action if is_joint else recording.sent)[:, _JOINTS]
+
+
+def _at_limit(targets: Array) -> NDArray[np.bool_]:
+    """Which joint targets (T, 14) are at an end of their joint's range (T, 14)."""
+    low, high = _RANGES.T
+    return (targets < low + AT_LIMIT) | (targets > high - AT_LIMIT)

@@ -11,10 +11,10 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
 from pathlib import Path
-from queue import Empty, Full, Queue
-from typing import Any, Protocol
+from queue import Full, Queue
+from typing import Any, NamedTuple, Protocol
 
 import av
 import numpy as np
@@ -47,20 +47,12 @@ _LONGEST_WAIT_S = 60.0
 class CameraFrame(Protocol):
     """One image of a camera, as it came from it."""
 
-    @property
-    def index(self) -> int:
-        """Number that the camera gave it; a gap is a lost frame."""
-        ...
-
-    @property
-    def time_s(self) -> float:
-        """When it was taken, on the clock of the arms."""
-        ...
-
-    @property
-    def image(self) -> Image:
-        """Red, green, blue (height, width, 3), both even; nothing changes it any more."""
-        ...
+    index: int
+    """Number that the camera gave it; a gap is a lost frame."""
+    time_s: float
+    """When it was taken, on the clock of the arms."""
+    image: Image
+    """Red, green, blue (height, width, 3), both even; nothing changes it any more."""
 
 
 class Camera(Protocol):
@@ -68,7 +60,6 @@ class Camera(Protocol):
 
     def listen(self, call: Callable[[Any], None] | None) -> None:
         """Have every frame from now on given to a call, in any thread; None ends it."""
-        ...
 
 
 def count_frames(path: Path) -> int:
@@ -76,13 +67,11 @@ def count_frames(path: Path) -> int:
     try:
         with path.open("rb") as file, av.open(file, "r") as container:
             count = 0
-            try:
+            with suppress(FFmpegError):  # at the end of what a killed process has left
                 for packet in container.demux(video=0):
                     if packet.is_corrupt:
                         break
                     count += bool(packet.size)
-            except FFmpegError:
-                pass  # the end of what a killed process has left
             return count
     except FileNotFoundError as error:
         raise DataError(f"{path} is missing.") from error
@@ -107,11 +96,6 @@ def recovered(
     """Rows of a killed recording that name frames which are there, and what is in its videos.
 
     Where a frame was not encoded yet, a row names the newest one before it, with its age.
-
-    Args:
-        partial: The stream that was left.
-        info: What was known about the episode when it began.
-        rows: Its rows, with a field for each column.
     """
     rows, videos = rows.copy(), {}
     for place, camera in enumerate(info.videos):
@@ -127,26 +111,23 @@ def recovered(
     return rows, videos
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Accepted:
+class _Accepted(NamedTuple):
     """A frame that is in the video, or will be."""
 
     place: int = -1
-    """Its place in the video."""
     number: int = -1
-    """Number that the camera gave it."""
     time_s: float = np.nan
-    """When it was taken."""
 
 
 class _Encoder:
-    """Encodes the video of one camera."""
+    """Encodes the video of one camera, in a thread."""
 
     def __init__(self, path: Path, camera: Camera, rate: int, waits: bool) -> None:
         self.path, self.camera = path, camera
         self._error: DuoBenchError | None = None
         self._waits = waits
-        self._missed: set[int] = set()
+        self.missed: set[int] = set()
+        """Numbers of frames that came while the encoder was too far behind."""
         self._pace_s = 0.0  # what a frame takes, as of late
         self._queue: Queue[Image | None] = Queue(QUEUE)
         self._accepted: deque[_Accepted] = deque([_Accepted()], _REMEMBERED)
@@ -155,11 +136,6 @@ class _Encoder:
         self._writer = VideoWriter(path, H264, rate)
         self._thread = threading.Thread(target=self._run, name=f"video {path.name}", daemon=True)
         self._thread.start()
-
-    @property
-    def left_out(self) -> int:
-        """Frames that are not in the video, because the encoder was too far behind."""
-        return len(self._missed)
 
     def check(self) -> None:
         """Raise what ended the encoder, if anything did."""
@@ -177,20 +153,16 @@ class _Encoder:
                     raise Full
                 self._queue.put(frame.image, self._waits, _LONGEST_WAIT_S)
             except Full:
-                self._missed.add(frame.index)
+                self.missed.add(frame.index)
                 return
-            self._missed.discard(frame.index)  # a row asks again for the frame that it shows
-            self._accepted.append(
-                _Accepted(place=last.place + 1, number=frame.index, time_s=frame.time_s)
-            )
+            self.missed.discard(frame.index)  # a row asks again for the frame that it shows
+            self._accepted.append(_Accepted(last.place + 1, frame.index, frame.time_s))
 
     def at(self, time_s: float) -> _Accepted:
         """The newest frame in the video that was taken until a time."""
         with self._lock:
-            for accepted in reversed(self._accepted):
-                if not accepted.time_s > time_s:
-                    return accepted
-            return self._accepted[0]
+            until = (one for one in reversed(self._accepted) if not one.time_s > time_s)
+            return next(until, self._accepted[0])
 
     def close(self) -> None:
         """Encode what waits, and finish the video."""
@@ -202,33 +174,22 @@ class _Encoder:
             self._thread.join()
 
     def _run(self) -> None:
-        try:
-            while (image := self._queue.get()) is not None:
+        while (image := self._queue.get()) is not None:
+            if self._error is None:  # else the queue is emptied, so that nothing waits for it
                 begun = time.monotonic()
-                self._writer.add(image)
+                self._attempt(lambda image=image: self._writer.add(image))
                 self._pace_s += _SMOOTHING * (time.monotonic() - begun - self._pace_s)
-            self._writer.close()
-        except DuoBenchError as error:
-            self._error = error
-            self._drain()
+        self._attempt(self._writer.close)
 
-    def _drain(self) -> None:
-        """Empty the queue of an encoder that has ended, so that nothing waits for it."""
-        while not self._is_closed:
-            try:
-                self._queue.get(timeout=0.1)
-            except Empty:
-                continue
-        while not self._queue.empty():
-            self._queue.get()
+    def _attempt(self, call: Callable[[], None]) -> None:
         try:
-            self._writer.close()
-        except DuoBenchError:
-            return  # the first error is the one that is said
+            call()
+        except DuoBenchError as error:
+            self._error = self._error or error  # the first one is the one that is said
 
 
 class Videos:
-    """The videos of an episode while it is recorded.
+    """The videos of an episode while it is recorded, at least one.
 
     At first they hold the one frame that `see` takes. After `listen` every frame is encoded, until
     `close`. What cannot be encoded or written is an `OutputError` or a `VideoError`.
@@ -259,14 +220,11 @@ class Videos:
             encoder.camera.listen(encoder.take)
 
     def see(self, frames: Mapping[str, CameraFrame], time_s: float) -> dict[str, NDArray[Any]]:
-        """Which frames belong to a row.
+        """The columns of frames: places in the videos, numbers, and ages in seconds.
 
         Args:
             frames: The latest frame of each camera that has one, which are encoded too.
             time_s: Time of the row, on the clock of the frames.
-
-        Returns:
-            The columns of frames: places in the videos, numbers, and ages in seconds.
         """
         seen = []
         for name, encoder in self._encoders.items():
@@ -276,11 +234,8 @@ class Videos:
             else:
                 encoder.take(frame)
                 seen.append(encoder.at(frame.time_s))
-        return {
-            "frame": np.array([one.place for one in seen], dtype=np.int64),
-            "frame_number": np.array([one.number for one in seen], dtype=np.int64),
-            "frame_age": np.array([time_s - one.time_s for one in seen]),
-        }
+        columns = zip(*((one.place, one.number, time_s - one.time_s) for one in seen), strict=True)
+        return dict(zip(_COLUMNS, map(np.array, columns), strict=True))
 
     def close(self) -> None:
         """Encode what waits, and finish the videos; closing twice is harmless."""
@@ -295,9 +250,9 @@ class Videos:
             encoder.check()
         try:
             return {
-                name: describe(encoder.path, encoder.left_out)
+                name: describe(encoder.path, len(encoder.missed))
                 if encoder.path.exists()
-                else VideoFacts(frames=0, left_out=encoder.left_out)
+                else VideoFacts(frames=0, left_out=len(encoder.missed))
                 for name, encoder in self._encoders.items()
             }
         except OSError as error:

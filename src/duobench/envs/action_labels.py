@@ -52,14 +52,7 @@ class ActionLabels:
     """The numbers of the mode for a rotation matrix (3, 3); None where labels are actions."""
 
     def to_actions(self, rows: NDArray[Any]) -> NDArray[np.float32]:
-        """What an environment takes for rows of a data set, or for what a policy learned of them.
-
-        Args:
-            rows: Labels (T, n), in the order of the names.
-
-        Returns:
-            Actions (T, m) of the mode.
-        """
+        """Actions (T, m) of the mode for labels (T, n), in the order of the names."""
         if self.rotation_numbers is None:
             return np.asarray(rows, dtype=np.float32)
         sides = np.asarray(rows, dtype=np.float64).reshape(len(rows) * len(SIDES), -1)
@@ -86,12 +79,9 @@ def tool_labels(positions: Array, rotations: Array, openings: Array) -> Array:
 
 
 def rotations_from_columns(columns: Array) -> Array:
-    """Rotation matrices (n, 3, 3) nearest to two columns each, by Gram and Schmidt.
+    """Rotation matrices (n, 3, 3) nearest to two columns (n, 6) each, by Gram and Schmidt.
 
     The first column keeps its direction; the second one is turned until it is normal to it.
-
-    Args:
-        columns: First and second column (n, 6), of any length.
     """
     first, second = columns[:, :3], columns[:, 3:]
     first = first / _lengths(first)
@@ -120,7 +110,11 @@ LABELS: Mapping[str, ActionLabels] = MappingProxyType(
         labels.mode.name: labels
         for labels in (
             ActionLabels(mode=JOINT, names=JOINT.names),
-            ActionLabels(mode=CARTESIAN, names=POSE_LABELS, rotation_numbers=_quaternion),
+            ActionLabels(
+                mode=CARTESIAN,
+                names=POSE_LABELS,
+                rotation_numbers=_quaternion,
+            ),
             ActionLabels(
                 mode=CARTESIAN_RELATIVE, names=SHIFT_LABELS, rotation_numbers=rotation_vector
             ),

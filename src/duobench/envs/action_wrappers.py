@@ -28,28 +28,14 @@ class BinaryGripper(DuoWrapper):
     """Rounds both openings of an action, in any action mode: 1 from one half on, otherwise 0."""
 
     def check_action(self, action: Any) -> Array:
-        """The action with rounded openings, without executing it.
-
-        Args:
-            action: In the action mode: 16 numbers, or 14 with `cartesian_relative`.
-
-        Returns:
-            As many float64 numbers, with each opening 0 or 1.
-
-        Raises:
-            ActionError: The wrapped environment would reject it.
-        """
+        """The action, in any mode, as float64 numbers with each opening 0 or 1."""
         numbers = self.env.get_wrapper_attr("check_action")(action).copy()
         slots = opening_slots(len(numbers))
         numbers[slots] = numbers[slots] >= THRESHOLD
         return numbers
 
     def step(self, action: Any) -> Transition:
-        """Advance one control step.
-
-        Raises:
-            ActionError: See `check_action`. Nothing was moved.
-        """
+        """Advance one control step."""
         return self.env.step(self.check_action(action))
 
 
@@ -73,19 +59,11 @@ class RelativeJointActions(ActionModeWrapper):
 
     def hold_action(self) -> Array:
         """The action (16,) that leaves the command as it is: openings alone are not zero."""
-        action = self.base.backend.last_command.flat
-        slots = spaces.opening_slots(len(action))
-        openings = action[slots].copy()
-        action[:] = 0.0
-        action[slots] = openings
-        return action
+        command = self.base.backend.last_command
+        return replace(command, joints=np.zeros_like(command.joints)).flat
 
     def step(self, action: Any) -> Transition:
-        """Advance one control step.
-
-        Raises:
-            ActionError: See `check_action`. Nothing was moved.
-        """
+        """Advance one control step."""
         start = self.base.backend.last_command.flat
         start[spaces.opening_slots(len(start))] = 0.0
         return self.env.step(self.check_action(action) + start)
@@ -124,22 +102,14 @@ class RelativeCartesianActions(ActionModeWrapper):
         return replace(super().save_state(), tool_targets=tuple(self._targets.items()))
 
     def restore_state(self, state: EpisodeState) -> Start:
-        """Continue from a saved state, and from what displacements had added up to.
-
-        Raises:
-            StateError: The state was saved without relative Cartesian actions.
-        """
+        """Continue from a saved state, and from what displacements had added up to."""
         targets = required(state.tool_targets, "relative Cartesian action mode")
         result = super().restore_state(state)
         self._targets = dict(targets)
         return result
 
     def step(self, action: Any) -> Transition:
-        """Advance one control step.
-
-        Raises:
-            ActionError: See `check_action`. Nothing was moved.
-        """
+        """Advance one control step."""
         rows = self.check_action(action).reshape(len(SIDES), -1)
         starts = self._starts()
         targets = {side: _displaced(starts[side], rows[side.index]) for side in SIDES}
@@ -196,11 +166,7 @@ class CartesianActions(ActionModeWrapper):
         """The solver, for wrappers outside this one."""
 
     def check_action(self, action: Any) -> Array:
-        """The action as 16 float64 numbers, without executing it.
-
-        Raises:
-            ActionError: It has another shape, holds NaN or infinity, or a quaternion is zero.
-        """
+        """The action as 16 float64 numbers; an error also where a quaternion is zero."""
         numbers = super().check_action(action)
         for side in SIDES:
             start = side.index * SIDE_SIZE
@@ -220,11 +186,7 @@ class CartesianActions(ActionModeWrapper):
         return np.ravel(rows)
 
     def step(self, action: Any) -> Transition:
-        """Advance one control step towards the poses.
-
-        Raises:
-            ActionError: See `check_action`. Nothing was moved.
-        """
+        """Advance one control step towards the poses."""
         rows = self.check_action(action).reshape(len(SIDES), SIDE_SIZE)
         targets = {side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES}
         last = self.base.backend.last_command
@@ -266,27 +228,15 @@ class ActionChunks(DuoWrapper):
         self.metadata = {**env.metadata, "render_fps": env.metadata["render_fps"] / length}
 
     def check_action(self, action: Any) -> Array:
-        """The chunk as float64 numbers (n, actions), without executing it.
-
-        Raises:
-            ActionError: It has another shape, or the environment would reject one of the actions.
-        """
+        """The chunk as float64 numbers (n, actions); an error if one of its actions is rejected."""
         return np.array([self._check_one(row) for row in spaces.numbers(action, self._shape)])
 
     def step(self, action: Any) -> Transition:
-        """Execute the chunk, until its end or the episode's.
-
-        Raises:
-            ActionError: See `check_action`. Nothing was moved.
-        """
+        """Execute the chunk, until its end or the episode's."""
         done = list(execute(self.env, self.check_action(action)))
         rewards = np.zeros(self._length)
         rewards[: len(done)] = [step.reward for step in done]
         last = done[-1]
-        info = {
-            **last.info,
-            "clipped": np.any([step.info["clipped"] for step in done], axis=0),
-            "rewards": rewards,
-            "executed": len(done),
-        }
+        clipped = np.any([step.info["clipped"] for step in done], axis=0)
+        info = {**last.info, "clipped": clipped, "rewards": rewards, "executed": len(done)}
         return last.observation, float(rewards.sum()), last.terminated, last.truncated, info

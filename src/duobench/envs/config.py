@@ -133,8 +133,7 @@ def _size(value: Any) -> Any:
 
 
 def _number(value: Any) -> Any:
-    number = as_whole(value)
-    return value if number is None else number
+    return value if (number := as_whole(value)) is None else number
 
 
 def _flag(value: Any) -> Any:
@@ -198,12 +197,7 @@ def checked_seed(seed: Any) -> int | None:
 
 
 def checked_reset_options(options: Any, known: Collection[str] | None = None) -> dict[str, Any]:
-    """The options of a reset as a new dict.
-
-    Args:
-        options: What was given.
-        known: Names of our options; None leaves names to others.
-    """
+    """The options of a reset as a new dict; `known` are ours, other names are left to others."""
     if options is not None and not isinstance(options, Mapping):
         raise OptionError(f"The options of a reset are a dict, got {options!r}.")
     if known is not None:
@@ -214,11 +208,9 @@ def checked_reset_options(options: Any, known: Collection[str] | None = None) ->
 
 
 def checked_instruction(value: Any, count: int) -> int | str:
-    """The instruction of an episode: text, or the number of one of the task's.
+    """The instruction of an episode: text, or the number of one of the task's `count`.
 
-    Args:
-        value: What was given; None takes the task's own, number 0.
-        count: How many instructions the task has, paraphrases included.
+    Number 0, and None, are the task's own; the others are its paraphrases.
     """
     if isinstance(value, str):
         if value.strip() and value == escaped(value):

@@ -88,8 +88,6 @@ class DuoEnv(gym.Env[Observation, Any]):
         self.action_space = spaces.joint_actions(self._limits)
         self.observation_space = spaces.observations(self._limits)
 
-    # --- what the field's tools ask for by name --------------------------------------------------
-
     @property
     def task(self) -> str:
         """Id of the task."""
@@ -110,8 +108,6 @@ class DuoEnv(gym.Env[Observation, Any]):
         """The task's horizon in control steps; a time limit enforces it."""
         return self.definition.horizon
 
-    # --- episodes --------------------------------------------------------------------------------
-
     def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Start:
         """Begin an episode.
 
@@ -120,8 +116,7 @@ class DuoEnv(gym.Env[Observation, Any]):
             options: What a subclass makes of them; unknown keys are left to others.
 
         Returns:
-            Observation and info. Info holds `instruction`, `clipped` and `sent`, and what the
-            subclass adds.
+            Observation and info: `instruction`, `clipped`, `sent`, and what the subclass adds.
 
         Raises:
             OptionError: The seed is no whole number from 0 on, or the options are no dict.
@@ -136,20 +131,12 @@ class DuoEnv(gym.Env[Observation, Any]):
         return self._observation(), {**self._info(), **more}
 
     def _begin(self, options: Mapping[str, Any]) -> Info:  # noqa: ARG002
-        """Bring the arms and what is on the table to the start of an episode.
-
-        Returns:
-            What info holds beside the rest.
-        """
+        """Bring arms and objects to the start of an episode; what info holds beside the rest."""
         self.backend.home()
         return {}
 
     def check_action(self, action: Any) -> Array:
-        """The action as 16 float64 numbers, without executing it.
-
-        Raises:
-            ActionError: It has another shape, or holds NaN or infinity.
-        """
+        """The action as 16 float64 numbers, without executing it."""
         return spaces.checked_action(action, spaces.JOINT_NAMES)
 
     def hold_action(self) -> Array:

@@ -70,12 +70,7 @@ class RandomizedReset(DuoWrapper):
         """Begin an episode.
 
         Info also holds `seed` and `split`, from which the layout was sampled; both are None for a
-        layout that was given.
-
-        Raises:
-            LayoutError: No valid layout was found, or the given one is none.
-            UnknownNameError: There is no such option or split.
-            OptionError: The seed is no whole number from 0 on, or the options are no dict.
+        layout that was given. Errors are those of `SimEnv`.
         """
         options = checked_reset_options(options, OF_SIMULATION)
         used = split = None
@@ -147,7 +142,11 @@ class TaskStages(DuoWrapper):
 
     def __init__(self, env: gym.Env, judge: Judge | None = None) -> None:
         super().__init__(env)
-        self.judge = judge or _judge_of(self.base)
+        base: Any = self.base
+        if judge is None and not hasattr(base, "make_judge"):
+            what = f"got {type(base).__name__} without one"
+            raise TypeError(f"Expected a simulated environment or a judge, {what}.")
+        self.judge: Judge = judge or base.make_judge()
         """Who says which stage is reached."""
         self._max_stage = self.base.definition.max_stage
         self._subinstructions: dict[int, str] = {}
@@ -199,11 +198,7 @@ class TaskStages(DuoWrapper):
         return replace(super().save_state(), progress=self.judge.get_state())
 
     def restore_state(self, state: EpisodeState) -> Start:
-        """Continue from a saved state, at its stage.
-
-        Raises:
-            StateError: The state was saved without stages.
-        """
+        """Continue from a saved state, at its stage."""
         progress = required(state.progress, "stages")
         self._is_judged = False
         observation, info = super().restore_state(state)
@@ -216,25 +211,18 @@ class TaskStages(DuoWrapper):
         """Add what is known about progress to info, and return whether the task is solved."""
         stage = self.judge.stage
         success = stage == self._max_stage
-        info["success"] = success
-        info["is_success"] = success
-        info["success_at_end"] = self.judge.final_holds
-        info["stage"] = stage
-        info["max_stage"] = self._max_stage
         # Once the task is solved, what was to be done last is still the answer.
         standing = min(getattr(self.judge, "standing", stage), self._max_stage - 1)
-        info["current_subinstruction"] = self._subinstructions[standing]
-        info["stage_to_subinstructions"] = self._subinstructions.copy()
-        return success
-
-
-def _judge_of(base: Any) -> Judge:
-    """The judge that a simulated environment makes."""
-    if not hasattr(base, "make_judge"):
-        raise TypeError(
-            f"Expected a simulated environment or a judge, got {type(base).__name__} without one."
+        info.update(
+            success=success,
+            is_success=success,
+            success_at_end=self.judge.final_holds,
+            stage=stage,
+            max_stage=self._max_stage,
+            current_subinstruction=self._subinstructions[standing],
+            stage_to_subinstructions=self._subinstructions.copy(),
         )
-    return base.make_judge()
+        return success
 
 
 class TimeLimit(DuoWrapper):
@@ -284,22 +272,14 @@ class TimeLimit(DuoWrapper):
         return replace(super().save_state(), steps=self._steps, over=self._over)
 
     def restore_state(self, state: EpisodeState) -> Start:
-        """Continue from a saved state, and count on.
-
-        Raises:
-            StateError: The state was saved without a time limit.
-        """
+        """Continue from a saved state, and count on."""
         steps = required(state.steps, "time limit")
         result = super().restore_state(state)
         self._limit, self._steps, self._over = self._horizon, steps, state.over
         return result
 
     def step(self, action: Any) -> Transition:
-        """Advance one control step; the last one of the horizon is truncated.
-
-        Raises:
-            ResetNeededError: The episode is over.
-        """
+        """Advance one control step; the last one of the horizon is truncated."""
         if self._over:
             raise ResetNeededError("The episode is over; call reset to begin another one.")
         observation, reward, terminated, truncated, info = self.env.step(action)

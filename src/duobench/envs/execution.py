@@ -78,11 +78,11 @@ class Step:
 def execute(
     env: gym.Env, chunk: NDArray[np.floating], *, before: int = 0, render_last: bool = False
 ) -> Iterator[Step]:
-    """Execute the actions of a chunk in order, until its end or the episode's.
+    """Execute the actions (H, n) of a chunk in order, until its end or the episode's.
 
     Args:
         env: An environment that takes single actions.
-        chunk: The actions (H, n).
+        chunk: The actions.
         before: Control steps of the episode before this chunk.
         render_last: Whether to render the images of the last action's observation alone: an
             episode that ends before its chunk ends without. If not, nothing is switched.

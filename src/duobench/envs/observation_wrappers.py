@@ -61,17 +61,17 @@ class Cameras(ObservingWrapper):
         height, width = self._shape = image_size
         check_image_size(height, width)
 
-        def image() -> gym.spaces.Box:
-            return gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)
-
-        images = gym.spaces.Dict({name: image() for name in cameras})
-        super().__init__(env, PIXELS, images, cameras=self._cameras, image_size=image_size)
+        images: dict[str, gym.Space] = {
+            name: gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8) for name in cameras
+        }
+        space = gym.spaces.Dict(images)
+        super().__init__(env, PIXELS, space, cameras=self._cameras, image_size=image_size)
 
     def set_rendering(self, is_on: bool) -> None:
         """Switch images on or off; while they are off, an observation has no `pixels`."""
         self._is_rendering = is_on
 
-    def observe(self, observation: Observation) -> Observation:
+    def observation(self, observation: Observation) -> Observation:
         """The observation with an image of each camera, unless they are switched off."""
         if not self._is_rendering:
             return observation
@@ -82,9 +82,6 @@ class ObjectStates(ObservingWrapper):
     """Adds `environment_state` to the observation: the numbers (n,) of `Task.object_state`.
 
     They are privileged: read from the simulation. `object_state_names` says what each is.
-
-    Args:
-        env: A `SimEnv`, wrapped or not.
 
     Raises:
         TypeError: There is no simulation inside.
@@ -107,7 +104,7 @@ class ObjectStates(ObservingWrapper):
         """What each number of `environment_state` is."""
         return self._state.names
 
-    def observe(self, observation: Observation) -> Observation:
+    def observation(self, observation: Observation) -> Observation:
         """The observation with the numbers of the current state."""
         return {**observation, ENVIRONMENT_STATE: self._state.read(self._simulation)}
 
@@ -199,12 +196,9 @@ class Sensing(DuoWrapper):
                 if (age := self._ages[camera])
             }
             sensed[PIXELS] = {**sensed[PIXELS], **late}
-        space = self.observation_space
-        for name in (*NOISY, "tcp_pose"):
-            if name in sensed and isinstance(space, gym.spaces.Dict):
-                box = space[name]
-                if isinstance(box, gym.spaces.Box):
-                    sensed[name] = np.clip(sensed[name], box.low, box.high)
+        space: Any = self.observation_space
+        for name in sensed.keys() & {*NOISY, "tcp_pose"}:
+            sensed[name] = np.clip(sensed[name], space[name].low, space[name].high)
         return sensed
 
     def _noisy(self, numbers: Array, deviation: float) -> Array:
@@ -212,7 +206,6 @@ class Sensing(DuoWrapper):
         return (numbers + noise).astype(numbers.dtype)
 
     def _seen(self, camera: str, age: int, shape: tuple[int, int]) -> Any:
-        """What a camera showed so many frames ago."""
         if self._past_backend is None:
             from duobench.sim.backend import SimBackend
             from duobench.sim.simulation import Simulation

@@ -1,7 +1,5 @@
-"""The evaluation protocol: which wrappers an environment is made of.
+"""The evaluation protocol: which wrappers an environment is made of, from the inside out.
 
-From the inside out: the base environment, random resets, stages, the horizon, the action mode,
-binary grippers, action chunks, object states, cameras, and worse sensing where it is shifted.
 Nothing here loads the simulation before it is asked for.
 """
 
@@ -98,10 +96,7 @@ def with_wrappers(env: gym.Env) -> gym.Env:
 def stack_on(judged: TaskStages, config: EnvConfig, horizon: int | None) -> DuoWrapper:
     """Put the wrappers of a configuration around judged arms.
 
-    Args:
-        judged: The arms, with stages.
-        config: What was chosen about the environment.
-        horizon: Control steps after which an episode is cut off; None leaves it open.
+    The horizon, in control steps, is None for an episode that is never cut off.
     """
     stack: DuoWrapper = judged
     if horizon is not None:

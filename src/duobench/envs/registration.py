@@ -82,7 +82,6 @@ def make(task: Task | str, **options: Any) -> gym.Env:
 
 
 def _spec(task: Task | str) -> EnvSpec:
-    """What Gymnasium needs to know about a task that is not in the catalog."""
     from duobench.tasks.task import Task
 
     definition = catalog.get(task)

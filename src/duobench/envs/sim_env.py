@@ -122,27 +122,24 @@ class SimEnv(DuoEnv):
         return self.definition.subinstructions(self.layout)
 
     def make_judge(self) -> SimJudge:
-        """What judges episodes of this environment by the stages of its task.
-
-        Raises:
-            UnknownNameError: A stage names what is not there; near misses are listed.
-            LayoutError: The task does not place all of its objects.
-        """
+        """What judges episodes by the stages of the task, all of whose names are checked here."""
         return SimJudge(self)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
         options = checked_reset_options(options, OF_SIMULATION)
         words = checked_instruction(options.get(INSTRUCTION), len(self.definition.instructions))
         look = self._usual_look if (given := options.get(LOOK)) is None else as_look(given)
-        key = self._key(options)
+        # What shifts sample follows from the seed; a layout that is given stands for none.
+        seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
+        key = EpisodeKey(task=self.task, seed=seed, split=options.get(SPLIT, EVAL))
         self._arms.set_look(shifted_look(self._shift, key, look))
         self._set_scale(physics_scale(self._shift, key))
         self._arms.home()
         tried: list[Mapping[str, Any]] = []
-        candidates = self._candidates(options, tried)
+        candidates = self._candidates(options.get(LAYOUT), key, tried)
         self._layout = placement.first_valid(self.simulation, candidates, self.task)
         own = self._instruct(self._layout, words if isinstance(words, int) else 0)
-        if INSTRUCTION not in options or options[INSTRUCTION] is None:
+        if options.get(INSTRUCTION) is None:
             kept = self.definition.kept_paraphrases
             number = kept_paraphrase(self._shift, key, len(kept))
             words = None if number is None else kept[number].format(**self._layout.variants)
@@ -155,13 +152,8 @@ class SimEnv(DuoEnv):
         self.simulation.scale_physics(**asdict(scale))
         self._scale = scale
 
-    def _key(self, options: Mapping[str, Any]) -> EpisodeKey:
-        """What the samples of a shift follow from; a layout that is given stands for no seed."""
-        seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
-        return EpisodeKey(task=self.task, seed=seed, split=options.get(SPLIT, EVAL))
-
     def _candidates(
-        self, options: Mapping[str, Any], tried: list[Mapping[str, Any]]
+        self, given: Any, key: EpisodeKey, tried: list[Mapping[str, Any]]
     ) -> Iterator[Layout]:
         """The layouts that a reset may begin with; the JSON form of each is appended to `tried`.
 
@@ -169,23 +161,20 @@ class SimEnv(DuoEnv):
         quaternion differs from the sampled one in its last bit, and what info reports must begin
         exactly the same episode.
         """
-        given = options.get(LAYOUT)
         if given is not None:
             tried.append(given.to_json() if isinstance(given, Layout) else given)
             layout = Layout.from_json(tried[-1])
             self._instruct(layout)
             yield layout
             return
-        seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
-        for sampled in self._shifted.layouts(seed, options.get(SPLIT, EVAL)):
+        for sampled in self._shifted.layouts(key.seed, key.split):
             tried.append(sampled.to_json())
             yield Layout.from_json(tried[-1])
 
     def _instruct(self, layout: Layout, number: int = 0) -> str:
         """One of the task's instructions for a layout, whose variants must be complete."""
         for name, choice in self.definition.variants.items():
-            value = layout.variants.get(name)
-            if value not in choice.options:
+            if (value := layout.variants.get(name)) not in choice.options:
                 raise LayoutError(
                     f"Task {self.task!r} has a variant {name!r}, one of "
                     f"{', '.join(choice.options)}; the layout says {value!r}."
@@ -195,8 +184,6 @@ class SimEnv(DuoEnv):
             return self.definition.instruct(layout, number)
         except UnknownNameError as error:
             raise LayoutError(f"The layout lacks a variant. {error}") from error
-
-    # --- state -----------------------------------------------------------------------------------
 
     def save_state(self) -> EpisodeState:
         """The whole state of the running episode, of this environment and its wrappers.
@@ -236,8 +223,6 @@ class SimEnv(DuoEnv):
         self._sent = self.backend.last_command.flat
         self._running = True
         return self._observation(), self._info()
-
-    # --- images ----------------------------------------------------------------------------------
 
     def render(self) -> NDArray[np.uint8]:
         """The scene from the overview camera, (height, width, 3), for people.

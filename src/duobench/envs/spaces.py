@@ -80,26 +80,15 @@ def _tool_actions(high: Sequence[float]) -> gym.spaces.Box:
 
 
 def observations(limits: DuoLimits) -> gym.spaces.Dict:
-    """What the robot reports about itself.
-
-    Args:
-        limits: Limits of the arms.
-
-    Returns:
-        Dict of `agent_pos` (16,), measured joints and openings in the order of an action, and
-        `tcp_pose` (14,), both tool centre points in the table frame, x y z qx qy qz qw each.
-    """
+    """What the robot reports about itself; see `DuoEnv`."""
     margin = np.tile([*[JOINT_MARGIN] * ARM_JOINTS, 0.0], len(SIDES))
     pose = np.tile([*[REACH] * 3, *[1.0] * 4], len(SIDES))
+    bounds = {"agent_pos": (limits.low - margin, limits.high + margin), "tcp_pose": (-pose, pose)}
     return gym.spaces.Dict(
-        agent_pos=gym.spaces.Box(
-            (limits.low - margin).astype(np.float32),
-            (limits.high + margin).astype(np.float32),
-            dtype=np.float32,
-        ),
-        tcp_pose=gym.spaces.Box(
-            (-pose).astype(np.float32), pose.astype(np.float32), dtype=np.float32
-        ),
+        {
+            name: gym.spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+            for name, (low, high) in bounds.items()
+        }
     )
 
 
@@ -127,15 +116,7 @@ def numbers(action: Any, shape: tuple[int, ...], labels: Sequence[str] = ()) -> 
 
 
 def checked_action(action: Any, labels: Sequence[str]) -> Array:
-    """An action as float64 numbers.
-
-    Args:
-        action: What a caller gave.
-        labels: What each of its numbers is.
-
-    Returns:
-        Array of shape (len(labels),), all finite.
-    """
+    """An action as finite float64 numbers, as many as there are labels."""
     array = numbers(action, (len(labels),), labels)
     # A finite sum proves finite numbers, at a fraction of the cost of an array operation.
     if not math.isfinite(sum(array.tolist())):

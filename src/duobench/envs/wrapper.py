@@ -9,7 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from duobench.envs import spaces
 from duobench.envs.action_modes import ActionMode
-from duobench.envs.duo_env import DuoEnv, Observation, ResetOptions, Start, Transition, base_of
+from duobench.envs.duo_env import DuoEnv, Start, base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.types import Array
 
@@ -74,8 +74,8 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return self.env.get_wrapper_attr("_max_episode_steps")
 
 
-class ObservingWrapper(DuoWrapper):
-    """A wrapper that adds one entry to the observation; a subclass says which, and what is there.
+class ObservingWrapper(DuoWrapper, gym.ObservationWrapper):
+    """A wrapper that adds one entry to the observation; `observation` of a subclass does it.
 
     What it adds belongs to the state of the arms and objects alone, so it is the same after a step
     and after the state was restored.
@@ -93,31 +93,16 @@ class ObservingWrapper(DuoWrapper):
             raise TypeError(f"{key} is added to a Dict of observations, got {inner}.")
         self.observation_space = gym.spaces.Dict({**inner.spaces, key: space})
 
-    def observe(self, observation: Observation) -> Observation:
-        """The observation with the entry."""
-        raise NotImplementedError
-
-    def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
-        """Begin an episode."""
-        observation, info = self.env.reset(seed=seed, options=options)
-        return self.observe(observation), info
-
-    def step(self, action: Any) -> Transition:
-        """Advance one step of the wrapped environment, then observe."""
-        observation, reward, terminated, truncated, info = self.env.step(action)
-        return self.observe(observation), float(reward), terminated, truncated, info
-
     def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, and observe."""
         observation, info = super().restore_state(state)
-        return self.observe(observation), info
+        return self.observation(observation), info
 
 
 class ActionModeWrapper(DuoWrapper):
     """A wrapper that takes the actions of a mode; a subclass says which, and what they mean."""
 
     mode: ActionMode
-    """The mode."""
 
     def __init__(self, env: gym.Env) -> None:
         super().__init__(env)

@@ -17,7 +17,6 @@ from duobench.results.journal import EpisodeTimes
 from duobench.results.limits import TimeLimits
 
 _EPISODE, _ANSWER, _STEPS = range(3)
-_NO_FILE = -1
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -49,13 +48,14 @@ class EpisodeClock:
     this one from doing anything at all.
 
     Args:
-        file: Descriptor of a memory file of `SIZE` bytes that another process has too.
+        file: Descriptor of a memory file of `SIZE` bytes that another process has too; -1 if none
+            has.
     """
 
     SIZE = 3 * 8
     """Bytes that it takes: two doubles and a whole number."""
 
-    def __init__(self, file: int = _NO_FILE) -> None:
+    def __init__(self, file: int = -1) -> None:
         memory = memoryview(mmap.mmap(file, self.SIZE))
         self._times, self._counts = memory.cast("d"), memory.cast("q")
 

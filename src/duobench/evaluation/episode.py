@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
+from typing import Generic, Protocol, TypeVar
 
 import gymnasium as gym
 import msgspec
@@ -40,8 +41,7 @@ from duobench.results.journal import EpisodeTimes
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Candidate, Run
-from duobench.results.suite import Episode, Suite, TaskInfo
-from duobench.shifts.shift import Shift
+from duobench.results.suite import Episode, Suite
 from duobench.sim.rendering import describe
 from duobench.versions import package_versions, record_versions
 
@@ -53,9 +53,7 @@ class RecordingPlan:
     """That episodes are recorded, and which of them are kept."""
 
     split: str
-    """Layouts that the episodes begin with."""
     keep_failures: bool = False
-    """Whether episodes are kept that did not succeed."""
     after_success: float = 0.0
     """Seconds that a recording goes on after success, a whole number of control steps."""
     instructions: str = FIXED
@@ -86,7 +84,6 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     videos: int = 0
     """How many episodes of each task, from the first on, have a video."""
     recording: RecordingPlan | None = None
-    """Whether episodes are recorded."""
 
 
 class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
@@ -98,7 +95,6 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     recording: bytes | None = None
     """Its recording as a Parquet file, if there is one that is kept."""
     times: EpisodeTimes | None = None
-    """How long it took, and what with; None if unknown."""
 
     def objection(self, episode: Episode, run: Run, plan: RecordingPlan | None) -> str | None:
         """Why this is not the episode of a run that was to be played; None if it is."""
@@ -109,12 +105,56 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
         if self.recording is None:
             return None
         try:
-            info = Recording.info_of(self.recording)
+            info = Recording.read_info(self.recording)
         except DataError as error:
             return str(error)
         if plan is None or not plan.is_of(info, episode.task.id, episode.index):
             return "its recording is another one."
         return None
+
+
+class Closable(Protocol):
+    """Something that is closed when it is not needed any more."""
+
+    def close(self) -> None:
+        """Free what it holds."""
+        ...
+
+
+V = TypeVar("V", bound=Closable)
+
+
+class Latest(Generic[V]):
+    """What was made last, until something else is needed, before which it is closed."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._value: V | None = None
+
+    def get(self, key: object, make: Callable[[], V]) -> V:
+        """What belongs to a key."""
+        if self._value is None or self._key != key:
+            self.close()
+            self._value, self._key = make(), key
+        return self._value
+
+    def close(self) -> None:
+        """Close what is there; another one can be made afterwards."""
+        value, self._value = self._value, None
+        if value is not None:
+            value.close()
+
+
+class _Setting:
+    """Environment and policy of a task and a shift, with what records and shows them."""
+
+    def __init__(self, env: gym.Env, policy: Policy, recorder: Recorder | None) -> None:
+        self.env, self.policy, self.recorder = env, policy, recorder
+        self.overview = Overview(env)
+
+    def close(self) -> None:
+        self.overview.close()
+        self.env.close()
 
 
 def _inference(source: PolicySource) -> str | None:
@@ -158,11 +198,7 @@ class EpisodeRunner:
         self._clock = clock or EpisodeClock()
         self._tell = tell
         self._let_through = (KeyboardInterrupt,) if is_interruptible else ()
-        self._made: tuple[TaskInfo, Shift] | None = None
-        self._env: gym.Env | None = None
-        self._policy: Policy | None = None
-        self._overview: Overview | None = None
-        self._recorder: Recorder | None = None
+        self._latest: Latest[_Setting] = Latest()
         metadata = source.metadata
         config = EnvConfig(
             cameras=metadata.cameras,
@@ -175,24 +211,16 @@ class EpisodeRunner:
             look=job.suite.look,
         )
         renderer = describe().renderer if config.cameras else None
+        name = job.policy.name
         candidate = Candidate(
-            policy=job.policy.name.text,
-            metadata=metadata,
-            config=config,
-            batching=source.batching,
+            policy=name.text, metadata=metadata, config=config, batching=source.batching
         )
         self.run = Run(
-            candidates=(candidate,),
-            suite=job.suite,
-            limits=job.limits,
-            versions=package_versions(),
+            candidates=(candidate,), suite=job.suite, limits=job.limits, versions=package_versions()
         )
-        """What is played, and by what; the same for every episode."""
-        is_expert = job.policy.name.kind is PolicyKind.EXPERT
-        kind = ActorKind.EXPERT if is_expert else ActorKind.POLICY
-        self._actor = Actor(kind=kind, name=candidate.policy, version=metadata.version)
+        kind = ActorKind.EXPERT if name.kind is PolicyKind.EXPERT else ActorKind.POLICY
+        self._actor = Actor(kind=kind, name=name.text, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
-        """Versions of everything that a result may depend on."""
 
     def play(self, episode: Episode) -> EpisodeResult:
         """Play one episode.
@@ -202,15 +230,18 @@ class EpisodeRunner:
         A `MachineryError` is no fault of the policy, and other errors mean that it does not fit.
         """
         watch = Stopwatch()
-        env, policy = self._prepare(episode)
-        recording = self._recorder
+        setting = self._prepare(episode)
+        env, policy, recording = setting.env, setting.policy, setting.recorder
         if recording is not None:
             recording.content = None
         recorder = EpisodeRecorder(
             episode, lambda: self._tell(recorder.record(self.run, self.versions))
         )
-        video = self._video_recorder(env, episode.task) if episode.has_video else None
-        watchers: list[Watcher] = [recorder] if video is None else [recorder, video]
+        watchers: list[Watcher] = [recorder]
+        video = None
+        if episode.has_video:
+            video = VideoRecorder(setting.overview.image, Picture(episode.task))
+            watchers.append(video)
 
         def busy() -> AbstractContextManager[None]:
             return watch.policy(self._clock.timed(self._limits, recorder.steps))
@@ -231,7 +262,7 @@ class EpisodeRunner:
         except (RenderingError, MachineryError, VideoError) as fault:
             if recording is not None:
                 recording.discard()
-            self._close_environment()
+            self._latest.close()
             raise MachineryError(str(fault)) from fault
         except self._let_through:
             raise
@@ -240,7 +271,7 @@ class EpisodeRunner:
             if recording is not None:
                 reason = escaped(f"{type(error).__name__}: {error}")
                 recording.finish(kept=False, reason=reason)
-            self._close_environment()  # whatever broke may have left it in any state
+            self._latest.close()  # whatever broke may have left it in any state
         record = recorder.record(self.run, self.versions)
         return EpisodeResult(
             record=replace(record, late_success=late)
@@ -268,7 +299,7 @@ class EpisodeRunner:
         except (RenderingError, MachineryError, *self._let_through):
             raise
         except BaseException:  # noqa: BLE001 - no part of the result
-            self._close_environment()
+            self._latest.close()
             return None
         optional_method(env, "set_rendering")(True)
         return last.number if last.info["success"] else None
@@ -281,7 +312,8 @@ class EpisodeRunner:
             MachineryError: It cannot be asked.
             DuoBenchError: If environment and policy cannot be made, or do not fit.
         """
-        env, policy = self._prepare(episode)
+        setting = self._prepare(episode)
+        env, policy = setting.env, setting.policy
         (size,) = env.action_space.shape or (0,)
         check_fits(policy.metadata, env)
         observation, info = env.reset(seed=episode.seed)
@@ -297,45 +329,31 @@ class EpisodeRunner:
 
     def close(self) -> None:
         """Free environment and policy, which are not used again."""
-        self._close_environment()
+        self._latest.close()
         try:
             self._source.close()
         except Exception:  # noqa: BLE001 - the results are there
             _log.warning("The policy could not be closed.", exc_info=True)
 
-    def _prepare(self, episode: Episode) -> tuple[gym.Env, Policy]:
-        """Environment and policy of a task and a shift; those of another are closed first."""
-        task, config = episode.task, replace(self.run.candidate.config, shift=episode.shift)
-        if self._env is None or self._policy is None or self._made != (task, episode.shift):
-            self._close_environment()
-            try:
-                self._env = make(task.reference, **asdict(config))
-                self._policy = self._source.bind(self._env)
-                if self._recording is not None:
-                    self._env = self._recorder = Recorder(
-                        self._env,
-                        None,
-                        self._actor,
-                        after_success=self._recording.after_success,
-                        keep=self._recording.keeps,
-                    )
-            except (DuoBenchError, KeyboardInterrupt):
-                raise
-            except BaseException as error:
-                raise EvaluationError(
-                    f"The environment of task {task.id!r} cannot be made.\n{traceback_text(error)}"
-                ) from error
-            self._made = task, episode.shift
-        return self._env, self._policy
+    def _prepare(self, episode: Episode) -> _Setting:
+        """What a task and a shift are played in; that of others is closed first."""
+        try:
+            return self._latest.get((episode.task, episode.shift), lambda: self._make(episode))
+        except (DuoBenchError, KeyboardInterrupt):
+            raise
+        except BaseException as error:
+            raise EvaluationError(
+                f"The environment of task {episode.task.id!r} cannot be made.\n"
+                f"{traceback_text(error)}"
+            ) from error
 
-    def _video_recorder(self, env: gym.Env, task: TaskInfo) -> VideoRecorder:
-        """A video of the simulation that is being played, from the camera for people."""
-        self._overview = self._overview or Overview(env)
-        return VideoRecorder(self._overview.image, Picture(task))
-
-    def _close_environment(self) -> None:
-        if self._overview is not None:
-            self._overview.close()
-        if self._env is not None:
-            self._env.close()
-        self._overview = self._env = self._policy = self._made = self._recorder = None
+    def _make(self, episode: Episode) -> _Setting:
+        config = replace(self.run.candidate.config, shift=episode.shift)
+        env = make(episode.task.reference, **asdict(config))
+        policy, plan = self._source.bind(env), self._recording
+        if plan is None:
+            return _Setting(env, policy, None)
+        recorder = Recorder(
+            env, None, self._actor, after_success=plan.after_success, keep=plan.keeps
+        )
+        return _Setting(recorder, policy, recorder)

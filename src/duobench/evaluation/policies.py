@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pkgutil import resolve_name
+from typing import Any
 
 import gymnasium as gym
 
@@ -36,13 +37,7 @@ from duobench.policy.registry import (
     no_batches,
     source_version,
 )
-from duobench.policy.serving.address import (
-    MAX_S,
-    OPENPI,
-    SERVED,
-    PolicyAddress,
-    RemoteServer,
-)
+from duobench.policy.serving.address import MAX_S, OPENPI, SERVED, PolicyAddress, RemoteServer
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
 
@@ -53,7 +48,6 @@ WORDS: Mapping[str, PolicyKind] = {
     **MADE_ALONE,
     **dict.fromkeys(SERVED, PolicyKind.SERVED),
 }
-"""Words that name a policy."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,7 +58,6 @@ class PolicyChoice:
     batching: Batching | None = None
     """How many observations a `BatchPolicy` answers together; None takes the default."""
     server: RemoteServer | None = None
-    """Where it is served."""
     address: PolicyAddress | None = None
     """Where it answers, if it is in a process of its own."""
 
@@ -102,7 +95,6 @@ class PolicyChoice:
         return cls(name=PolicyName.parse(name, WORDS), batching=batching, server=server)
 
     def __post_init__(self) -> None:
-        """Reject what cannot be chosen."""
         variety_of(self.name)
         if self.name.kind is not PolicyKind.SERVED:
             return
@@ -121,9 +113,7 @@ class PolicySource:
     metadata: PolicyMetadata
     """What it expects, and its version; the environment is made to fit."""
     bind: Callable[[gym.Env], Policy]
-    """The policy for an environment."""
     close: Callable[[], None] = lambda: None
-    """Frees what the policy holds."""
     batching: Batching | None = None
     """How many observations it answers together; None if that is one, or unknown."""
     waits_for_others: bool = False
@@ -212,30 +202,23 @@ def find_source(
         modules = {find_script(task.reference).__module__ for task in tasks}
         if variety is not NONE:
             modules.add(Variety.__module__)
-        metadata = replace(_expert_metadata(variety), version=source_version(*modules))
-        policy = PolicySource(metadata=metadata, bind=partial(ExpertPolicy, variety=variety))
+        metadata, bind = _expert_metadata(variety), partial(ExpertPolicy, variety=variety)
     elif choice.name.kind is PolicyKind.BLIND:
         modules = {script.__module__ for script in blind.SCRIPTS.values()}
         modules |= {find_script(task).__module__ for task in blind.SCRIPTS}
-        metadata = replace(BlindPolicy.metadata, version=source_version(*modules))
-        policy = PolicySource(metadata=metadata, bind=BlindPolicy)
+        metadata, bind = BlindPolicy.metadata, BlindPolicy
     else:
-        return _made(choice)
+        made, metadata, batching = make_batched(choice.name, choice.batching)
+        return _for_any(ContainedPolicy(made, batching or ONE_BY_ONE), metadata, batching)
     if choice.batching is not None:
         raise no_batches(choice.name)
-    return policy
+    return PolicySource(metadata=replace(metadata, version=source_version(*modules)), bind=bind)
 
 
 def _served(choice: PolicyChoice, server: RemoteServer, limits: TimeLimits) -> PolicySource:
-    """A policy at a server that somebody runs."""
     path = SERVED.get(choice.name.text, OPENPI)
     remote = resolve_name(path)(replace(server, answer_s=limits.served_s))
-    return PolicySource(
-        metadata=remote.metadata,
-        bind=lambda _env: remote,
-        close=remote.close,
-        batching=remote.batching,
-    )
+    return _for_any(remote, remote.metadata, remote.batching)
 
 
 def _apart(address: PolicyAddress) -> PolicySource:
@@ -245,21 +228,13 @@ def _apart(address: PolicyAddress) -> PolicySource:
     remote = OwnPolicy(
         RemoteServer(url=address.url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S)
     )
-    return PolicySource(
-        metadata=remote.metadata,
-        bind=lambda _env: remote,
-        close=remote.close,
-        batching=address.batching,
-        waits_for_others=True,
-    )
+    found = _for_any(remote, remote.metadata, address.batching)
+    return replace(found, waits_for_others=True)
 
 
-def _made(choice: PolicyChoice) -> PolicySource:
-    """A policy that is made in this process."""
-    made, metadata, batching = make_batched(choice.name, choice.batching)
-    alone = ContainedPolicy(made, batching or ONE_BY_ONE)
+def _for_any(policy: Any, metadata: PolicyMetadata, batching: Batching | None) -> PolicySource:
     return PolicySource(
-        metadata=metadata, bind=lambda _env: alone, close=alone.close, batching=batching
+        metadata=metadata, bind=lambda _env: policy, close=policy.close, batching=batching
     )
 
 

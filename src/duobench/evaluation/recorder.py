@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import gymnasium as gym
 
 from duobench.envs.episode_state import EpisodeState
+from duobench.envs.execution import Step
 from duobench.errors import escaped
+from duobench.evaluation.rollout import Info, Observation
 from duobench.randomness import SUITE_VERSION
-from duobench.results.records import EpisodeRecord, SampledLayout, StateHashes, pack_targets
+from duobench.results.records import EpisodeRecord, StateHashes, pack_targets
 from duobench.results.run import Run
 from duobench.results.suite import Episode
+from duobench.stages.logic import Words
 from duobench.types import Array
-
-if TYPE_CHECKING:
-    from duobench.evaluation.rollout import Info, Observation, Step
-    from duobench.stages.logic import Words
 
 
 class EpisodeRecorder:
@@ -33,8 +31,7 @@ class EpisodeRecorder:
         self._episode = episode
         self._on_stage = on_stage
         self._env: gym.Env | None = None
-        self._instruction = ""
-        self._layout: SampledLayout = {}
+        self._info: Info = {}
         self._stage_changes: list[tuple[int, int]] = []
         self._last: Step | None = None
         self._sent: list[Array] = []
@@ -45,10 +42,8 @@ class EpisodeRecorder:
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Note what the reset sampled, and the state that it led to."""
-        self._env = env
+        self._env, self._info = env, info
         self._start = _state(env)
-        self._instruction = escaped(info["instruction"])
-        self._layout = info.get("layout", {})
         if stage := info["stage"]:
             self._stage_changes.append((0, stage))
         env.get_wrapper_attr("explain_stages")()
@@ -76,7 +71,6 @@ class EpisodeRecorder:
             self._end = _state(self._env)
 
     def _look(self) -> None:
-        """See why the next stage is not reached."""
         if self._env is not None:
             self._unmet = self._env.get_wrapper_attr("unmet")
 
@@ -111,7 +105,7 @@ class EpisodeRecorder:
             policy=candidate.policy,
             policy_version=candidate.metadata.version,
             config=replace(candidate.config, shift=self._episode.shift),
-            instruction=self._instruction,
+            instruction=escaped(self._info.get("instruction", "")),
             success=self.stage == task.max_stage,
             success_at_end=bool(last and last.info["success_at_end"]),
             final_stage=self.stage,
@@ -123,7 +117,7 @@ class EpisodeRecorder:
             terminated=bool(last and last.terminated),
             truncated=bool(last and last.truncated),
             error=None,
-            layout=self._layout,
+            layout=self._info.get("layout", {}),
             state_hash=self._end and self._end.hash,
             start=_hashes(self._start),
             end=_hashes(self._end),
@@ -135,8 +129,8 @@ class EpisodeRecorder:
 
 def _state(env: gym.Env) -> EpisodeState | None:
     """The whole state of the running episode, where there is a simulation that can tell it."""
-    base = env.unwrapped
-    return env.get_wrapper_attr("save_state")() if hasattr(base, "save_state") else None
+    is_simulated = hasattr(env.unwrapped, "save_state")
+    return env.get_wrapper_attr("save_state")() if is_simulated else None
 
 
 def _hashes(state: EpisodeState | None) -> StateHashes | None:

@@ -9,7 +9,6 @@ from typing import Any, Protocol, TypeVar
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 from duobench.envs.config import SPLIT
 from duobench.envs.duo_env import base_of
@@ -107,9 +106,8 @@ def rollout(
     """
     check_fits(policy.metadata, env)
     watching = tuple(watchers)
-    needs_frames = _changes_observations(env) or any(
-        getattr(watcher, "needs_frames", False) for watcher in watching
-    )
+    asked = any(getattr(watcher, "needs_frames", False) for watcher in watching)
+    needs_frames = asked or _changes_observations(env)
     render = optional_method(env, "set_rendering")
     with ExitStack() as ending:
         ending.callback(render, True)
@@ -144,7 +142,8 @@ def _steps(
 ) -> Iterator[Step]:
     """The steps of a policy without an end: when the episode is over, no more are to be taken."""
     (action_size,) = env.action_space.shape or (0,)
-    waiting, number = _held(env, execution.latency), 0
+    held = np.asarray(env.get_wrapper_attr("hold_action")(), dtype=np.float32)
+    waiting, number = np.tile(held, (execution.latency, 1)), 0
     while True:
         with busy():
             answered = as_chunk(policy.act(observation), action_size)[: execution.execute]
@@ -156,12 +155,6 @@ def _steps(
             for step in execute(env, chunk, before=number, render_last=render_last):
                 observation, number, chunk = step.observation, step.number, chunk[1:]
                 yield step
-
-
-def _held(env: gym.Env, steps: int) -> NDArray[np.float32]:
-    """Actions (steps, n) with which both arms hold their command."""
-    held = np.asarray(env.get_wrapper_attr("hold_action")(), dtype=np.float32)
-    return np.tile(held, (steps, 1))
 
 
 def _changes_observations(env: gym.Env) -> bool:

@@ -30,12 +30,9 @@ FRAME_RATE = Fraction(CONTROL_HZ) / FRAME_EVERY
 """Frames a second: the video plays in real time."""
 VIDEO_SIZE = (480, 640)
 """Height and width of its images in pixels."""
-_LARGE, _SMALL = 17, 12
-"""Sizes of text in pixels."""
-_MARGIN = 6
-"""Pixels around text."""
+_LARGE, _SMALL = 17, 12  # text, in pixels
+_MARGIN = 6  # pixels around text
 _PAPER, _INK = (24, 28, 32), (255, 255, 255)
-"""Colours of the box around text, and of text."""
 _MOST_SHARE = 2
 """An image of the policy is as high as the overview over this number, at most."""
 
@@ -77,8 +74,7 @@ class VideoRecorder:
     """
 
     def __init__(self, render: Callable[[], Image], picture: Picture | None = None) -> None:
-        self._render = render
-        self._picture = picture
+        self._render, self._picture = render, picture
         self.seconds = 0.0
         """Seconds that the video has taken so far."""
         self._file = io.BytesIO()
@@ -127,8 +123,7 @@ class Picture:
     """
 
     def __init__(self, task: TaskInfo, *, is_seen: bool = True) -> None:
-        self._task = task
-        self._is_seen = is_seen
+        self._task, self._is_seen = task, is_seen
         self._images: Mapping[str, Image] = {}
         self._seen_after = 0
 
@@ -162,16 +157,13 @@ class Picture:
         return f"{_time(number)}   stage {stage} of {self._task.max_stage}{reached}"
 
     def _column(self, height: int) -> Pillow.Image:
-        """The policy's images, one below the other."""
         cell = height // max(_MOST_SHARE, len(self._images))
-        scaled = {
-            name: Pillow.fromarray(image).resize(
-                (_even(cell * image.shape[1] / image.shape[0]), cell), Pillow.Resampling.LANCZOS
-            )
-            for name, image in self._images.items()
-        }
-        width = max(image.width for image in scaled.values())
-        column = Pillow.new("RGB", (width, height), _PAPER)
+        scaled: dict[str, Pillow.Image] = {}
+        for name, image in self._images.items():
+            width = 2 * max(1, round(cell * image.shape[1] / image.shape[0] / 2))  # even, for VP9
+            scaled[name] = Pillow.fromarray(image).resize((width, cell), Pillow.Resampling.LANCZOS)
+        widest = max(image.width for image in scaled.values())
+        column = Pillow.new("RGB", (widest, height), _PAPER)
         for nth, (name, image) in enumerate(scaled.items()):
             seen = f", seen at {_time(self._seen_after)}" if self._is_seen else ""
             _write(image, f"{name.replace('_', ' ')}{seen}", _SMALL)
@@ -181,11 +173,6 @@ class Picture:
 
 def _time(number: int) -> str:
     return f"{number / CONTROL_HZ:.1f} s"
-
-
-def _even(pixels: float) -> int:
-    """The nearest even number, which videos ask for."""
-    return 2 * max(1, round(pixels / 2))
 
 
 @cache

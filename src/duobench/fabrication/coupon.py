@@ -26,24 +26,22 @@ WALL = 0.004
 """Least thickness of the walls in metres."""
 DIMPLE = (0.0010, 0.0006, 0.003)
 """Radius, depth and distance of the dimples in metres."""
-_HEXAGON, _SQUARE = 6, 4
 
 
 def fit_coupon() -> PrintJob:
     """Two pegs, and a plate with five sockets for each of them."""
-    parts = []
-    for name, corners, across, plays in (
-        ("hexagon", _HEXAGON, hexagon_peg.ACROSS_FLATS, HEXAGON_PLAYS),
-        ("square", _SQUARE, joint_blocks.PEG_WIDTH, SQUARE_PLAYS),
-    ):
-        parts.append(_peg(f"{name}_peg", corners, across))
-        parts.append(_plate(f"{name}_sockets", corners, across, plays))
+    hexagon, square = (6, hexagon_peg.ACROSS_FLATS), (4, joint_blocks.PEG_WIDTH)
     return PrintJob(
         id=ID,
         title="Fit coupon",
         description="Pegs and sockets of the benchmark DuoBench with several clearances, printed "
         "first.",
-        parts=tuple(parts),
+        parts=(
+            _peg("hexagon_peg", *hexagon),
+            _plate("hexagon_sockets", *hexagon, HEXAGON_PLAYS),
+            _peg("square_peg", *square),
+            _plate("square_sockets", *square, SQUARE_PLAYS),
+        ),
     )
 
 
@@ -67,7 +65,7 @@ def _plate(name: str, corners: int, across: float, plays: tuple[float, ...]) -> 
     m = manifold3d.Manifold
     radius, depth, apart = DIMPLE
     step = across + 2 * plays[-1] + WALL
-    tall = (across + 2 * plays[-1]) / (math.cos(math.pi / corners) if corners == _HEXAGON else 1)
+    tall = (across + 2 * plays[-1]) / (math.cos(math.pi / corners) if corners % 4 else 1)
     strip = 2 * WALL
     plate = m.cube((step * len(plays) + WALL, tall + 2 * WALL + strip, HEIGHT))
     plate = plate.translate((-step * len(plays) / 2 - WALL / 2, -tall / 2 - WALL - strip, 0.0))

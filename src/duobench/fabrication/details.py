@@ -31,7 +31,7 @@ from duobench.objects import (
     pot,
 )
 from duobench.objects.prop import Prop
-from duobench.objects.shapes import JOINT_PLAY
+from duobench.objects.shapes import JOINT_PLAY, Colour
 from duobench.objects.solid import mass_properties, printable
 from duobench.tasks import pour_marbles
 from duobench.tasks.task import Task
@@ -47,14 +47,6 @@ class Dimension:
     what: str
     mm: float
     tolerance_mm: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ColourChange:
-    """From which height on a part is printed in another colour."""
-
-    above_mm: float
-    rgba: tuple[float, float, float, float]
 
 
 def _size(what: str, metres: float, tolerance: float = MATING) -> Dimension:
@@ -118,20 +110,15 @@ DIMENSIONS: Mapping[str, tuple[Dimension, ...]] = {
 }
 """Sizes beyond those of the box around a part, by task, body and piece."""
 
-CHANGES: Mapping[str, tuple[ColourChange, ...]] = {
-    "ball_maze/board/floor": (
-        ColourChange(above_mm=round(1000 * maze_board.BASE, 3), rgba=maze_board.RIM_COLOUR),
-    ),
-    "bin_sort/black_bowl": (
-        ColourChange(above_mm=round(1000 * (bowl.RIM_HEIGHT - bowl.RIM), 3), rgba=blocks.PALE),
-    ),
+CHANGES: Mapping[str, tuple[float, Colour]] = {
+    "ball_maze/board/floor": (maze_board.BASE, maze_board.RIM_COLOUR),
+    "bin_sort/black_bowl": (bowl.RIM_HEIGHT - bowl.RIM, blocks.PALE),
 }
+"""From which height in metres on a part is printed in which other colour."""
 
-FINE = frozenset(
-    (
-        *(f"join_blocks/{name}" for name in ("light_block", "dark_block", "wall")),
-        *(f"transfer_reorient/{name}" for name in ("board", "peg")),
-    )
+FINE = (
+    *("join_blocks/light_block", "join_blocks/dark_block", "join_blocks/wall"),
+    *("transfer_reorient/board", "transfer_reorient/peg"),
 )
 """What has chamfers that something finds its way by: finer layers."""
 
@@ -207,9 +194,8 @@ def parts_to_buy(task: Task) -> tuple[PurchasedPart, ...]:
     """
     if task.id not in details():
         return () if task.printable else tuple(map(_unprinted, task.props))
-    bought = []
+    names, bought = [prop.name for prop in task.props], []
     for part in details()[task.id].bought:
-        names = [prop.name for prop in task.props]
         props = tuple(name for name in names if any(fnmatch(name, each) for each in part.props))
         bought.append(replace(part, props=props, count=len(props) or part.count))
     return tuple(bought)

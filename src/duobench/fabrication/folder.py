@@ -65,7 +65,7 @@ def write_prints(
     seed: int | None = None,
     paper: Paper = Paper.A4,
     progress: Callable[[Recipe], None] = lambda _recipe: None,
-) -> list[Recipe]:
+) -> None:
     """Write everything that is needed to print the objects of tasks, and the fit coupon.
 
     Args:
@@ -76,10 +76,7 @@ def write_prints(
         layouts: What is on the layout sheets, by the task's id; neutral layouts by default.
         seed: The seed that the layouts come from, for the title of the sheets.
         paper: What the sheets are printed on.
-        progress: Called with each recipe once its folder is written.
-
-    Returns:
-        The recipes, that of the coupon first.
+        progress: Called with each recipe once its folder is written, that of the coupon first.
 
     Raises:
         UnknownNameError: No object of the tasks has such a variant.
@@ -89,49 +86,50 @@ def write_prints(
         OutputError: It cannot be written, or another process is writing into it.
     """
     ids = [task.id for task in tasks]
+    _check_names(ids)
+    choices = {name for task in tasks for p in task.props if p.choice for name in p.variants}
+    for name in variants:
+        check_known("variant", name, {*choices, ALL_VARIANTS})
+    layouts = layouts or {}
+    jobs = [job_of(task, variants or _variants(task, layouts.get(task.id))) for task in tasks]
+    title = "neutral layout" if seed is None else f"layout of seed {seed}"
+    choice = PrintChoice(tasks=ids, variants=list(variants), seed=seed, paper=paper.value)
+    with locked(folder):
+        begin_or_continue(folder, folder / DESCRIPTION, choice, FOLDER_SCHEMA, what="print")
+        remove_temporary(folder)
+        recipes = []
+        for job, task in zip((fit_coupon(), *jobs), (None, *tasks), strict=True):
+            recipes.append(_write_job(folder / job.id, job))
+            if task is not None:
+                layout = layouts.get(task.id) or neutral_layout(task)
+                write(folder / task.id / "layout.pdf", layout_sheet(task, layout, title, paper))
+            progress(recipes[-1])
+        words = {"recipes": recipes, "shopping_lines": shopping_lines, "untried": UNTRIED}
+        for name, template in (("README.md", "prints.md.j2"), ("shopping.md", "shopping.md.j2")):
+            write(folder / name, pages.render("duobench.fabrication", template, **words))
+
+
+def _check_names(ids: list[str]) -> None:
     if taken := sorted({name for name in ids if ids.count(name) > 1 or name == COUPON}):
         raise FabricationError(f"Each folder needs a name of its own, got twice: {taken}.")
     if odd := [name for name in ids if not _NAME.fullmatch(name)]:
         raise FabricationError(
             f"{odd[0]!r} cannot be the name of a folder; a task's id has letters, digits and _."
         )
-    choices = {name for task in tasks for p in task.props if p.choice for name in p.variants}
-    for name in variants:
-        check_known("variant", name, {*choices, ALL_VARIANTS})
-    layouts = layouts or {}
-    jobs = [job_of(task, variants or _variants(task, layouts.get(task.id))) for task in tasks]
-    choice = PrintChoice(tasks=ids, variants=list(variants), seed=seed, paper=paper.value)
-    with locked(folder):
-        begin_or_continue(folder, folder / DESCRIPTION, choice, FOLDER_SCHEMA, what="print")
-        remove_temporary(folder)
-        recipes = []
-        for job in (fit_coupon(), *jobs):
-            recipe = recipe_of(job)
-            _write_job(folder / job.id, job, recipe)
-            recipes.append(recipe)
-            if job.id != COUPON:
-                (task,) = (task for task in tasks if task.id == job.id)
-                layout = layouts.get(task.id) or neutral_layout(task)
-                title = "neutral layout" if seed is None else f"layout of seed {seed}"
-                write(folder / job.id / "layout.pdf", layout_sheet(task, layout, title, paper))
-            progress(recipe)
-        for name, template in (("README.md", "prints.md.j2"), ("shopping.md", "shopping.md.j2")):
-            words = {"recipes": recipes, "shopping_lines": shopping_lines, "untried": UNTRIED}
-            write(folder / name, pages.render("duobench.fabrication", template, **words))
-    return recipes
 
 
 def _variants(task: Task, layout: Layout | None) -> list[str]:
-    """The variants of a layout that decide what is printed."""
     if layout is None:
         return []
     return [layout.variants[prop.choice] for prop in task.props if prop.choice is not None]
 
 
-def _write_job(folder: Path, job: PrintJob, recipe: Recipe) -> None:
+def _write_job(folder: Path, job: PrintJob) -> Recipe:
+    recipe = recipe_of(job)
     for part in job.parts:
         write(folder / f"{part.name}.stl", stl_bytes(part.mesh, part.name))
     if recipe.file is not None:
         write(folder / recipe.file, threemf_bytes(job))
     write(folder / "recipe.json", encode(recipe, RECIPE_SCHEMA))
     write(folder / "recipe.md", recipe_page(recipe))
+    return recipe

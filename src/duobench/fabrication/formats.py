@@ -16,15 +16,12 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from duobench.fabrication.bed import Spot, lay_out
-from duobench.fabrication.parts import PrintedPart, PrintJob
+from duobench.fabrication.parts import PrintedPart, PrintJob, Spot, lay_out
 from duobench.objects.shapes import PRINTER, Colour
 from duobench.objects.solid import Mesh
 
 BED_STEP = 1.2 * PRINTER
 """From one bed to the next, along x, in metres: where a program with several beds has them."""
-DESIGNER = "DuoBench"
-LICENCE = "Apache-2.0"
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _MATERIALS = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
 _MODEL = "3D/3dmodel.model"
@@ -49,12 +46,7 @@ Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
 
 
 def stl_bytes(mesh: Mesh, name: str) -> bytes:
-    """A mesh as the bytes of a binary STL file in millimetres.
-
-    Args:
-        mesh: What is printed, in metres.
-        name: Name in the header, cut after 60 bytes.
-    """
+    """A mesh in metres as the bytes of a binary STL file in millimetres, with a name as header."""
     corners = 1000 * mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -93,14 +85,10 @@ def hex_colour(rgba: Colour) -> str:
 def _lines(job: PrintJob, spots: Sequence[Spot]) -> Iterator[str]:
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield f'<model unit="millimeter" xml:lang="en-US" xmlns="{_CORE}" xmlns:m="{_MATERIALS}">'
-    metadata = {
-        "Title": job.title,
-        "Designer": DESIGNER,
-        "Description": job.description,
-        "LicenseTerms": LICENCE,
-    }
-    for name, text in metadata.items():
-        yield f'<metadata name="{name}">{escape(text)}</metadata>'
+    yield f'<metadata name="Title">{escape(job.title)}</metadata>'
+    yield '<metadata name="Designer">DuoBench</metadata>'
+    yield f'<metadata name="Description">{escape(job.description)}</metadata>'
+    yield '<metadata name="LicenseTerms">Apache-2.0</metadata>'
     colours = sorted({hex_colour(part.rgba) for part in job.parts})
     yield "<resources>"
     if colours:
@@ -109,32 +97,26 @@ def _lines(job: PrintJob, spots: Sequence[Spot]) -> Iterator[str]:
         yield "</m:colorgroup>"
     for number, part in enumerate(job.parts, 2):
         yield from _object(number, part, colours.index(hex_colour(part.rgba)))
-    yield "</resources>"
-    yield "<build>"
+    yield "</resources>\n<build>"
     numbers = {part.name: number for number, part in enumerate(job.parts, 2)}
     for spot in spots:
         x, y = _mm(spot.x + spot.bed * BED_STEP), _mm(spot.y)
         yield (
             f'<item objectid="{numbers[spot.part.name]}" transform="1 0 0 0 1 0 0 0 1 {x} {y} 0"/>'
         )
-    yield "</build>"
-    yield "</model>"
+    yield "</build>\n</model>"
 
 
 def _object(number: int, part: PrintedPart, colour: int) -> Iterator[str]:
     name = quoteattr(part.name)
     yield f'<object id="{number}" type="model" name={name} pid="1" pindex="{colour}">'
-    yield "<mesh>"
-    yield "<vertices>"
+    yield "<mesh>\n<vertices>"
     for x, y, z in part.mesh.vertices.tolist():
         yield f'<vertex x="{_mm(x)}" y="{_mm(y)}" z="{_mm(z)}"/>'
-    yield "</vertices>"
-    yield "<triangles>"
+    yield "</vertices>\n<triangles>"
     for a, b, c in part.mesh.faces.tolist():
         yield f'<triangle v1="{a}" v2="{b}" v3="{c}"/>'
-    yield "</triangles>"
-    yield "</mesh>"
-    yield "</object>"
+    yield "</triangles>\n</mesh>\n</object>"
 
 
 def _mm(metres: float) -> str:

@@ -1,4 +1,4 @@
-"""The parts that a task's objects are printed in, each as it lies on the printer's bed."""
+"""The parts that a task's objects are printed in, and how they lie on the printer's beds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from duobench.errors import FabricationError, UnknownNameError
 from duobench.fabrication.details import PurchasedPart, parts_to_buy
 from duobench.objects.prop import Prop
-from duobench.objects.shapes import PRINTER, Colour
+from duobench.objects.shapes import KEPT_FREE, PRINTER, Colour
 from duobench.objects.solid import (
     PLA_DENSITY,
     Mesh,
@@ -28,6 +28,10 @@ from duobench.spatial import SE3
 from duobench.tasks.task import Task
 from duobench.types import Array
 
+GAP = 0.006
+"""Distance between parts in metres: room for brims, and for the nozzle's hood."""
+BESIDE, BEHIND = PRINTER - KEPT_FREE[0], PRINTER - KEPT_FREE[1]
+"""Width of the bed beside the corner that is kept free, and depth behind it, in metres."""
 ALL_VARIANTS = "all"
 """In the place of variants: every one of them."""
 SAME_VOLUME = 1e-12
@@ -76,12 +80,11 @@ class PrintedPart:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ObjectMass:
-    """What an object weighs when it is put together."""
+    """What an object, or a part of it that moves by itself, weighs when it is put together."""
 
     body: str
-    """The object, or the part of it that moves by itself."""
     mass: float
-    """Mass in kg, as simulated."""
+    """In kg, as simulated."""
     is_solid: bool
     """Whether the mass is felt; that of something fixed to the table is not."""
 
@@ -103,10 +106,8 @@ class PrintJob:
 def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
     """What to print of a task.
 
-    Args:
-        task: The task.
-        variants: Which variants of an object that has some, such as numbers of mazes; "all" means
-            all of them, nothing the first one.
+    Of an object with variants, such as numbers of mazes, those that are given: "all" means all of
+    them, nothing the first one.
 
     Raises:
         UnknownNameError: There is no such variant.
@@ -114,9 +115,10 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
     """
     bought = parts_to_buy(task)
     not_printed = {name for item in bought for name in item.props}
-    props = [prop for prop in task.props if prop.name not in not_printed]
     parts, masses = [], []
-    for prop in props:
+    for prop in task.props:
+        if prop.name in not_printed:
+            continue
         for value, variant in _values(prop, variants):
             label = f"{prop.name}_{value}" if value else prop.name
             new, weights = _printed(prop, label, variant)
@@ -124,7 +126,13 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
             masses += weights
     parts = _with_names(_merged(parts))
     for part in parts:
-        check_fits(part)
+        if (part.size > PRINTER).any():
+            size = " × ".join(f"{1000 * edge:.0f}" for edge in part.size)
+            raise FabricationError(
+                f"{part.body} cannot be printed: it is {size} mm as it lies, and the printer takes "
+                f"{1000 * PRINTER:.0f} mm. Give its solid `pieces` to be put together, or another "
+                "`print_turn`."
+            )
     return PrintJob(
         id=task.id,
         title=task.title,
@@ -138,15 +146,7 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
 def upright(
     name: str, mesh: Mesh, rgba: Colour, *, turn: SE3 | None = None, body: str = ""
 ) -> PrintedPart:
-    """A part of a mesh, turned and set on the bed.
-
-    Args:
-        name: Name of the part.
-        mesh: What is printed, in the object's frame, in metres.
-        rgba: Colour.
-        turn: Rotation from the object's frame to the printer's; none by default.
-        body: The object that it belongs to; its own name by default.
-    """
+    """A part of a mesh, which is in the object's frame in metres, turned and set on the bed."""
     turn = turn or SE3()
     turned = placed(manifold_from(mesh), turn).as_original().simplify(_MERGED)
     low, high = (np.array(turned.bounding_box()[k : k + 3]) for k in (0, 3))
@@ -161,21 +161,6 @@ def upright(
         rgba=rgba,
         print_from_object=shift @ turn,
     )
-
-
-def check_fits(part: PrintedPart) -> None:
-    """Reject a part that no printer takes.
-
-    Raises:
-        FabricationError: It is larger than `shapes.PRINTER` as it lies.
-    """
-    if (part.size > PRINTER).any():
-        size = " × ".join(f"{1000 * edge:.0f}" for edge in part.size)
-        raise FabricationError(
-            f"{part.body} cannot be printed: it is {size} mm as it lies, and the printer takes "
-            f"{1000 * PRINTER:.0f} mm. Give its solid `pieces` to be put together, or another "
-            "`print_turn`."
-        )
 
 
 def _values(prop: Prop, variants: Sequence[str]) -> Iterator[tuple[str, Mapping[str, str]]]:
@@ -212,13 +197,12 @@ def _printed(
 
 def _pieces(body: str, solid: Solid, turn: SE3) -> Iterator[PrintedPart]:
     """The pieces of a solid, or the one that it is."""
-    stem = body.replace("/", "-")
-    meshes = pieces_of(solid)
+    stem, meshes = body.replace("/", "-"), pieces_of(solid)
     if not solid.pieces:
         yield upright(stem, meshes[0], solid.rgba, turn=turn, body=body)
         return
-    for number, (piece, mesh) in enumerate(zip(solid.pieces, meshes, strict=True)):
-        name = piece.name or str(number + 1)
+    for number, (piece, mesh) in enumerate(zip(solid.pieces, meshes, strict=True), 1):
+        name = piece.name or str(number)
         made = upright(
             f"{stem}-{name}", mesh, piece.rgba or solid.rgba, turn=piece.print_turn, body=body
         )
@@ -257,3 +241,87 @@ def _with_names(parts: list[PrintedPart]) -> list[PrintedPart]:
         for number, name in enumerate(names, 1)
     ]
     return [replace(part, name=name) for part, name in zip(parts, numbered, strict=True)]
+
+
+# --- where they lie on the beds, without overlapping, and clear of one corner ---
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Spot:
+    """Where one copy of a part lies."""
+
+    part: PrintedPart
+    copy: int
+    """Which of its copies, from 0."""
+    bed: int
+    x: float
+    """Middle of the part's box on the bed, in metres from its left edge."""
+    y: float
+    """The same from its front edge."""
+
+
+@dataclass(slots=True)
+class _Row:
+    front: float
+    depth: float
+    used: float = 0.0
+    spots: list[tuple[PrintedPart, int, float]] = field(default_factory=list)
+
+    def add(self, part: PrintedPart, copy: int) -> bool:
+        """Put a part to the right of the others, if there is room."""
+        width, depth, _ = part.size
+        begin = self.used + GAP if self.spots else 0.0
+        if depth > self.depth or begin + width > (BESIDE if self.spots else PRINTER):
+            return False
+        self.spots.append((part, copy, begin + width / 2))
+        self.used = begin + width
+        return True
+
+
+def lay_out(parts: Sequence[PrintedPart]) -> tuple[Spot, ...]:
+    """Lay parts that fit `shapes.PRINTER` out in rows, on as many beds as that takes.
+
+    What lies on a bed is in its middle, or in that of what is beside or behind the corner that is
+    kept free; a part that fills the bed lies alone.
+    """
+    copies = [(part, copy) for part in parts for copy in range(part.count)]
+    copies.sort(key=lambda each: (-each[0].size[1], -each[0].size[0], each[0].name, each[1]))
+    beds: list[list[_Row]] = []
+    for part, copy in copies:
+        if not any(row.add(part, copy) for rows in beds for row in rows):
+            _new_row(beds, *map(float, part.size[:2])).add(part, copy)
+    return tuple(spot for bed, rows in enumerate(beds) for spot in _centred(bed, rows))
+
+
+def _new_row(beds: list[list[_Row]], width: float, depth: float) -> _Row:
+    """A row behind the others of a bed that has room, or the first of a new bed."""
+    for rows in beds:
+        front = rows[-1].front + rows[-1].depth + GAP
+        is_narrow = max(width, *(row.used for row in rows)) <= BESIDE
+        if front + depth <= (PRINTER if is_narrow else BEHIND):
+            rows.append(_Row(front=front, depth=depth))
+            return rows[-1]
+    beds.append([_Row(front=0.0, depth=depth)])
+    return beds[-1][0]
+
+
+def _centred(bed: int, rows: list[_Row]) -> list[Spot]:
+    width, depth = max(row.used for row in rows), rows[-1].front + rows[-1].depth
+    left, front = (PRINTER - width) / 2, (PRINTER - depth) / 2
+    aside = behind = 0.0
+    if left < KEPT_FREE[0] and front < KEPT_FREE[1]:
+        if width <= BESIDE:
+            aside = KEPT_FREE[0] / 2
+        elif depth <= BEHIND:
+            behind = KEPT_FREE[1] / 2
+    return [
+        Spot(
+            part=part,
+            copy=copy,
+            bed=bed,
+            x=aside + (PRINTER - row.used) / 2 + x,
+            y=behind + front + row.front + row.depth / 2,
+        )
+        for row in rows
+        for part, copy, x in row.spots
+    ]

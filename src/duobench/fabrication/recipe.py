@@ -12,10 +12,9 @@ import numpy as np
 
 from duobench import pages
 from duobench.fabrication import coupon, details
-from duobench.fabrication.bed import lay_out
 from duobench.fabrication.details import Dimension, PurchasedPart, shopping_lines
 from duobench.fabrication.formats import hex_colour
-from duobench.fabrication.parts import PrintedPart, PrintJob
+from duobench.fabrication.parts import PrintedPart, PrintJob, lay_out
 from duobench.objects.mazes import CELLS, MAZES, Cell
 from duobench.objects.shapes import PRINTER
 from duobench.objects.solid import PLA_DENSITY
@@ -153,6 +152,7 @@ def extruded(part: PrintedPart) -> float:
 
 def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
     key = _key(job, part)
+    changes = [details.CHANGES[key]] if key in details.CHANGES else []
     laid_down = extruded(part) * part.count * WASTE
     layer = FINE_LAYER if key in details.FINE else LAYER
     width, depth, height = (round(1000 * float(edge), 2) for edge in part.size)
@@ -165,9 +165,7 @@ def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
         size_mm=(width, depth, height),
         orientation=_orientation(part),
         colour=hex_colour(part.rgba),
-        colour_changes=[
-            (change.above_mm, hex_colour(change.rgba)) for change in details.CHANGES.get(key, ())
-        ],
+        colour_changes=[(round(1000 * above, 3), hex_colour(rgba)) for above, rgba in changes],
         layer_mm=layer,
         walls=WALLS,
         infill_percent=100 if part.is_solid else round(100 * SPARSE),
@@ -177,9 +175,10 @@ def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
         filament_g=round(1000 * laid_down * part.density, 1),
         hours=round(laid_down / MATERIAL_PER_SECOND * LAYER / layer / 3600, 2),
         dimensions=[
-            Dimension(what="width", mm=width, tolerance_mm=details.FREE),
-            Dimension(what="depth", mm=depth, tolerance_mm=details.FREE),
-            Dimension(what="height", mm=height, tolerance_mm=details.FREE),
+            *(
+                Dimension(what=what, mm=mm, tolerance_mm=details.FREE)
+                for what, mm in (("width", width), ("depth", depth), ("height", height))
+            ),
             *details.DIMENSIONS.get(key, ()),
         ],
     )

@@ -16,6 +16,7 @@ import numpy as np
 from duobench.errors import check_known
 from duobench.objects.prop import Prop
 from duobench.objects.solid import manifold_from, placed, printable
+from duobench.randomness import Uniform
 from duobench.robot.workcell import TABLE_X, TABLE_Y
 from duobench.sheets import Paper, Sheet, pdf
 from duobench.sim.layout import Layout
@@ -79,6 +80,16 @@ def outlines_of(
     return tuple(sorted(outer, key=_area, reverse=True))
 
 
+def outlines_on_table(prop: Prop, layout: Layout, below: float | None) -> tuple[Array, ...]:
+    """Outlines as of `outlines_of`, but in the table frame, where a layout has the object."""
+    pose = layout.poses[prop.name]
+    upright = SE3.at(*pose.translation[:2], yaw=pose.yaw)
+    return tuple(
+        upright.apply(np.column_stack([outline, np.zeros(len(outline))]))[:, :2]
+        for outline in outlines_of(prop, layout.variants, below=below)
+    )
+
+
 def neutral_layout(task: Task) -> Layout:
     """A layout that belongs to no seed: everything in the middle of where it may be.
 
@@ -87,12 +98,7 @@ def neutral_layout(task: Task) -> Layout:
     """
     middle = Layout(
         poses={
-            name: SE3.at(
-                _middle(place.x.low, place.x.high),
-                _middle(place.y.low, place.y.high),
-                place.z,
-                yaw=_middle(place.yaw.low, place.yaw.high),
-            )
+            name: SE3.at(_middle(place.x), _middle(place.y), place.z, yaw=_middle(place.yaw))
             for name, place in task.placements.items()
         },
         variants={name: choice.options[0] for name, choice in task.variants.items()},
@@ -105,11 +111,7 @@ def layout_sheet(
 ) -> bytes:
     """The sheet as the bytes of a PDF file: a page that shows all, then the tiles.
 
-    Args:
-        task: The task.
-        layout: Where its objects are.
-        title: What layout that is, in words.
-        paper: What it is printed on.
+    The title says what layout that is.
 
     Raises:
         UnknownNameError: The layout lacks an object, or a value of its choice.
@@ -125,7 +127,6 @@ def layout_sheet(
 
 
 def _marks(task: Task, layout: Layout) -> Iterator[_Mark]:
-    """Where the objects are; outlines of those that stand on the table."""
     for prop in task.props:
         check_known("object of the layout", prop.name, layout.poses)
         pose = layout.poses[prop.name]
@@ -142,16 +143,10 @@ def _marks(task: Task, layout: Layout) -> Iterator[_Mark]:
             yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
             continue
         contact, seen = (
-            tuple(_on_table(outline, pose) for outline in outlines_of(prop, variants, below=below))
-            for variants, below in ((layout.variants, CONTACT), (layout.variants, None))
+            tuple(1000 * outline for outline in outlines_on_table(prop, layout, below))
+            for below in (CONTACT, None)
         )
         yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
-
-
-def _on_table(outline: Array, pose: SE3) -> Array:
-    """An outline in an object's frame as points (n, 2) of the table frame in mm."""
-    points = np.column_stack([outline, np.zeros(len(outline))])
-    return 1000 * SE3.at(*pose.translation[:2], yaw=pose.yaw).apply(points)[:, :2]
 
 
 def _area(polygon: Array) -> float:
@@ -160,8 +155,8 @@ def _area(polygon: Array) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
-def _middle(low: float, high: float) -> float:
-    return (low + high) / 2
+def _middle(values: Uniform) -> float:
+    return (values.low + values.high) / 2
 
 
 def _as_counted(name: str) -> tuple[int, str]:
@@ -213,7 +208,15 @@ def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: 
     sheet = Sheet(*paper.size)
     width, height = sheet.width - 2 * MARGIN, sheet.height
     sheet.text(MARGIN, height - 20, title, 5.0, bold=True)
-    for number, line in enumerate(_explanation(tiles, paper)):
+    explanation = (
+        f"Print all pages at 100 % on {paper.value.upper()}; each sheet has two rulers of "
+        f"{RULER:.0f} mm to check that.",
+        f"{len(tiles)} sheets follow. Cut them at their frames and lay them edge to edge, as",
+        "below. Up is away from the robot (x), left is the robot's left (y). x = 0, y = 0 is",
+        "under the middle of the mount; corners of the sheets have their places in mm.",
+        "Full lines are what lies on the table; dashed ones what is above it.",
+    )
+    for number, line in enumerate(explanation):
         sheet.text(MARGIN, height - 28 - 5 * number, line, 2.6)
     (low_x, high_x), (low_y, high_y) = (1000 * np.array(edge) for edge in (TABLE_X, TABLE_Y))
     scale = width / (high_y - low_y)
@@ -239,17 +242,6 @@ def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: 
     sheet.text(x + 2, y + 2, "x = 0, y = 0", 2.2)
     _places(sheet, marks, top - scale * (high_x - low_x) - 10)
     return sheet
-
-
-def _explanation(tiles: Sequence[Tile], paper: Paper) -> tuple[str, ...]:
-    return (
-        f"Print all pages at 100 % on {paper.value.upper()}; each sheet has two rulers of "
-        f"{RULER:.0f} mm to check that.",
-        f"{len(tiles)} sheets follow. Cut them at their frames and lay them edge to edge, as",
-        "below. Up is away from the robot (x), left is the robot's left (y). x = 0, y = 0 is",
-        "under the middle of the mount; corners of the sheets have their places in mm.",
-        "Full lines are what lies on the table; dashed ones what is above it.",
-    )
 
 
 def _places(sheet: Sheet, marks: Sequence[_Mark], top: float) -> None:

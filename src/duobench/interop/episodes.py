@@ -59,15 +59,7 @@ class Episodes:
         self._last: Step | None = None
 
     def begin(self, task: str, index: int) -> Step:
-        """Begin an episode of the evaluation.
-
-        Args:
-            task: Id of the task, or its import path "module:ATTRIBUTE".
-            index: Index of the episode.
-
-        Raises:
-            UnknownNameError: If there is no such task.
-        """
+        """Begin an episode of a task, named by its id or import path, as the evaluation has it."""
         if task != self._import_path:
             self.close()
         if self._env is None:
@@ -88,16 +80,10 @@ class Episodes:
         return self._last
 
     def execute(self, actions: ArrayLike) -> Step:
-        """Execute a chunk, until its end or the episode's; the last control step.
+        """Execute an action (n,) or a chunk (H, n), until its end or the episode's.
 
-        Its observation has no images if the episode ended before the chunk did.
-
-        Args:
-            actions: One action (n,) or a chunk (H, n), in the format's order.
-
-        Raises:
-            PolicyError: If they are no chunk of finite numbers; the next episode can be played.
-            ResetNeededError: If no episode is running.
+        The last step has no images if the episode ended before the chunk did. After a `PolicyError`
+        about what is no chunk of finite numbers, the episode goes on.
         """
         if self._env is None or self._last is None:
             raise ResetNeededError("No episode is running; begin one first.")
@@ -115,11 +101,9 @@ class Episodes:
         return self.message_format.request(observation, self._instruction)
 
     def hold_action(self, last: ArrayLike | None) -> NDArray[np.float32]:
-        """An action (n,) that keeps the arms where they were sent, in the format's order.
+        """An action (n,) that keeps the arms where the last action or chunk has sent them.
 
-        Args:
-            last: The last action or chunk that was executed; None if there was none, and then the
-                arms stay where they are measured.
+        Where there was none, they stay where they are measured.
         """
         sizes = self.message_format.action_sizes
         if last is not None:
@@ -149,29 +133,13 @@ def format_for(
     send_wrist_image: bool,
     camera_resolution: Resolution | None,
 ) -> MessageFormat:
-    """A format with what a configuration changes about it.
-
-    Args:
-        name: Name of a format, or the path of a file that ends in `.toml`.
-        control_mode: What an arm's numbers are; None takes the format's.
-        relative_to: What they are relative to; None takes the format's.
-        send_state: Whether there is a state.
-        send_wrist_image: Whether the wrist cameras are shown.
-        camera_resolution: [height, width] of all images, or of each by its camera.
-
-    Raises:
-        DuoBenchError: If there is no such format, or no environment like that.
-    """
+    """A format of a name or a file, with what parameters of `vla_eval.DuoBench` change about it."""
     message_format = read_format(name)
     mode = _mode(message_format.actions.mode, control_mode, relative_to)
-    images = {
-        key: camera
-        for key, camera in message_format.images.items()
-        if send_wrist_image or camera == HEAD
-    }
+    shown = message_format.images.items()
     return replace(
         message_format,
-        images=images,
+        images={key: name for key, name in shown if send_wrist_image or name == HEAD},
         image_size=_size(camera_resolution, message_format),
         state=message_format.state if send_state else {},
         actions=replace(message_format.actions, mode=mode),
@@ -179,16 +147,10 @@ def format_for(
 
 
 def tasks_by_id(import_paths: Sequence[str] | None) -> dict[str, str]:
-    """Import paths of tasks by their ids: all of the benchmark if there are none.
-
-    Raises:
-        UnknownNameError: If there is no such task.
-        OptionError: If one is named twice.
-    """
-    if isinstance(import_paths, str):
-        import_paths = [import_paths]
+    """Import paths of tasks by their ids: all of the benchmark if there are none."""
+    given = [import_paths] if isinstance(import_paths, str) else import_paths
     paths: dict[str, str] = {}
-    for path in import_paths or catalog.names():
+    for path in given or catalog.names():
         task_id = catalog.get(path).id
         if task_id in paths:
             raise OptionError(f"Task {task_id!r} is named twice in task_ids. Name each task once.")

@@ -13,11 +13,7 @@ _NEEDED = {"vlagents": ("0.3.", "0.3.0"), "rpyc": ("6.", "6")}
 
 
 def served_agent() -> Policy:
-    """The agent at a server that the environment variable DUOBENCH_VLAGENTS_AGENT names.
-
-    Raises:
-        DuoBenchError: If VLAgents is missing, or of another version, or there is no such agent.
-    """
+    """The agent at a server that the environment variable DUOBENCH_VLAGENTS_AGENT names."""
     check_versions()
     from duobench.interop.vlagents_bridge import VLAgentsPolicy
 
@@ -25,11 +21,7 @@ def served_agent() -> Policy:
 
 
 def check_versions() -> None:
-    """Reject packages of other versions, whose observations and actions mean something else.
-
-    Raises:
-        DuoBenchError: If a package is missing, or of another version.
-    """
+    """Reject packages of other versions, whose observations and actions mean something else."""
     for name, (start, first) in _NEEDED.items():
         try:
             installed = version(name)

@@ -1,7 +1,7 @@
 """An agent at a server of VLAgents 0.3 as a policy, for `duobench serve`.
 
-It runs where VLAgents is installed, and asks with VLAgents' own client. That unpickles what its
-server sends: connect to servers that you trust.
+It asks with VLAgents' own client, which unpickles what its server sends: connect to servers that
+you trust.
 """
 
 from __future__ import annotations
@@ -52,9 +52,6 @@ class VLAgentsPolicy:
 
     The server has no word for the start of an episode, so an agent that remembers something goes
     on with it. An observation is sent once: VLAgents' client would send it again after any error.
-
-    Raises:
-        DuoBenchError: If there is no such server or agent, or the format is one for others.
     """
 
     def __init__(self) -> None:
@@ -76,11 +73,7 @@ class VLAgentsPolicy:
         """What the format says that the agent expects."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - it takes none
-        """Take the instruction of an episode, and see whether the server is there.
-
-        Raises:
-            MachineryError: If it is not, so that no episode fails by that.
-        """
+        """Take the instruction, and see whether the server is there: no episode fails by that."""
         self._instruction = instruction
         try:
             self._client.c.ping(timeout=HEALTH_S)
@@ -90,12 +83,7 @@ class VLAgentsPolicy:
             self._client = self._connected(WAIT_S)
 
     def act(self, observation: Observation) -> Chunk:
-        """The agent's next actions (H, 16).
-
-        Raises:
-            MachineryError: If the server is gone.
-            PolicyError: If the agent gives no actions of two arms.
-        """
+        """The agent's next actions (H, 16)."""
         message = self._format.request(observation, self._instruction)
         arms = {side: SingleObs(**_fields(arm)) for side, arm in message["obs"].items()}
         obs = Obs(obs=arms, language_instruction=message[_PROMPT])
@@ -134,7 +122,6 @@ class VLAgentsPolicy:
 
 
 def _address(text: str) -> tuple[str, str, int]:
-    """Name of an agent, and host and port of its server."""
     parts = _ADDRESS.fullmatch(text)
     if parts is None:
         raise ServingError(

@@ -1,8 +1,4 @@
-"""Policies that answer many episodes at a time: the state of an episode is not in the policy.
-
-A plain policy is one of them through a `PolicyPool`, and one of them is plain through a
-`SessionPolicy`.
-"""
+"""Policies that answer many episodes at a time: the state of an episode is not in the policy."""
 
 from __future__ import annotations
 
@@ -127,16 +123,10 @@ def answer(
     observations: Sequence[Observation],
     batching: Batching,
 ) -> list[Chunk]:
-    """Have a policy answer, and count the answers.
+    """One chunk (H, n) for each of at most `batching.size` sessions, which count their answers.
 
-    Args:
-        policy: The policy.
-        sessions: At least one and at most `batching.size` sessions.
-        observations: One for each; the policy gets copies, which it may change.
-        batching: A fixed batch is filled up with the first observation in sessions of its own.
-
-    Returns:
-        One chunk (H, n) for each session.
+    The policy gets copies of the observations, which it may change. A fixed batch is filled up
+    with the first one, in sessions of its own.
 
     Raises:
         PolicyError: If it does not return one chunk of finite numbers for each session.
@@ -144,14 +134,20 @@ def answer(
     missing = batching.size - len(sessions) if batching.mode == "fixed" else 0
     padded = [*observations, *[observations[0]] * missing]
     copies = [copy.deepcopy(dict(observation)) for observation in padded]
-    filled = list(sessions)
+    filled = [*sessions]
     with ExitStack() as padding:
         for _ in range(missing):
             filled.append(begin(policy, sessions[0].instruction, _PADDING_SEED))
             padding.callback(end, policy, filled[-1])
         if len(set(map(id, filled))) < len(filled):
             raise PolicyError("`begin` returned one session twice; each episode has its own.")
-        chunks = _listed(policy.act_batch(filled, copies))
+        given: Any = policy.act_batch(filled, copies)
+        if isinstance(given, Mapping) or not isinstance(given, Iterable):
+            raise PolicyError(
+                f"`act_batch` returned a {type(given).__name__}; it returns a list or an array "
+                "with one chunk of actions (H, n) for each session."
+            )
+        chunks = [*given]
         if len(chunks) != len(filled):
             raise PolicyError(
                 f"A policy was asked for {len(filled)} chunks and returned {len(chunks)}."
@@ -160,15 +156,6 @@ def answer(
     for session in sessions:
         session.call += 1
     return checked
-
-
-def _listed(chunks: Any) -> list[Any]:
-    if isinstance(chunks, Iterable) and not isinstance(chunks, Mapping):
-        return list(chunks)
-    raise PolicyError(
-        f"`act_batch` returned a {type(chunks).__name__}; it returns a list or an array with one "
-        "chunk of actions (H, n) for each session."
-    )
 
 
 def begin(policy: BatchPolicy, instruction: str, seed: int) -> Session:
@@ -195,9 +182,7 @@ def end(policy: BatchPolicy, session: Session) -> None:
 class SessionPolicy:
     """A batch policy as a plain one, which plays one episode at a time.
 
-    Args:
-        policy: The policy.
-        batching: As anywhere: a fixed batch is filled up here too.
+    A fixed batch is filled up here too.
     """
 
     def __init__(self, policy: BatchPolicy, batching: Batching = ONE_BY_ONE) -> None:
@@ -250,9 +235,7 @@ class PolicyPool:
         size: Most objects at a time.
     """
 
-    def __init__(
-        self, first: Policy, make: Callable[[], Policy] | None = None, size: int = 1
-    ) -> None:
+    def __init__(self, first: Policy, make: Callable[[], Policy], size: int = 1) -> None:
         self._make = make
         self._size = size
         self._all = [first]
@@ -260,13 +243,9 @@ class PolicyPool:
         self.metadata = first.metadata
 
     def begin(self, instruction: str, seed: int) -> Session:
-        """Begin an episode with an object that no other episode has.
-
-        Raises:
-            PolicyError: If all objects are playing.
-        """
+        """Begin an episode with an object that no other episode has; an error if all play."""
         if not self._idle:
-            if self._make is None or len(self._all) == self._size:
+            if len(self._all) == self._size:
                 raise PolicyError(
                     f"This policy keeps the state of an episode in itself, and {self._size} "
                     "objects of it are playing, as many as it may have. Wait until one of them is "

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeVar
 
 from duobench.errors import (
@@ -49,24 +49,15 @@ class BusyError(Exception):
     """
 
 
-@dataclass(slots=True, eq=False)
-class _PendingCall:
-    call: Callable[[], Any]
-    future: Future[Any] = field(default_factory=Future)
-
-
 class Answer(Future[Chunk]):
     """A chunk (H, n) that is still to come."""
 
     busy_s = 0.0
     """Seconds that the policy took for the batch that it was in, once it is there."""
 
-
-@dataclass(slots=True, eq=False)
-class _InferenceRequest:
-    session: Session
-    observation: Observation
-    future: Answer = field(default_factory=Answer)
+    def __init__(self, session: Session, observation: Observation) -> None:
+        super().__init__()
+        self.session, self.observation = session, observation
 
 
 class InferenceLoop:
@@ -93,8 +84,8 @@ class InferenceLoop:
         self._batching = batching
         self._busy = busy
         self._events = threading.Condition()
-        self._tasks: deque[_PendingCall] = deque()
-        self._requests: deque[_InferenceRequest] = deque()
+        self._calls: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
+        self._requests: deque[Answer] = deque()
         self._expected: set[int] = set()
         """Ids of the sessions of the last batch that are not back yet."""
         self._deadline = 0.0
@@ -102,36 +93,26 @@ class InferenceLoop:
         self._is_over = False
 
     def begin(self, instruction: str, seed: int) -> Future[Session]:
-        """Begin an episode.
-
-        Returns:
-            The session, or what the policy raised, as a `PolicyError`.
-
-        Raises:
-            BusyError: If too many requests wait, or the loop has ended.
-        """
-        task = _PendingCall(lambda: begin(self._policy, instruction, seed))
-        return self._queued(task, self._tasks).future
+        """Begin an episode: the session, or what the policy raised, as a `PolicyError`."""
+        future: Future[Session] = Future()
+        self._queue((future, partial(begin, self._policy, instruction, seed)), self._calls)
+        return future
 
     def act(self, session: Session, observation: Observation) -> Answer:
         """Ask for the next actions of an episode, once its last request is answered.
 
-        A future that is cancelled before its batch begins gives its place back.
-
-        Returns:
-            A chunk (H, n), or what the policy raised, as a `PolicyError`.
-
-        Raises:
-            BusyError: If too many requests wait, or the loop has ended.
+        A future that is cancelled before its batch begins gives its place back. It holds a chunk
+        (H, n), or what the policy raised, as a `PolicyError`; without a place it is a `BusyError`.
         """
-        request = _InferenceRequest(session, observation)
-        return self._queued(request, self._requests, back=session).future
+        request = Answer(session, observation)
+        self._queue(request, self._requests, back=session)
+        return request
 
     def end(self, session: Session) -> None:
         """Tell the policy, when it has time, that an episode is over."""
         with self._events:
             self._expected.discard(id(session))
-            self._tasks.append(_PendingCall(lambda: end(self._policy, session)))
+            self._calls.append((Future(), partial(end, self._policy, session)))
             self._events.notify()
 
     def stop(self) -> None:
@@ -143,29 +124,28 @@ class InferenceLoop:
     def run(self) -> None:
         """Answer until `stop` is called."""
         while self._wait():
-            while self._tasks:
-                task = self._tasks.popleft()
-                if task.future.set_running_or_notify_cancel():
-                    self._run_task(task)
+            while self._calls:
+                future, call = self._calls.popleft()
+                if future.set_running_or_notify_cancel():
+                    self._call(call, future)
             if self._is_due() and (batch := self._take()):
                 self._answer(batch)
-        for waiting in (*self._tasks, *self._requests):
-            waiting.future.cancel()
+        for waiting in (*(future for future, _ in self._calls), *self._requests):
+            waiting.cancel()
 
-    def _queued(self, request: T, queue: deque[T], back: Session | None = None) -> T:
+    def _queue(self, request: T, queue: deque[T], back: Session | None = None) -> None:
         with self._events:
-            if self._is_over or len(self._requests) + len(self._tasks) >= MAX_WAITING:
+            if self._is_over or len(self._requests) + len(self._calls) >= MAX_WAITING:
                 what = "has ended" if self._is_over else f"has {MAX_WAITING} requests waiting"
                 raise BusyError(f"The policy's server {what}.")
             queue.append(request)
             self._expected.discard(id(back))
             self._events.notify()
-        return request
 
     def _wait(self) -> bool:
         """Wait for something to do; whether the loop goes on."""
         with self._events:
-            while not (self._is_over or self._tasks or (self._requests and self._is_due())):
+            while not (self._is_over or self._calls or (self._requests and self._is_due())):
                 left = max(self._deadline - time.monotonic(), 0.0) if self._requests else None
                 self._events.wait(left)
             return not self._is_over
@@ -178,16 +158,16 @@ class InferenceLoop:
             or time.monotonic() >= self._deadline
         )
 
-    def _take(self) -> list[_InferenceRequest]:
+    def _take(self) -> list[Answer]:
         """The oldest requests that are not cancelled, as many as a batch has."""
-        batch: list[_InferenceRequest] = []
+        batch: list[Answer] = []
         while self._requests and len(batch) < self._batching.size:
             request = self._requests.popleft()
-            if request.future.set_running_or_notify_cancel():
+            if request.set_running_or_notify_cancel():
                 batch.append(request)
         return batch
 
-    def _answer(self, batch: list[_InferenceRequest]) -> None:
+    def _answer(self, batch: list[Answer]) -> None:
         """Answer a batch; if that fails, each by itself, so that one of them spoils no other."""
         sessions = [request.session for request in batch]
         observations = [request.observation for request in batch]
@@ -197,7 +177,7 @@ class InferenceLoop:
                 chunks = answer(self._policy, sessions, observations, self._batching)
         except BaseException as error:  # noqa: BLE001 - a policy's code
             if len(batch) == 1:
-                _fail(batch[0].future, error)
+                _fail(batch[0], error)
                 return
         else:
             busy_s = time.perf_counter() - start
@@ -205,21 +185,21 @@ class InferenceLoop:
                 self._expected = set(map(id, sessions))
                 self._deadline = time.monotonic() + min(PATIENCE * busy_s, LONGEST_WAIT_S)
             for request, chunk in zip(batch, chunks, strict=True):
-                request.future.busy_s = busy_s
-                request.future.set_result(chunk)
+                request.busy_s = busy_s
+                request.set_result(chunk)
             return
         _log.warning("A batch failed; its observations are answered one by one.")
         for request in batch:
             self._answer([request])
 
-    def _run_task(self, task: _PendingCall) -> None:
+    def _call(self, call: Callable[[], Any], future: Future[Any]) -> None:
         try:
             with self._busy():
-                result = task.call()
+                result = call()
         except BaseException as error:  # noqa: BLE001 - a policy's code
-            _fail(task.future, error)
+            _fail(future, error)
         else:
-            task.future.set_result(result)
+            future.set_result(result)
 
 
 def _fail(future: Future[Any], error: BaseException) -> None:

@@ -61,14 +61,7 @@ class Address:
 
 
 def parse(text: str) -> Address:
-    """Read what stands after `lerobot:`.
-
-    Args:
-        text: A folder or an id, then perhaps `?` and options, joined by `&`.
-
-    Raises:
-        UnknownNameError: There is no such option.
-        PolicyError: There is no checkpoint, or a value is invalid.
+    """Read what stands after `lerobot:`: a folder or an id, then perhaps `?` and options.
 
     Example:
         >>> parse("runs/act/checkpoints/last/pretrained_model?steps=10").steps
@@ -80,7 +73,7 @@ def parse(text: str) -> Address:
             "A LeRobot policy is lerobot:PATH_OR_ID, the folder of a checkpoint or its id on the "
             "Hub, such as lerobot:runs/act/checkpoints/last/pretrained_model."
         )
-    known = [field.name for field in fields(Address) if field.name != "checkpoint"]
+    _, *known = (field.name for field in fields(Address))
     options: dict[str, str] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):
         check_known("option of a LeRobot policy", name, known)
@@ -94,17 +87,37 @@ def parse(text: str) -> Address:
 
 
 def find(checkpoint: str) -> Path:
-    """The folder of a checkpoint; one on the Hub is downloaded.
-
-    Args:
-        checkpoint: A folder, or an id `user/name` on the Hub.
+    """The folder of a checkpoint, from itself or from an id `user/name` on the Hub.
 
     Raises:
         PolicyError: It is neither, cannot be downloaded, or files are missing.
     """
     path = Path(checkpoint).expanduser()
-    if path.is_dir():
-        return _complete(path, checkpoint)
+    folder = path if path.is_dir() else _downloaded(checkpoint)
+    if (folder / ADAPTER).exists():
+        raise PolicyError(
+            f"{checkpoint} holds adapters alone ({ADAPTER}); merge them into the weights of the "
+            "base and save the whole policy."
+        )
+    if missing := [name for name in (CONFIG, WEIGHTS) if not (folder / name).exists()]:
+        last = folder / LAST
+        hint = f" Did you mean {Path(checkpoint) / LAST}?" if last.is_dir() else ""
+        raise PolicyError(f"{checkpoint} is no LeRobot policy: no {', '.join(missing)}.{hint}")
+    suite = read(folder / FEATURE_NAMES).get(SUITE)
+    if suite not in (None, SUITE_VERSION):
+        raise PolicyError(
+            f"{checkpoint} was trained on suite {suite}; this version plays suite {SUITE_VERSION}, "
+            "whose episodes and scores are others. Train it again."
+        )
+    if missing := [name for name in PROCESSORS if not (folder / name).exists()]:
+        raise PolicyError(
+            f"{checkpoint} has no {', '.join(missing)}: it was saved by an older LeRobot. Convert "
+            "it with LeRobot's module lerobot.processor.migrate_policy_normalization."
+        )
+    return folder
+
+
+def _downloaded(checkpoint: str) -> Path:
     is_id = checkpoint.count("/") == 1 and not checkpoint.startswith((".", "/", "~"))
     if not is_id:
         raise PolicyError(
@@ -113,12 +126,11 @@ def find(checkpoint: str) -> Path:
     from huggingface_hub import snapshot_download  # pyright: ignore[reportMissingImports]
 
     try:
-        folder = snapshot_download(checkpoint, allow_patterns=["*.json", "*.safetensors"])
+        return Path(snapshot_download(checkpoint, allow_patterns=["*.json", "*.safetensors"]))
     except (OSError, ValueError) as error:  # the errors of its connections are OSErrors
         raise PolicyError(
             f"There is no folder {checkpoint}, and no checkpoint of that id was downloaded: {error}"
         ) from error
-    return _complete(Path(folder), checkpoint)
 
 
 def content_hash(folder: Path) -> str:
@@ -133,11 +145,7 @@ def content_hash(folder: Path) -> str:
 
 
 def read(path: Path) -> Mapping[str, Any]:
-    """A JSON object from a file; an empty one where there is none.
-
-    Raises:
-        PolicyError: It cannot be read.
-    """
+    """A JSON object from a file; an empty one where there is none."""
     try:
         content = json.loads(path.read_bytes())
     except FileNotFoundError:
@@ -147,45 +155,14 @@ def read(path: Path) -> Mapping[str, Any]:
     return content if isinstance(content, Mapping) else {}
 
 
-def _complete(folder: Path, checkpoint: str) -> Path:
-    if (folder / ADAPTER).exists():
-        raise PolicyError(
-            f"{checkpoint} holds adapters alone ({ADAPTER}); merge them into the weights of the "
-            "base and save the whole policy."
-        )
-    missing = [name for name in (CONFIG, WEIGHTS) if not (folder / name).exists()]
-    if missing:
-        last = folder / LAST
-        hint = f" Did you mean {Path(checkpoint) / LAST}?" if last.is_dir() else ""
-        raise PolicyError(f"{checkpoint} is no LeRobot policy: no {', '.join(missing)}.{hint}")
-    suite = read(folder / FEATURE_NAMES).get(SUITE)
-    if suite not in (None, SUITE_VERSION):
-        raise PolicyError(
-            f"{checkpoint} was trained on suite {suite}; this version plays suite {SUITE_VERSION}, "
-            "whose episodes and scores are others. Train it again."
-        )
-    missing = [name for name in PROCESSORS if not (folder / name).exists()]
-    if missing:
-        raise PolicyError(
-            f"{checkpoint} has no {', '.join(missing)}: it was saved by an older LeRobot. Convert "
-            "it with LeRobot's module lerobot.processor.migrate_policy_normalization."
-        )
-    return folder
-
-
 def inputs(
     config: Any, rename_map: Mapping[str, str]
 ) -> tuple[tuple[str, ...], tuple[int, int] | None]:
-    """What a checkpoint sees, in the names of this benchmark.
+    """What a checkpoint sees, in names of this benchmark: cameras, and the size of their images.
 
     Args:
         config: Its configuration, LeRobot's `PreTrainedConfig`.
-        rename_map: From names of the environment to names in the checkpoint, as its processor has
-            it.
-
-    Returns:
-        Cameras of the environment, each shown as `observation.images.<camera>`; height and width of
-        their images, None without cameras.
+        rename_map: From names of the environment to names in the checkpoint.
 
     Raises:
         PolicyError: It sees or controls what this benchmark does not have.
@@ -197,12 +174,12 @@ def inputs(
         if not key.startswith(_EMPTY):
             _, height, width = feature.shape
             shapes[original.get(str(key), str(key))] = height, width
-    problems = [problem for key in shapes if (problem := _camera_problem(key))]
-    if problems:
+    known = [IMAGE_PREFIX + name for name in POLICY_CAMERAS]
+    if problems := [_with_near_miss(key) for key in shapes if key not in known]:
         raise PolicyError(
             f"The checkpoint sees {'; '.join(problems)}. The cameras are "
-            f"{', '.join(IMAGE_PREFIX + name for name in POLICY_CAMERAS)}: train with these names, "
-            "or with LeRobot's rename_map from them, which is saved in the checkpoint."
+            f"{', '.join(known)}: train with these names, or with LeRobot's rename_map from them, "
+            "which is saved in the checkpoint."
         )
     sizes = set(shapes.values())
     if len(sizes) > 1:
@@ -212,11 +189,7 @@ def inputs(
 
 
 def horizon(config: Any) -> int:
-    """Actions that a checkpoint predicts, from the current observation on.
-
-    Raises:
-        PolicyError: It is of a kind that is not supported, or must act at every step.
-    """
+    """Actions that a checkpoint predicts from the current observation on."""
     if getattr(config, "temporal_ensemble_coeff", None) is not None:
         raise PolicyError(
             "The checkpoint averages overlapping chunks (temporal_ensemble_coeff), which must be "
@@ -254,25 +227,16 @@ def object_numbers(config: Any) -> int:
     return 0 if feature is None else int(feature.shape[0])
 
 
-def _camera_problem(key: str) -> str | None:
-    """The name of images that do not exist, with a near miss; None if they do."""
-    name = key.removeprefix(IMAGE_PREFIX)
-    if key != name and name in POLICY_CAMERAS:
-        return None
-    near = difflib.get_close_matches(name, POLICY_CAMERAS, n=1)
+def _with_near_miss(key: str) -> str:
+    near = difflib.get_close_matches(key.removeprefix(IMAGE_PREFIX), POLICY_CAMERAS, n=1)
     return f"{key!r}" + "".join(f" (did you mean {IMAGE_PREFIX}{camera}?)" for camera in near)
 
 
 def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
-    """What the numbers of a checkpoint's actions are.
+    """What the `size` numbers of a checkpoint's actions are; a mode says it whatever names do.
 
     Their names stand beside the checkpoint, where `duobench train` writes them, or else in the
     data set, as long as it is where it was. Sixteen numbers without names are joint targets.
-
-    Args:
-        folder: The folder of the checkpoint.
-        size: How many numbers an action has.
-        mode: The mode that they are meant for, whatever the names say.
 
     Raises:
         PolicyError: They are not known, or are not as many.
@@ -280,27 +244,23 @@ def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
     """
     if mode is not None:
         check_known("action mode of an export", mode, LABELS)
-        return _fitting(LABELS[mode], size, f"mode {mode!r}")
-    names = _names(folder)
-    if names is None and size == len(JOINT.names):
-        return LABELS[JOINT.name]
-    if names is None:
+        labels, source = LABELS[mode], f"mode {mode!r}"
+    elif (names := _names(folder)) is None:
+        if size == len(JOINT.names):
+            return LABELS[JOINT.name]
         raise PolicyError(
             f"The checkpoint's actions have {size} numbers, and nothing says what they are: there "
             f"is no {FEATURE_NAMES} in {folder}, and no data set where {_TRAINING} says. Name the "
             "mode, as in lerobot:PATH?action=cartesian."
         )
-    labels = action_labels.find(names)
-    if labels is None:
+    elif (found := action_labels.find(names)) is None:
         raise PolicyError(
             f"The checkpoint's actions are {', '.join(map(str, names))}, which no action mode has. "
             "If they are the numbers of one under other names, say which, as in "
             "lerobot:PATH?action=joint."
         )
-    return _fitting(labels, size, "its data set")
-
-
-def _fitting(labels: ActionLabels, size: int, source: str) -> ActionLabels:
+    else:
+        labels, source = found, "its data set"
     if len(labels.names) != size:
         raise PolicyError(
             f"The checkpoint's actions have {size} numbers, those of {source} "
@@ -310,8 +270,7 @@ def _fitting(labels: ActionLabels, size: int, source: str) -> ActionLabels:
 
 
 def _names(folder: Path) -> list[Any] | None:
-    beside = read(folder / FEATURE_NAMES)
-    if beside:
+    if beside := read(folder / FEATURE_NAMES):
         return beside.get(ACTION)
     dataset = read(folder / _TRAINING).get("dataset")
     root = dataset.get("root") if isinstance(dataset, Mapping) else None

@@ -56,14 +56,8 @@ class LeRobotPolicy:
     The model is asked for a chunk with `predict_action_chunk`; the queues inside LeRobot's policies
     stay empty, so that the state of an episode is in its session alone. A model that sees the last
     n observations is shown n consecutive ones, as in training: the last n - 1 actions of a chunk
-    are given one at a time.
-
-    Args:
-        text: What stands after `lerobot:` in its name; see `lerobot_checkpoint.Address`.
-
-    Raises:
-        PolicyError: It cannot be loaded, or does not fit this benchmark.
-        UnknownNameError: There is no such option.
+    are given one at a time. The text is what `lerobot_checkpoint.parse` reads; what cannot be
+    loaded, or does not fit this benchmark, is a `PolicyError`.
     """
 
     def __init__(self, text: str) -> None:
@@ -122,15 +116,7 @@ class LeRobotPolicy:
     def act_batch(
         self, sessions: Sequence[LeRobotSession], observations: Sequence[Observation]
     ) -> list[Chunk]:
-        """The next actions in each episode.
-
-        Args:
-            sessions: What `begin` returned.
-            observations: As in `Policy.act`, one for each session.
-
-        Returns:
-            One chunk (H, n) for each, in the action mode that the metadata name.
-        """
+        """The next actions (H, n) in each episode, in the action mode that the metadata name."""
         pairs = [
             (session, self._window(session, observation))
             for session, observation in zip(sessions, observations, strict=True)
@@ -151,7 +137,6 @@ class LeRobotPolicy:
         return answers
 
     def _window(self, session: LeRobotSession, observation: Observation) -> tuple[Observation, ...]:
-        """The observations that the model sees, the current one last."""
         past = self._past or 1
         before = session.past or (observation,) * (past - 1)
         return (*before, observation)[-past:]
@@ -235,12 +220,8 @@ def _configure(config: Any, folder: Path, device: str, dtype: str | None) -> Non
 
 def _rename_map(processor: Any) -> Mapping[str, str]:
     """From names of the environment to those of the checkpoint, as it was trained."""
-    maps = [
-        step.rename_map
-        for step in processor.steps
-        if getattr(step, "_registry_name", None) == _RENAMING
-    ]
-    return maps[0] if maps else {}
+    steps = (step for step in processor.steps if getattr(step, "_registry_name", "") == _RENAMING)
+    return next((step.rename_map for step in steps), {})
 
 
 def _dtype(model: Any) -> str:
@@ -261,13 +242,10 @@ def _version(folder: Path, steps: int, mode: str, model: Any, device: str, amp: 
 class EpisodeNoise(TorchFunctionMode):
     """While active, normal noise for a batch is made row by row, each from its own generator.
 
-    Models differ in whether they take noise as an argument and how often they sample: diffusion
-    does in every denoising step, X-VLA takes none. All of them sample with torch and put the batch
-    first, so noise is replaced there. It is made on the processor by NumPy, so that it is the same
-    on every device.
-
-    Args:
-        keys: Seed of the episode and number of the call in it, for each row of the batch.
+    Models differ in whether they take noise as an argument and how often they sample, but all of
+    them sample with torch and put the batch first, so noise is replaced there. It is made on the
+    processor by NumPy, the same on every device, from the seed of the episode and the number of the
+    call in it, for each row.
     """
 
     def __init__(self, keys: Sequence[tuple[int, int]]) -> None:
@@ -290,25 +268,16 @@ class EpisodeNoise(TorchFunctionMode):
         ]
         noise = torch.from_numpy(np.stack(rows)).to(result)
         if func is torch.normal:
-            mean, std = _parameters(args, kwargs)
-            return noise * std + mean
+            named = {"mean": 0.0, "std": 1.0, **dict(zip(("mean", "std"), args, strict=False))}
+            named |= kwargs
+            return noise * named["std"] + named["mean"]
         return noise
-
-
-def _parameters(args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[Any, Any]:
-    """Mean and standard deviation of a call of `torch.normal`."""
-    named = dict(zip(("mean", "std"), args, strict=False)) | kwargs
-    return named.get("mean", 0.0), named.get("std", 1.0)
 
 
 def _check_loaded(model: Any, file: Path) -> None:
     """Compare a model with the file of its weights, by the first row of every tensor.
 
     LeRobot's π0 and π0.5 go on with random weights where loading fails, and only print a warning.
-
-    Args:
-        model: A policy of LeRobot.
-        file: The safetensors file that it was loaded from.
     """
     state = model.state_dict()
     with safe_open(file, framework="pt") as weights:
@@ -333,6 +302,5 @@ def _check_loaded(model: Any, file: Path) -> None:
 def _is_equal(own: Any, saved: Any) -> bool:
     if list(own.shape) != saved.get_shape():
         return False
-    first = saved[:1] if own.ndim else saved[...]
-    row = own[:1] if own.ndim else own
-    return torch.equal(row.cpu(), first.to(row.dtype))
+    first = slice(1) if own.ndim else ...
+    return torch.equal(own[first].cpu(), saved[first].to(own.dtype))

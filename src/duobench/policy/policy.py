@@ -75,25 +75,21 @@ class PolicyMetadata:
             raise PolicyError(f"The cameras of a policy are names, got {self.cameras!r}.")
 
 
-def _image_size(size: Any) -> tuple[int, int] | None:
-    pixels = as_size(size)
-    if size is not None and pixels is None:
-        raise ValueError("it is (height, width) in pixels, or one number for a square")
-    return pixels
+def _or_none(convert: Callable[[Any], object], expected: str) -> Callable[[Any], object]:
+    def converted(value: Any) -> object:
+        result = convert(value)
+        if value is not None and result is None:
+            raise ValueError(expected)
+        return result
 
-
-def _horizon(actions: Any) -> int | None:
-    number = as_count(actions)
-    if actions is not None and number is None:
-        raise ValueError("it is at least 1 action")
-    return number
+    return converted
 
 
 _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     "cameras": tuple,
-    "image_size": _image_size,
+    "image_size": _or_none(as_size, "it is (height, width) in pixels, or one number for a square"),
     "control_rate_hz": float,
-    "horizon": _horizon,
+    "horizon": _or_none(as_count, "it is at least 1 action"),
     "object_state": bool,
     "seeded": bool,
     "batch_invariant": bool,
@@ -122,7 +118,6 @@ class Policy(Protocol):
             seed: Seed of all that the policy samples, which follows from it alone. It is a hash of
                 the seed of the layout: an environment that is reset with it shows another one.
         """
-        ...
 
     def act(self, observation: Mapping[str, Any]) -> ArrayLike:
         """Decide on the next actions.
@@ -202,7 +197,7 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
             "This environment has no configuration to compare with. Make it with duobench.make, or "
             "set `env.unwrapped.config` to a duobench.envs.config.EnvConfig."
         )
-    if problems := list(_differences(metadata, config)):
+    if problems := [*_differences(metadata, config)]:
         size = "" if metadata.image_size is None else f", image_size={metadata.image_size}"
         state = ", object_state=True" if metadata.object_state else ""
         raise PolicyError(
@@ -213,7 +208,6 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
 
 
 def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
-    """What a policy expects and an environment does not have, one part of a sentence each."""
     for camera in metadata.cameras:
         if camera not in config.cameras:
             cameras = ", ".join(config.cameras) or "none"

@@ -25,20 +25,16 @@ BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
 
 
 class PolicyKind(StrEnum):
-    """Where a policy comes from."""
+    """Where a policy comes from: the first two read the simulation, a baseline needs nothing."""
 
     EXPERT = "expert"
-    """Each task's scripted expert, which needs the simulator."""
     BLIND = "blind"
-    """The baseline that plays without a look at what changes from episode to episode."""
+    """The scripted policy without a look at what changes from episode to episode."""
     BASELINE = "baseline"
-    """One that comes with the package and needs nothing."""
     LEROBOT = "lerobot"
-    """A checkpoint of LeRobot."""
     MODULE = "module"
     """Anyone's own, from a module."""
     SERVED = "served"
-    """One that a server answers."""
 
 
 MADE_ALONE: Mapping[str, PolicyKind] = MappingProxyType(
@@ -59,7 +55,6 @@ class PolicyName:
     text: str
     """The name as the user gave it."""
     kind: PolicyKind
-    """Where the policy comes from."""
     reference: str
     """What is made: a word, `module:attribute`, or what follows `lerobot:`."""
     variety: str | None = None
@@ -72,10 +67,6 @@ class PolicyName:
         Args:
             text: A word, `expert:VARIETY`, `lerobot:PATH_OR_ID`, or `module:attribute`.
             words: What a word may be, and what it names.
-
-        Raises:
-            UnknownNameError: There is none of that name.
-            PolicyError: It is no text that can be written down.
         """
         if not text.isprintable():
             raise PolicyError(f"The name of a policy is printable text, got {text!a}.")
@@ -125,14 +116,20 @@ def make(name: str) -> Policy:
 
 
 def make_any(name: PolicyName) -> Policy | BatchPolicy:
-    """Make a policy of either kind, as it is; errors are those of `make`.
-
-    Args:
-        name: That of a baseline, of a checkpoint of LeRobot, or of anyone's own.
-    """
-    policy = BASELINES[name.text]() if name.kind is PolicyKind.BASELINE else _made(name)
-    is_one = isinstance(policy, Policy | BatchPolicy)
-    if not is_one or not isinstance(policy.metadata, PolicyMetadata):
+    """Make a policy of either kind that is not scripted; errors are those of `make`."""
+    factory = _factory(name)
+    try:
+        policy = factory()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        is_ours = name.kind is PolicyKind.LEROBOT or name.reference.startswith("duobench.")
+        if is_ours and isinstance(error, DuoBenchError):
+            raise
+        trace = traceback_text(error, skip=1).strip()
+        raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
+    is_policy = isinstance(policy, Policy | BatchPolicy)
+    if not (is_policy and isinstance(policy.metadata, PolicyMetadata)):
         raise PolicyError(
             f"{name.text} gave a {type(policy).__name__}, which is no policy. A policy has "
             "`metadata` (a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
@@ -142,25 +139,43 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
     return policy
 
 
+def _factory(name: PolicyName) -> Callable[[], object]:
+    if name.kind is PolicyKind.BASELINE:
+        return BASELINES[name.text]
+    try:
+        if name.kind is not PolicyKind.LEROBOT:
+            return load(name.reference, "class or function", callable)
+        from duobench.policy.lerobot_model import LeRobotPolicy
+    except DuoBenchError as error:
+        raise PolicyError(f"Policy {name.reference!r}: {error}") from error
+    except ImportError as error:
+        raise PolicyError(
+            f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. "
+            f"{install_extra('lerobot')}"
+        ) from error
+    return partial(LeRobotPolicy, name.reference)
+
+
 def make_batched(
     name: PolicyName, batching: Batching | None = None, *, objects: int = 1
 ) -> tuple[BatchPolicy, PolicyMetadata, Batching | None]:
     """Make a policy of either kind for many episodes at a time; errors are those of `make`.
 
     Args:
-        name: That of a baseline, of a checkpoint of LeRobot, or of anyone's own.
-        batching: How many observations a `BatchPolicy` answers together; None takes the default.
+        name: That of a policy that is not scripted.
+        batching: How many observations a `BatchPolicy` answers together; None takes the default,
+            and anything else is an error for one object of a plain policy.
         objects: How many episodes a plain policy may play side by side, with an object for each.
 
     Returns:
         The policy; its metadata, with the hash of its source where it has no version; and how many
         observations it answers together, None for a plain policy.
-
-    Raises:
-        PolicyError: Also if batches are asked of one object of a plain policy.
     """
     policy = make_any(name)
-    metadata = _versioned(name, policy)
+    metadata = policy.metadata
+    if metadata.version is None:
+        own = [name.reference.partition(":")[0]] if name.kind is PolicyKind.MODULE else []
+        metadata = replace(metadata, version=source_version(type(policy).__module__, *own))
     if isinstance(policy, BatchPolicy):
         return policy, metadata, batching or Batching()
     if batching is not None and objects == 1:
@@ -176,22 +191,8 @@ def no_batches(name: PolicyName) -> PolicyError:
     )
 
 
-def _versioned(name: PolicyName, policy: Policy | BatchPolicy) -> PolicyMetadata:
-    if policy.metadata.version is not None:
-        return policy.metadata
-    modules = {type(policy).__module__}
-    if name.kind is PolicyKind.MODULE:
-        modules.add(name.reference.partition(":")[0])
-    version = source_version(*modules)
-    return replace(policy.metadata, version=version)
-
-
 def source_version(*modules: str) -> str | None:
-    """A version made of the source files of modules; None if one of them has no file.
-
-    Args:
-        modules: Names of imported modules, in any order.
-    """
+    """A version made of the source files of imported modules; None if one of them has no file."""
     digest = hashlib.sha256()
     for name in sorted(set(modules)):
         file = getattr(sys.modules.get(name), "__file__", None)
@@ -200,36 +201,3 @@ def source_version(*modules: str) -> str | None:
         except OSError:
             return None
     return f"source {digest.hexdigest()[:16]}"
-
-
-def _made(name: PolicyName) -> object:
-    is_ours = name.kind is PolicyKind.LEROBOT
-    path = name.reference
-    factory = partial(_lerobot_class(), path) if is_ours else _factory(path)
-    try:
-        return factory()
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        if isinstance(error, DuoBenchError) and (is_ours or path.startswith("duobench.")):
-            raise
-        trace = traceback_text(error, skip=1).strip()
-        raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
-
-
-def _factory(path: str) -> Callable[[], object]:
-    try:
-        return load(path, "class or function", callable)
-    except DuoBenchError as error:
-        raise PolicyError(f"Policy {path!r}: {error}") from error
-
-
-def _lerobot_class() -> Callable[[str], object]:
-    try:
-        from duobench.policy.lerobot_model import LeRobotPolicy
-    except ImportError as error:
-        raise PolicyError(
-            f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. "
-            f"{install_extra('lerobot')}"
-        ) from error
-    return LeRobotPolicy

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -16,7 +17,7 @@ from duobench.data.processes import Progress
 from duobench.errors import DataError, DuoBenchError, EvaluationError, FileError, escaped
 from duobench.files import encode, locked, read, write, writing
 from duobench.randomness import SUITE_VERSION
-from duobench.replay.verify import Verdict, Verification, verify
+from duobench.replay.verify import Finding, Verdict, Verification, verify
 from duobench.results.bundle import BUNDLE_SUFFIX, MAX_BYTES, Bundle
 from duobench.results.leaderboard import (
     VERDICTS,
@@ -32,11 +33,8 @@ from duobench.tasks import catalog
 from duobench.versions import has_avx2, package_versions
 
 JUDGEMENT_SCHEMA = 2
-"""Version of the fields of `Judgement`."""
 _SHOWN = 3
-"""Contradictions that a reason names."""
 _LONGEST_REASON = 600
-"""Characters of a reason that are kept."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -50,7 +48,6 @@ class Judgement:
     reason: str
     """Why the bundle is refused, in one line; empty if it is not."""
     verdicts: dict[str, int]
-    """How many episodes have which verdict."""
     unverifiable: tuple[Key, ...]
     """Names of episodes that cannot be played again."""
 
@@ -88,16 +85,15 @@ def make_leaderboard(
         OtherRunError: The folder of the leaderboard holds something else.
         OutputError: It cannot be written.
     """
-    paths = sorted(path for path in folder.glob(f"*{BUNDLE_SUFFIX}") if path.is_file())
-    if not paths:
+    if not (paths := sorted(filter(Path.is_file, folder.glob(f"*{BUNDLE_SUFFIX}")))):
         raise EvaluationError(
             f"There is no bundle in {folder}: no file whose name ends in {BUNDLE_SUFFIX}."
         )
     begin_site(out)
     entries: dict[str, BoardEntry] = {}
     refused: list[RefusedBundle] = []
+    known: set[str] = set()
     with locked(out):
-        known: set[str] = set()
         for path in paths:
             try:
                 digest = _digest(path)
@@ -175,37 +171,39 @@ def _here() -> dict[str, str]:
 
 def _judge(bundle: Bundle, workers: int, progress: Progress) -> Judgement:
     """Verify a bundle, or raise a `_RefusedError` if it ended the process that verified it."""
-    reason, found = "", None
+    findings: Sequence[Finding] = ()
     try:
         found = verify(bundle, workers=workers, progress=progress)
-        reason = _objection(found)
+        findings, reason = found.findings, _objection(found)
     except DataError as error:
         raise _RefusedError(f"It could not be verified: {error}") from error
     except DuoBenchError as error:
         reason = str(error)
+    counts = Counter(each.verdict for each in findings)
     return Judgement(
         verified_by=_here(),
         reason=_line(reason, bundle.path),
-        verdicts={str(verdict): len(found.of(verdict)) if found else 0 for verdict in Verdict},
-        unverifiable=tuple(each.key for each in (found.of(Verdict.UNVERIFIABLE) if found else [])),
+        verdicts={str(verdict): counts[verdict] for verdict in Verdict},
+        unverifiable=tuple(each.key for each in findings if each.verdict is Verdict.UNVERIFIABLE),
     )
 
 
 def _objection(found: Verification) -> str:
     """Why a bundle is refused; empty if it is not."""
-    contradicted = found.of(Verdict.CONTRADICTED)
-    if found.objections or contradicted:
-        names = [
-            f"{each.key.task}, episode {each.key.episode}: {each.reason}" for each in contradicted
-        ]
-        what = [*found.objections, *names]
+    what = [
+        *found.objections,
+        *(
+            f"{each.key.task}, episode {each.key.episode}: {each.reason}"
+            for each in found.of(Verdict.CONTRADICTED)
+        ),
+    ]
+    if what:
         more = f" And {len(what) - _SHOWN} more." if len(what) > _SHOWN else ""
         return f"Contradicted. {' '.join(what[:_SHOWN])}{more}"
-    unverifiable = found.of(Verdict.UNVERIFIABLE)
-    if not found.is_verified:
-        why = f" {unverifiable[0].reason}" if unverifiable else " It has no episode."
-        return f"Nothing in it can be verified.{why}"
-    return ""
+    if found.is_verified:
+        return ""
+    reasons = [each.reason for each in found.of(Verdict.UNVERIFIABLE)]
+    return f"Nothing in it can be verified. {reasons[0] if reasons else 'It has no episode.'}"
 
 
 def _line(reason: str, path: Path) -> str:

@@ -1,20 +1,33 @@
-"""Playing what was recorded again: the one loop, and the environment that it keeps."""
+"""Playing what was recorded again, records of a run and recordings: the one loop, and its users."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, replace
-from typing import Any, Generic, Protocol, TypeVar
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.data.recording import Recording
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import EnvConfig
+from duobench.envs.config import FIXED, LAYOUT, EnvConfig
 from duobench.envs.execution import Step, execute, optional_method
 from duobench.envs.protocol import make_env
-from duobench.errors import EvaluationError, UnknownNameError
+from duobench.envs.sim_env import sim_of
+from duobench.errors import (
+    ActionError,
+    BackendError,
+    DataError,
+    DuoBenchError,
+    EvaluationError,
+    UnknownNameError,
+)
+from duobench.evaluation.episode import Latest
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Info, Observation, Watcher, watched_by
 from duobench.looks.catalog import DEFAULT
@@ -22,6 +35,7 @@ from duobench.randomness import SUITE_VERSION
 from duobench.results.records import REAL, EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode, TaskInfo, find_tasks
+from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import Array
@@ -29,34 +43,6 @@ from duobench.types import Array
 HOLD_TOLERANCE = 1e-3
 """Difference in radians, or parts of an opening, that holding a command may make in action modes
 that solve for joints."""
-
-
-class _Closable(Protocol):
-    def close(self) -> None: ...
-
-
-V = TypeVar("V", bound=_Closable)
-
-
-class Latest(Generic[V]):
-    """What was made last, until something else is needed, before which it is closed."""
-
-    def __init__(self) -> None:
-        self._key: object = None
-        self._value: V | None = None
-
-    def get(self, key: object, make: Callable[[], V]) -> V:
-        """What belongs to a key."""
-        if self._value is None or self._key != key:
-            self.close()
-            self._value, self._key = make(), key
-        return self._value
-
-    def close(self) -> None:
-        """Close what is there; another one can be made afterwards."""
-        value, self._value = self._value, None
-        if value is not None:
-            value.close()
 
 
 class Player:
@@ -130,16 +116,13 @@ class RecordPlayer(Player):
 
     def __init__(self, run: Run, *, import_tasks: bool = False) -> None:
         super().__init__()
-        self._run, self._import_tasks = run, import_tasks
-        self._claimed = {task.id: task for task in run.suite.tasks}
-        self._tasks: dict[str, TaskInfo] = {}
+        self._run = run
+        claimed = {task.id: task for task in run.suite.tasks}
+        self._task = cache(lambda task: actual_task(claimed[task], import_tasks=import_tasks))
 
     def task(self, record: EpisodeRecord) -> TaskInfo:
         """The task of a record as it is, whatever the run says about it; see `actual_task`."""
-        if record.task not in self._tasks:
-            claimed = self._claimed[record.task]
-            self._tasks[record.task] = actual_task(claimed, import_tasks=self._import_tasks)
-        return self._tasks[record.task]
+        return self._task(record.task)
 
     def environment_of(self, record: EpisodeRecord, *, has_images: bool = False) -> gym.Env:
         """The environment of a record, with the images of its policy or without."""
@@ -167,7 +150,11 @@ class RecordPlayer(Player):
             DuoBenchError: They cannot be played.
         """
         task, config = self.task(record), record.config
-        targets = _targets(record, task)
+        if record.horizon != task.horizon or config.horizon is not None:
+            claimed = config.horizon or record.horizon
+            raise EvaluationError(f"The horizon is {claimed}, that of the task is {task.horizon}.")
+        if (targets := record.targets()) is None:
+            raise EvaluationError("There are no joint targets.")
         episode = Episode(task=task, index=record.episode, split=config.split, shift=config.shift)
         recorder = EpisodeRecorder(episode)
         env = self.environment_of(record, has_images=has_images)
@@ -195,30 +182,17 @@ class _Sendable:
         self._first = targets[: self._latency]
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """Reject targets that move before the first chunk can have been answered."""
         if not np.allclose(self._first, info["sent"], rtol=0, atol=HOLD_TOLERANCE):
             raise EvaluationError(
                 f"It does not hold its command for a latency of {self._latency} steps."
             )
 
     def on_step(self, step: Step) -> None:
-        """Reject a target that was clipped."""
         if not (step.info["sent"] == step.action).all():
             raise EvaluationError(f"The joint targets of step {step.number} exceed a limit.")
 
     def on_episode_end(self, error: BaseException | None) -> None:
         """Do nothing."""
-
-
-def _targets(record: EpisodeRecord, task: TaskInfo) -> Array:
-    """The targets of a record, no more than fit into an episode of its task."""
-    if record.horizon != task.horizon or record.config.horizon is not None:
-        claimed = record.config.horizon or record.horizon
-        raise EvaluationError(f"The horizon is {claimed}, that of the task is {task.horizon}.")
-    targets = record.targets()
-    if targets is None:
-        raise EvaluationError("There are no joint targets.")
-    return targets
 
 
 def command_config(config: EnvConfig) -> EnvConfig:
@@ -268,3 +242,123 @@ def why_not(record: EpisodeRecord) -> str:
     if record.sent is None:
         return "It has no joint targets."
     return ""
+
+
+# --- recordings ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Divergence:
+    """How an episode that was replayed by its commands differs from the recorded one."""
+
+    steps: int
+    """Control steps that were replayed."""
+    first: int | None
+    """First row whose state differs in any bit; None if all are the same."""
+    largest: float
+    """Largest difference of a joint position or an opening, in radians or parts of 1."""
+    recorded_stage: int
+    stage: int
+    same_stages: bool
+    """Whether every stage was reached at the same step."""
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether states and stages are the same to the last bit."""
+        return self.first is None and self.same_stages
+
+
+def replay(task: str | Task, recordings: Iterable[Recording]) -> Iterator[Divergence]:
+    """Run the commands that were sent through the physics again, from the recorded layouts on.
+
+    With the versions of MuJoCo and DuoBench that recorded them, every state is the same to the
+    last bit on every x86-64 processor; on another architecture contacts amplify the last bit.
+
+    Args:
+        task: The task, its id, or its import path.
+        recordings: Recordings of it, one after the other.
+
+    Yields:
+        How each replayed episode differs from its recording.
+
+    Raises:
+        UnknownNameError: There is no such task.
+        DataError: A recording is of another task or suite, or cannot be begun, or its commands
+            are no numbers.
+    """
+    definition = catalog.get(task)
+    with closing(Player()) as player:
+        for recording in recordings:
+            env = player.environment(definition, _config(definition, recording))
+            yield _divergence(player, env, recording)
+
+
+def _config(task: Task, recording: Recording) -> EnvConfig:
+    """A configuration that takes the commands of a recording as they were sent."""
+    info = recording.info
+    if info.task != task.id:
+        raise DataError(f"The episode is of task {info.task!r}, not of {task.id!r}.")
+    if info.suite_version != SUITE_VERSION:
+        raise DataError(
+            f"The episode is of suite {info.suite_version}; this version has suite "
+            f"{SUITE_VERSION}, in which its commands lead elsewhere."
+        )
+    config = command_config(info.config or EnvConfig())
+    return replace(config, horizon=sys.maxsize, instructions=FIXED)
+
+
+def _divergence(player: Player, env: gym.Env, recording: Recording) -> Divergence:
+    comparison = _Comparison(recording)
+    start = {LAYOUT: recording.info.layout}
+    try:
+        # A recording may go on after success.
+        for _ in player.play(env, recording.sent, [comparison], options=start, past_end=True):
+            pass
+    except DuoBenchError as error:
+        if not comparison.stages:
+            raise DataError(f"The episode cannot be begun: {error}") from error
+        if isinstance(error, ActionError):
+            raise DataError(f"The commands cannot be replayed: {error}") from error
+        if not isinstance(error, BackendError):
+            raise
+        if comparison.first is None:
+            comparison.first = len(comparison.stages)
+    return Divergence(
+        steps=len(comparison.stages) - 1,
+        first=comparison.first,
+        largest=comparison.largest,
+        recorded_stage=int(recording.stage.max()),
+        stage=max(comparison.stages),
+        same_stages=comparison.stages == recording.stage.tolist(),
+    )
+
+
+class _Comparison:
+    """Watches a replay, and compares each of its rows with the recorded one."""
+
+    _simulation: Simulation
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self.first: int | None = None
+        self.stages: list[int] = []
+        self.largest = 0.0
+
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:
+        self._simulation = sim_of(env).simulation
+        self._compare(observation, info)
+
+    def on_step(self, step: Step) -> None:
+        self._compare(step.observation, step.info)
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """Do nothing: what there was is compared."""
+
+    def _compare(self, observation: Observation, info: Info) -> None:
+        row, recorded = len(self.stages), self._recording
+        state = self._simulation.get_state()
+        if self.first is None and not np.array_equal(state, recorded.state[row]):
+            self.first = row
+        difference = np.abs(observation["agent_pos"] - recorded.agent_pos[row]).max()
+        self.largest = max(self.largest, float(difference))
+        self.stages.append(info["stage"])

@@ -6,6 +6,8 @@ from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import compress
+from operator import not_
 
 from duobench.errors import (
     ActionError,
@@ -15,12 +17,13 @@ from duobench.errors import (
     VideoError,
     check_known,
 )
+from duobench.evaluation.episode import Latest
 from duobench.evaluation.rollout import Watcher
 from duobench.evaluation.video import FRAME_EVERY, Overview, Picture, VideoRecorder
 from duobench.files import write
 from duobench.looks.catalog import as_look
 from duobench.randomness import SUITE_VERSION
-from duobench.replay.player import Latest, RecordPlayer, why_not
+from duobench.replay.player import RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, TrajectoryRecorder
 from duobench.replay.verify import disagreements
 from duobench.results.folder import RunFolder
@@ -137,9 +140,9 @@ def make_videos(
             f"The run is of suite {run.suite.version}; this version plays suite {SUITE_VERSION}, "
             "in which what was sent leads elsewhere. Make videos with the version that played it."
         )
-    is_there = [folder.video(each.key).exists() for each in records]
-    with closing(EpisodeRenderer(folder, run, import_tasks=import_tasks)) as renderer:
-        return render_missing(run, records, is_there, renderer.make_video, progress)
+    with closing(_Renderer(folder, run, import_tasks=import_tasks)) as renderer:
+        is_there = [folder.video(each.key).exists() for each in records]
+        return renderer.make_missing(records, is_there, renderer.make_video, progress)
 
 
 def make_replays(
@@ -154,50 +157,47 @@ def make_replays(
 
     See `make_videos`; nothing is rendered for them, and those of another suite are impossible.
     """
-    is_there = [folder.replay(each.key) is not None for each in records]
-    with closing(EpisodeRenderer(folder, run, import_tasks=import_tasks)) as renderer:
-        return render_missing(run, records, is_there, renderer.make_replay, progress)
+    with closing(_Renderer(folder, run, import_tasks=import_tasks)) as renderer:
+        is_there = [folder.replay(each.key) is not None for each in records]
+        return renderer.make_missing(records, is_there, renderer.make_replay, progress)
 
 
-def render_missing(
-    run: Run,
-    records: Sequence[EpisodeRecord],
-    is_there: Sequence[bool],
-    render: Callable[[EpisodeRecord], None],
-    progress: Progress,
-) -> RenderResult:
-    """Make what `is_there` says is missing of episodes, task by task."""
-    there = [record for record, is_made in zip(records, is_there, strict=True) if is_made]
-    missing = [record for record, is_made in zip(records, is_there, strict=True) if not is_made]
-    places = {task.id: place for place, task in enumerate(run.suite.tasks)}
-    made: list[EpisodeRecord] = []
-    impossible: list[tuple[EpisodeRecord, str]] = []
-    progress(len(there), len(records))
-    for record in sorted(missing, key=lambda record: places[record.task]):
-        try:
-            render(record)
-        except _OF_AN_EPISODE as error:
-            impossible.append((record, str(error)))
-        else:
-            made.append(record)
-        progress(len(there) + len(made) + len(impossible), len(records))
-    return RenderResult(made=tuple(made), there=tuple(there), impossible=tuple(impossible))
-
-
-class EpisodeRenderer:
+class _Renderer:
     """Makes videos and replays of episodes of a run, in its folder; see `RecordPlayer`."""
 
-    def __init__(self, folder: RunFolder, run: Run, *, import_tasks: bool = False) -> None:
-        self._folder = folder
+    def __init__(self, folder: RunFolder, run: Run, *, import_tasks: bool) -> None:
+        self._folder, self._run = folder, run
         self._player = RecordPlayer(run, import_tasks=import_tasks)
         chunk, execution = run.candidate.metadata.horizon, run.suite.execution
         self._chunk = chunk and min(chunk, execution.execute or chunk)
         self._overview: Latest[Overview] = Latest()
         self._scenes = SceneCache()
 
+    def make_missing(
+        self,
+        records: Sequence[EpisodeRecord],
+        is_there: Sequence[bool],
+        make: Callable[[EpisodeRecord], None],
+        progress: Progress,
+    ) -> RenderResult:
+        there = tuple(compress(records, is_there))
+        missing = compress(records, map(not_, is_there))
+        places = {task.id: place for place, task in enumerate(self._run.suite.tasks)}
+        made: list[EpisodeRecord] = []
+        impossible: list[tuple[EpisodeRecord, str]] = []
+        progress(len(there), len(records))
+        for record in sorted(missing, key=lambda record: places[record.task]):
+            try:
+                if reason := why_not(record):
+                    raise EvaluationError(reason)
+                make(record)
+                made.append(record)
+            except _OF_AN_EPISODE as error:
+                impossible.append((record, str(error)))
+            progress(len(there) + len(made) + len(impossible), len(records))
+        return RenderResult(made=tuple(made), there=there, impossible=tuple(impossible))
+
     def make_video(self, record: EpisodeRecord) -> None:
-        """Make the video of an episode, if it comes out here as its record says."""
-        _check(record)
         env = self._player.environment_of(record, has_images=True)
         overview = self._overview.get(env, lambda: Overview(env))
         picture = Picture(self._player.task(record), is_seen=self._chunk is not None)
@@ -207,8 +207,6 @@ class EpisodeRenderer:
             write(self._folder.video(record.key), video)
 
     def make_replay(self, record: EpisodeRecord) -> None:
-        """Make the replay in 3D of an episode, under the same condition."""
-        _check(record)
         recorder = TrajectoryRecorder(self._scenes, as_look(record.config.look))
         self._replay(record, recorder)
         found = recorder.trajectory()
@@ -222,12 +220,5 @@ class EpisodeRenderer:
             raise EvaluationError(f"Played again here it comes out differently: {found[0]}.")
 
     def close(self) -> None:
-        """Free environment and renderer."""
         self._overview.close()
         self._player.close()
-
-
-def _check(record: EpisodeRecord) -> None:
-    """Reject a record that cannot be played again."""
-    if reason := why_not(record):
-        raise EvaluationError(reason)

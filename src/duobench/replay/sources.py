@@ -1,19 +1,19 @@
-"""What can be viewed: a task, recorded episodes, and the episodes of a run."""
+"""What can be viewed: a task, recorded episodes, and those of a run, also while others write it."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import EvaluationError, check_known
+from duobench.errors import DuoBenchError, EvaluationError, check_known
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.replay.player import Latest, RecordPlayer, why_not
@@ -21,16 +21,26 @@ from duobench.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorde
 from duobench.replay.verify import disagreements
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN
-from duobench.results.folder import RunReader
+from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import EpisodeRecord
+from duobench.results.scores import group_by_condition
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.web import track
+
+if TYPE_CHECKING:
+    from duobench.web.server import PageServer
 
 LAYOUTS = 20
-"""Layouts of a task that can be chosen."""
 SUCCESS, FAILURE, ERROR = "success", "failure", "error"
 """How an episode ended, as the page shows it."""
+FAILURES = 5
+"""Failures that are listed, the latest first."""
+_LATEST = 20
+"""Finished episodes from whose times the remaining time is estimated."""
+_BREAK_S = 3600.0
+"""Seconds without a finished episode that are a break of the run, which counts nowhere."""
+_LEAVING_S, _LOADING_S, _LOOK_S = 10.0, 2.0, 0.1
+"""Seconds that visitors have to open the report and then to load it, and between two looks."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -39,32 +49,9 @@ class Item:
 
     id: str
     title: str
-    """What people read."""
     detail: str = ""
     state: str = ""
     """How it ended; empty where nothing did."""
-
-
-class ViewSource(Protocol):
-    """Episodes to view."""
-
-    @property
-    def title(self) -> str:
-        """What all of it is."""
-        ...
-
-    @property
-    def items(self) -> Sequence[Item]:
-        """What can be chosen, in its order."""
-        ...
-
-    def load(self, item: str) -> Trajectory:
-        """Make what is shown of an item; always called in the same thread, and it may take long."""
-        ...
-
-    def close(self) -> None:
-        """Free what it holds; called in the thread of `load`."""
-        ...
 
 
 class TaskSource:
@@ -79,7 +66,6 @@ class TaskSource:
         self._scenes = SceneCache()
         self.title = self._task.title
         self.items = [Item(id=str(seed), title=f"Layout {seed}") for seed in range(LAYOUTS)]
-        """The first layouts."""
 
     def load(self, item: str) -> Trajectory:
         """Reset the environment."""
@@ -102,10 +88,8 @@ class DataSource:
     ) -> None:
         self._look = as_look(look)
         self.title = data.path.name
-        """Name of the folder."""
         self._paths = {f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)}
         self.items = [_recorded(name, path) for name, path in self._paths.items()]
-        """All episodes."""
         self._source: Latest[ImageSource] = Latest()
         self._scenes = SceneCache()
 
@@ -121,22 +105,12 @@ class DataSource:
             )
         source = self._source.get(info.task, lambda: ImageSource(task, cameras=(), look=self._look))
         source.show(recording, 0)  # with the variants of its layout
-        geometry = self._scenes.of(source.simulation, self._look)
-        poses = []
+        recorder = TrajectoryRecorder(self._scenes, self._look)
+        recorder.begin(source.simulation, task, info.instruction, info.subinstructions)
         for row in range(len(recording) + 1):
             source.show(recording, row)
-            poses.append(geometry.poses(source.simulation.data))
-        rises = np.flatnonzero(np.diff(recording.stage, prepend=0) > 0).tolist()
-        return Trajectory(
-            task=info.task,
-            instruction=info.instruction,
-            stages=tuple(stage.name for stage in task.stages),
-            subinstructions=info.subinstructions,
-            stage_changes=tuple((row, int(recording.stage[row])) for row in rises),
-            scene=geometry.name,
-            scene_data=geometry.data,
-            track=track.encode(np.array(poses)),
-        )
+            recorder.add(row, int(recording.stage[row]))
+        return recorder.trajectory()
 
     def close(self) -> None:
         """Close the simulation."""
@@ -166,7 +140,6 @@ class RunSource:
         self.run = run.read_run()
         titles = ", ".join(candidate.title for candidate in self.run.candidates)
         self.title = f"{run.path.name}: {titles}"
-        """Name of the folder, and the policy."""
         known = {task.id for task in self.run.suite.tasks}
         self._wanted = {catalog.plain(task) for task in tasks} or known
         for task in self._wanted:
@@ -206,12 +179,122 @@ class RunSource:
         self._player.close()
 
 
+class FollowedRun:
+    """A run as a source of a viewer, whose episodes come as they are finished.
+
+    It reads the records that are there, each once, and knows nothing of what plays. There may be
+    none yet, nor a run.
+
+    Args:
+        folder: The folder of the run.
+        server: The page, which gives the report out.
+        look: How it looks.
+        tasks: Only the episodes of these tasks; of all if none is named.
+        import_tasks: See `RunSource`.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        server: PageServer,
+        look: str | Look = DEFAULT,
+        tasks: Sequence[str] = (),
+        *,
+        import_tasks: bool = False,
+    ) -> None:
+        self.title = folder.path.name
+        self._folder, self._server = folder, server
+        self._look, self._tasks, self._import_tasks = as_look(look), tasks, import_tasks
+        self._source: RunSource | None = None
+        self._finished_at: dict[str, float] = {}
+
+    @property
+    def items(self) -> Sequence[Item]:
+        """The finished episodes."""
+        return [] if self._source is None else self._source.items
+
+    def load(self, item: str) -> Trajectory:
+        """Play the targets of a record, and collect the poses."""
+        if self._source is None:
+            raise AssertionError("Nothing is finished.")
+        return self._source.load(item)
+
+    def close(self) -> None:
+        """Free the environment."""
+        if self._source is not None:
+            self._source.close()
+
+    def refresh(self, is_last: bool = False) -> dict[str, Any]:
+        """What a page shows of the run now; its report at the end, of the run or of this."""
+        try:
+            shown: dict[str, Any] = {"run": self._read()}
+        except (DuoBenchError, OSError) as error:  # it is begun anew, or something is broken
+            shown = {"run": {"note": f"The run cannot be read now: {error}"}}
+        if self._folder.page.exists() and (is_last or self._is_over()):
+            base = self._server.publish_folder(self._folder.path)
+            shown["report"] = base + self._folder.page.name
+        elif is_last:
+            shown |= {"ended": True, "run": {"note": "This page has ended. There is no report."}}
+        return shown
+
+    def wait_for_visitors(self) -> None:
+        """Wait until all have loaded the report, a moment at most."""
+        deadline = time.monotonic() + _LEAVING_S
+        while self._server.has_viewers and time.monotonic() < deadline:
+            time.sleep(_LOOK_S)
+        time.sleep(_LOADING_S if self._folder.page.exists() else 0.0)
+
+    def _read(self) -> dict[str, Any]:
+        if not self._folder.description.exists():
+            return {"note": "Nothing is written yet."}
+        if self._source is None:
+            self._source = RunSource(
+                self._folder, self._look, self._tasks, import_tasks=self._import_tasks
+            )
+            self.title = self._source.title
+        source = self._source
+        source.refresh()
+        for name, record in source.records.items():
+            if name not in self._finished_at:
+                self._finished_at[name] = self._folder.record(record.key).stat().st_mtime
+        times = sorted(self._finished_at[name] for name in source.records)
+        began, is_whole = self._folder.description.stat().st_mtime, len(times) == source.run.size
+        parts = group_by_condition(source.run, source.records.values())
+        rows = [
+            {
+                "condition": part.condition.name if len(parts) > 1 else "",
+                "task": one.task.id,
+                "of": source.run.suite.episodes,
+                **one.score.numbers(),
+            }
+            for part in parts
+            for one in part.results.tasks
+        ]
+        latest = sorted(source.items, key=lambda item: -self._finished_at[item.id])
+        failed = [item for item in latest if item.state in {FAILURE, ERROR}][:FAILURES]
+        return {
+            "finished": len(times),
+            "of": source.run.size,
+            "elapsed_s": sum(_gaps([began, *times, *([] if is_whole else [time.time()])])),
+            "left_s": _left_s(times, source.run.size),
+            "rows": rows,
+            "failures": [{"id": each.id, "title": each.title} for each in failed],
+        }
+
+    def _is_over(self) -> bool:
+        """Whether every episode has a record, and the report is newer than the last of them."""
+        source = self._source
+        if source is None or len(source.records) < source.run.size:
+            return False
+        return self._folder.page.stat().st_mtime >= max(self._finished_at.values(), default=0.0)
+
+
+ViewSource = TaskSource | DataSource | RunSource | FollowedRun
+"""Episodes to view; they are loaded, and what they hold is freed, in one thread."""
+
+
 def open_view(
-    what: str,
-    look: str | Look = DEFAULT,
-    tasks: Sequence[str] = (),
-    *,
-    import_tasks: bool = False,
+    what: str, look: str | Look = DEFAULT, tasks: Sequence[str] = (), *, import_tasks: bool = False
 ) -> ViewSource:
     """What a word names: a data set or a run by its folder, a bundle of a run, or a task.
 
@@ -255,3 +338,16 @@ def _finished(name: str, record: EpisodeRecord) -> Item:
     state = ERROR if record.error else SUCCESS if record.success else FAILURE
     detail = f"{state}, stage {record.final_stage} of {record.max_stage}"
     return Item(id=name, title=f"{record.task} {record.episode}", detail=detail, state=state)
+
+
+def _gaps(moments: Sequence[float]) -> list[float]:
+    """Seconds between moments, one after the other, without breaks."""
+    return [gap for a, b in pairwise(moments) if 0.0 <= (gap := b - a) <= _BREAK_S]
+
+
+def _left_s(times: Sequence[float], size: int) -> float | None:
+    """Seconds until the rest is finished at the pace of the latest episodes; None if unknown."""
+    gaps = _gaps(times[-_LATEST:])
+    if not gaps:
+        return 0.0 if len(times) == size else None
+    return (size - len(times)) * sum(gaps) / len(gaps)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import gymnasium as gym
@@ -10,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.envs.execution import Step
-from duobench.envs.sim_env import SimEnv, sim_of
+from duobench.envs.sim_env import sim_of
 from duobench.evaluation.rollout import Info, Observation
 from duobench.looks.look import Look
 from duobench.sim.simulation import Simulation
+from duobench.tasks.task import Task
 from duobench.web import track
 from duobench.web.geometry import Geometry
 
@@ -23,9 +23,7 @@ class Trajectory:
     """One episode, with all that is shown of it."""
 
     task: str
-    """Id of the task."""
     instruction: str
-    """What is to be done."""
     stages: tuple[str, ...]
     """Names of the stages 1, 2, ..."""
     subinstructions: tuple[str, ...]
@@ -33,13 +31,10 @@ class Trajectory:
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage), as in `EpisodeRecord`."""
     scene: str
-    """Name of the scene; see `Geometry.name`."""
     scene_data: bytes = field(repr=False)
-    """The scene file."""
     track: bytes = field(repr=False)
     """Poses of the moving bodies, after 0, 1, ... control steps; see `web.track`."""
     note: str = ""
-    """What there is to say about it."""
 
     def poses(self) -> NDArray[np.float32]:
         """Poses (steps + 1, bodies, 7), in metres and w x y z."""
@@ -58,19 +53,15 @@ class Trajectory:
 class SceneCache:
     """The geometry of what is shown, made again only when it changes."""
 
+    _geometry: Geometry
+
     def __init__(self) -> None:
-        self._shown: tuple[Simulation, Mapping[str, str], Look] | None = None
-        self._geometry: Geometry | None = None
+        self._shown: object = None
 
     def of(self, simulation: Simulation, look: Look) -> Geometry:
         """The geometry of a simulation in its layout's variants, in a look."""
         wanted = (simulation, dict(simulation.variants), look)
-        is_same = (
-            self._shown is not None
-            and self._shown[0] is simulation
-            and self._shown[1:] == wanted[1:]
-        )
-        if self._geometry is None or not is_same:
+        if self._shown != wanted:
             self._geometry, self._shown = Geometry(simulation.model, look), wanted
         return self._geometry
 
@@ -78,47 +69,54 @@ class SceneCache:
 class TrajectoryRecorder:
     """Watches an episode, and keeps its trajectory, with geometry of a cache in a look."""
 
+    _simulation: Simulation
+    _task: Task
+    _geometry: Geometry
+
     def __init__(self, scenes: SceneCache, look: Look) -> None:
         self._scenes, self._look = scenes, look
-        self._env: SimEnv | None = None
-        self._geometry: Geometry | None = None
-        self._instruction = ""
+        self._instruction, self._subinstructions = "", tuple[str, ...]()
         self._poses: list[NDArray[np.float32]] = []
         self._stage_changes: list[tuple[int, int]] = []
 
+    def begin(
+        self, simulation: Simulation, task: Task, instruction: str, subinstructions: tuple[str, ...]
+    ) -> None:
+        """Begin an episode, which the simulation shows already; nothing of it is kept yet."""
+        self._simulation, self._task = simulation, task
+        self._geometry = self._scenes.of(simulation, self._look)
+        self._instruction, self._subinstructions = instruction, subinstructions
+
+    def add(self, number: int, stage: int) -> None:
+        """Keep the poses after a control step, and a stage that was newly reached."""
+        self._poses.append(self._geometry.poses(self._simulation.data))
+        if stage > (self._stage_changes[-1][1] if self._stage_changes else 0):
+            self._stage_changes.append((number, stage))
+
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Keep the start."""
-        self._env = sim_of(env)
-        self._geometry = self._scenes.of(self._env.simulation, self._look)
-        self._instruction = info["instruction"]
-        self._collect(0, info.get("stage", 0))
+        duo = sim_of(env)
+        subinstructions = tuple(text for _, text in sorted(duo.subinstructions.items()))
+        self.begin(duo.simulation, duo.definition, info["instruction"], subinstructions)
+        self.add(0, info.get("stage", 0))
 
     def on_step(self, step: Step) -> None:
-        """Keep the poses after a step, and a stage that was newly reached."""
-        self._collect(step.number, step.info["stage"])
+        """Keep what there is after a step."""
+        self.add(step.number, step.info["stage"])
 
     def on_episode_end(self, error: BaseException | None) -> None:
         """Do nothing: what there was is shown."""
 
     def trajectory(self, note: str = "") -> Trajectory:
         """All of it so far."""
-        if self._env is None or self._geometry is None:
-            raise AssertionError("An episode begins before it is shown.")
         return Trajectory(
-            task=self._env.definition.id,
+            task=self._task.id,
             instruction=self._instruction,
-            stages=tuple(stage.name for stage in self._env.definition.stages),
-            subinstructions=tuple(text for _, text in sorted(self._env.subinstructions.items())),
+            stages=tuple(stage.name for stage in self._task.stages),
+            subinstructions=self._subinstructions,
             stage_changes=tuple(self._stage_changes),
             scene=self._geometry.name,
             scene_data=self._geometry.data,
             track=track.encode(np.array(self._poses)),
             note=note,
         )
-
-    def _collect(self, number: int, stage: int) -> None:
-        if self._env is None or self._geometry is None:
-            raise AssertionError("An episode begins before its steps.")
-        self._poses.append(self._geometry.poses(self._env.simulation.data))
-        if stage > (self._stage_changes[-1][1] if self._stage_changes else 0):
-            self._stage_changes.append((number, stage))

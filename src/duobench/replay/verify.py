@@ -7,6 +7,7 @@ file was changed, not that somebody computed a new one.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -18,26 +19,19 @@ import numpy as np
 
 from duobench.data.processes import Progress, run_all
 from duobench.envs import action_modes
-from duobench.errors import (
-    DuoBenchError,
-    ImportPathError,
-    OtherRunError,
-    UnknownNameError,
-    escaped,
-)
+from duobench.errors import DuoBenchError, ImportPathError, OtherRunError, UnknownNameError, escaped
 from duobench.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.folder import RunReader
-from duobench.results.records import EpisodeRecord, Key, StateHashes
+from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
 from duobench.versions import differing_arithmetic
 
 TOLERANCE = 1e-6
 """Difference of a pose that another processor may make, in metres or in parts of a quaternion."""
 LONGEST_CLAIM = 120
-"""Characters of a claim that are shown."""
 _OUTCOME = (
     *("seed", "horizon", "max_stage", "steps", "stage_changes", "final_stage", "success"),
-    *("success_at_end", "terminated", "truncated"),
+    *("success_at_end", "terminated", "truncated", "instruction"),
 )
 
 
@@ -45,13 +39,11 @@ class Verdict(StrEnum):
     """What a replay says about a record."""
 
     EXACT = "exact"
-    """Everything is equal to the bit."""
     STAGES = "stages only"
     """Layout, stages and end agree; the bits need not be those of this processor, and are not."""
     ERROR = "up to an error"
     """Everything is equal to the bit until an error ended the episode."""
     UNVERIFIABLE = "not verifiable"
-    """Nothing can be played again."""
     CONTRADICTED = "contradicted"
     """Something comes out differently, or the record cannot be read."""
 
@@ -61,7 +53,6 @@ class Finding:
     """What was found out about one record."""
 
     key: Key
-    """Which."""
     verdict: Verdict
     reason: str = ""
     """Why it is not verifiable or not equal to the bit, or what the record says and what its
@@ -125,7 +116,8 @@ def verify(
     unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
-    for key in source.finished(run):
+    keys = source.finished(run)
+    for key in keys:
         try:
             record = source.read_record(run, key)
         except OtherRunError:
@@ -139,18 +131,13 @@ def verify(
             findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)
         else:
             jobs.append(record)
-    order = [*findings, *(record.key for record in jobs)]
-    progress(len(findings), len(order))
-    check = partial(_checker, run, import_tasks)
-    with closing(run_all(check, jobs, workers)) as results:
+    progress(len(findings), len(keys))
+    with closing(run_all(partial(_checker, run, import_tasks), jobs, workers)) as results:
         for finding in results:
             findings[finding.key] = finding
-            progress(len(findings), len(order))
-    places = {key: number for number, key in enumerate(source.finished(run))}
+            progress(len(findings), len(keys))
     return Verification(
-        run=run,
-        findings=tuple(findings[key] for key in sorted(order, key=places.__getitem__)),
-        objections=tuple(objections),
+        run=run, findings=tuple(map(findings.__getitem__, keys)), objections=tuple(objections)
     )
 
 
@@ -188,26 +175,24 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
 
 def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:
     """What checks one record after the other; it keeps the environment of one for the next."""
-    player = RecordPlayer(run, import_tasks=import_tasks)
-
-    def check(record: EpisodeRecord) -> Finding:
-        return _finding(record.key, *_judged(record, player))
-
-    return check
+    return partial(_check, RecordPlayer(run, import_tasks=import_tasks))
 
 
-def _judged(record: EpisodeRecord, player: RecordPlayer) -> tuple[Verdict, str]:
+def _check(player: RecordPlayer, record: EpisodeRecord) -> Finding:
     try:
         replay = player.replay(record)
     except DuoBenchError as error:
-        return Verdict.CONTRADICTED, f"its targets cannot be played: {error}"
+        reason = f"its targets cannot be played: {error}"
+        return _finding(record.key, Verdict.CONTRADICTED, reason)
     different, bits = disagreements(record, replay), differing_bits(record, replay)
     elsewhere = differing_arithmetic(record.versions)
     if different or (bits and not elsewhere):
-        return Verdict.CONTRADICTED, "; ".join(dict.fromkeys([*different, *bits]))
+        reason = "; ".join(dict.fromkeys([*different, *bits]))
+        return _finding(record.key, Verdict.CONTRADICTED, reason)
     if bits:
-        return Verdict.STAGES, f"{', '.join(elsewhere)}: {'; '.join(bits)}"
-    return (Verdict.EXACT if record.error is None else Verdict.ERROR), ""
+        reason = f"{', '.join(elsewhere)}: {'; '.join(bits)}"
+        return _finding(record.key, Verdict.STAGES, reason)
+    return _finding(record.key, Verdict.EXACT if record.error is None else Verdict.ERROR)
 
 
 def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
@@ -215,16 +200,10 @@ def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
 
     The replay has the same error. What both say is one phrase each.
     """
-    claimed, shown = _outcome(record), _outcome(replay)
-    found = _different(claimed, shown)
-    poses, starts = _poses(record), _poses(replay)
-    found += [
-        _phrase(name, pose, starts.get(name))
-        for name, pose in poses.items()
-        if name not in starts or not np.allclose(pose, starts[name], rtol=0, atol=TOLERANCE)
-    ]
-    found += [_phrase(name, None, starts[name]) for name in starts.keys() - poses.keys()]
-    if record.error is None and record.steps == replay.steps and not _is_over(replay):
+    found = _different(_outcome(record), _outcome(replay))
+    found += _different(_poses(record), _poses(replay), _is_close)
+    is_over = replay.terminated or replay.truncated
+    if record.error is None and record.steps == replay.steps and not is_over:
         found.append(f"the episode is not over after {record.steps} steps")
     return found
 
@@ -239,15 +218,12 @@ def differing_bits(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
     return _different(_bits(record), _bits(replay))
 
 
-def _is_over(record: EpisodeRecord) -> bool:
-    return record.terminated or record.truncated
-
-
 def _outcome(record: EpisodeRecord) -> dict[str, Any]:
-    claims = {name: getattr(record, name) for name in _OUTCOME}
-    claims["instruction"] = record.instruction
     variants = record.layout.get("variants", {})
-    return claims | {f"variant {name}": value for name, value in variants.items()}
+    return {
+        **{name: getattr(record, name) for name in _OUTCOME},
+        **{f"variant {name}": value for name, value in variants.items()},
+    }
 
 
 def _poses(record: EpisodeRecord) -> dict[str, Any]:
@@ -255,35 +231,36 @@ def _poses(record: EpisodeRecord) -> dict[str, Any]:
 
 
 def _bits(record: EpisodeRecord) -> dict[str, Any]:
-    claims = {
-        **_poses(record),
-        **_hashes("start", record.start),
-        **_hashes("end", record.end),
-        "unmet": record.unmet,
-    }
     # What relative Cartesian actions add up to is part of it, and not of what was sent.
-    if record.config.action_mode != action_modes.CARTESIAN_RELATIVE.name:
-        claims["state_hash"] = record.state_hash
-    return claims
-
-
-def _hashes(moment: str, hashes: StateHashes | None) -> dict[str, Any]:
+    is_relative = record.config.action_mode == action_modes.CARTESIAN_RELATIVE.name
+    start, end = record.start, record.end
     return {
-        f"physics at the {moment}": hashes and hashes.physics,
-        f"stages at the {moment}": hashes and hashes.stages,
+        **_poses(record),
+        "physics at the start": start and start.physics,
+        "stages at the start": start and start.stages,
+        "physics at the end": end and end.physics,
+        "stages at the end": end and end.stages,
+        "unmet": record.unmet,
+        "state_hash": None if is_relative else record.state_hash,
     }
 
 
-def _different(claimed: Mapping[str, Any], shown: Mapping[str, Any]) -> list[str]:
+def _is_close(claimed: Any, shown: Any) -> bool:
+    if claimed is None or shown is None:
+        return False
+    return np.allclose(claimed, shown, rtol=0, atol=TOLERANCE)
+
+
+def _different(
+    claimed: Mapping[str, Any],
+    shown: Mapping[str, Any],
+    is_same: Callable[[Any, Any], bool] = operator.eq,
+) -> list[str]:
     return [
-        _phrase(name, claimed.get(name), shown.get(name))
+        f"{name} is {_short(claimed.get(name))}, the replay gives {_short(shown.get(name))}"
         for name in {**claimed, **shown}
-        if claimed.get(name) != shown.get(name)
+        if not is_same(claimed.get(name), shown.get(name))
     ]
-
-
-def _phrase(name: str, claimed: object, shown: object) -> str:
-    return f"{name} is {_short(claimed)}, the replay gives {_short(shown)}"
 
 
 def _short(claim: object) -> str:

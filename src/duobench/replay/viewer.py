@@ -19,7 +19,7 @@ from duobench.errors import DuoBenchError, MessageError
 from duobench.replay.sources import ViewSource
 from duobench.replay.trajectory import Trajectory
 from duobench.types import CONTROL_HZ
-from duobench.web.messages import pack_frame
+from duobench.web.messages import PageMessage, pack_frame
 
 if TYPE_CHECKING:
     from duobench.web.server import PageServer
@@ -28,7 +28,6 @@ MAX_TRAJECTORIES = 64
 """Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""
 _MAX_COMMANDS = 100
 MAX_ITEMS = 500
-"""Most episodes that can be chosen on a page."""
 _MAX_LATE_S = 1.0
 """After a longer pause, such as while nobody looked, it goes on where it was, in seconds."""
 _REFRESH_S = 1.0
@@ -37,36 +36,25 @@ _IDLE_S = 0.1
 """How often is looked whether an episode is ready, or somebody came, in seconds."""
 
 
-class SelectItem(msgspec.Struct, tag="select", tag_field="kind", frozen=True):
+class SelectItem(PageMessage, frozen=True, tag="select"):
     """Show an item, from its beginning."""
 
     id: Annotated[str, msgspec.Meta(max_length=300)]
 
 
-class SeekStep(msgspec.Struct, tag="seek", tag_field="kind", frozen=True):
+class SeekStep(PageMessage, frozen=True, tag="seek"):
     """Go to a control step."""
 
     step: Annotated[int, msgspec.Meta(ge=0, le=10**9)]
 
 
-class SetPlaying(msgspec.Struct, tag="play", tag_field="kind", frozen=True):
+class SetPlaying(PageMessage, frozen=True, tag="play"):
     """Go on, or stop."""
 
     on: bool
 
 
 Command = SelectItem | SeekStep | SetPlaying
-_decoder = msgspec.json.Decoder(Command)
-
-
-def read_command(data: bytes) -> Command:
-    """Read a command, or raise a `MessageError`."""
-    try:
-        return _decoder.decode(data)
-    except (msgspec.MsgspecError, RecursionError) as error:
-        raise MessageError(
-            f"Here one selects, seeks and plays; got something else: {error}."
-        ) from error
 
 
 class Viewer:
@@ -100,7 +88,7 @@ class Viewer:
         self._poses: NDArray[np.float32] = np.empty((0, 0, 7), np.float32)
         self._step, self._plays, self._note, self._due = 0, False, "", 0.0
         self._over = threading.Event()
-        server.on_message = self._on_message
+        server.listen(Command, self._on_message)
         self._refresh()
 
     def run(self) -> None:
@@ -130,7 +118,6 @@ class Viewer:
         self._known = {item["id"] for item in self._items}
 
     def _refresh(self, *, is_last: bool = False) -> None:
-        """Show what has come meanwhile."""
         if self._refresh_source is not None:
             self._more = self._refresh_source(is_last)
             self._list_items()
@@ -141,9 +128,8 @@ class Viewer:
 
     # --- what visitors ask for -------------------------------------------------------------------
 
-    def _on_message(self, _is_driver: bool, data: bytes) -> str | None:
+    def _on_message(self, command: Command) -> str | None:
         """Take a message, in the server's thread; anybody who has the page may choose."""
-        command = read_command(data)
         if isinstance(command, SelectItem) and command.id not in self._known:
             raise MessageError(f"There is no {command.id!r} to show.")
         try:
@@ -190,7 +176,6 @@ class Viewer:
         self._publish()
 
     def _begin_loaded(self) -> None:
-        """Begin to play what has been loaded."""
         if self._loading is None or not self._loading.done():
             return
         loading, self._loading = self._loading, None
@@ -208,7 +193,6 @@ class Viewer:
         self._publish()
 
     def _advance(self) -> None:
-        """Show the next step, when it is due."""
         now = time.monotonic()
         if not self._moves or now < self._due:
             return

@@ -26,9 +26,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 
 BUNDLE_SUFFIX = ".duobench.zip"
-"""Ending of a bundle's name."""
 BUNDLE_SCHEMA = 2
-"""Version of the manifest's fields."""
 MAX_PARTS = 65_000
 """Most parts of a bundle: more than that is another kind of archive."""
 MAX_PART_BYTES = 16 * 2**20
@@ -40,8 +38,7 @@ _MANIFEST = "manifest.json"
 _NAMES = re.compile(rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/\w[\w.-]*/[0-9]{{5,9}}\.json")
 _DATE = (1980, 1, 1, 0, 0, 0)
 _FILE_MODE = stat.S_IFREG | 0o644
-_ENTRY = b"PK\x01\x02"
-"""What each entry of an archive's list of contents begins with."""
+_ENTRY = b"PK\x01\x02"  # what each entry of an archive's list of contents begins with
 _DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, struct.error),
     *(EOFError, NotImplementedError, OSError, RuntimeError, ValueError),
@@ -54,7 +51,6 @@ class Manifest:
     """What a bundle holds."""
 
     CHECKED_FROM: ClassVar[int] = BUNDLE_SCHEMA
-    """First schema whose files hold a checksum."""
     missing: int
     """Episodes of the run that have no record; 0 for a finished run."""
     commands: tuple[str, ...]
@@ -64,14 +60,7 @@ class Manifest:
 
 
 def write_bundle(run: RunReader, path: Path) -> Manifest:
-    """Write a run, finished or not, and its records into one file.
-
-    Args:
-        run: What reads the run.
-        path: The file; an earlier bundle is replaced.
-
-    Returns:
-        What is in the bundle.
+    """Write a run, finished or not, and its records into one file; an earlier one is replaced.
 
     Raises:
         EvaluationError: If there is no run, a record of another one, or too many of them.
@@ -109,21 +98,12 @@ def _packed(parts: Mapping[str, bytes]) -> bytes:
 
 
 def open_source(path: Path) -> RunReader:
-    """What reads a run and its records: the folder of a run, or a bundle.
-
-    Raises:
-        FileError: A file is no bundle, or a damaged one.
-    """
+    """What reads a run and its records: its folder, or a bundle, which is checked."""
     return Bundle(path) if path.is_file() else RunFolder(path)
 
 
 def read_source(path: Path) -> tuple[Run, list[EpisodeRecord]]:
-    """A run and its records, finished or not; see `open_source`.
-
-    Raises:
-        EvaluationError: There is no run, or a record of another one.
-        FileError: A record or a bundle cannot be read.
-    """
+    """A run and its records, finished or not; see `open_source`."""
     source = open_source(path)
     run = source.read_run()
     return run, source.read_records(run)
@@ -133,12 +113,10 @@ class Bundle(RunReader):
     """A bundle that was found to be whole."""
 
     def __init__(self, path: Path) -> None:
-        """Read and check everything but the run and its records themselves."""
         super().__init__(path)
         try:
             self._parts = _unpacked(path)
             self.manifest = _manifest(self._parts)
-            """What it holds."""
             self._check_run()
         except FileError as error:
             raise FileError(f"{path} is no whole bundle: {error}") from error
@@ -218,21 +196,21 @@ def _check_entries(entries: Iterable[zipfile.ZipInfo]) -> None:
     names: set[str] = set()
     size = 0
     for entry in entries:
-        name = entry.orig_filename
+        name, mode = entry.orig_filename, entry.external_attr >> 16
         size += entry.file_size
-        mode = entry.external_attr >> 16
-        if not _NAMES.fullmatch(name):
-            raise FileError(f"No bundle has a part {name[:100]!r}.")
-        if name in names:
-            raise FileError(f"It has {name} twice.")
-        if mode and not stat.S_ISREG(mode):
-            raise FileError(f"{name} is a link, or something else that is no file.")
-        if entry.file_size > MAX_PART_BYTES:
-            raise FileError(f"{name} has more than {MAX_PART_BYTES} bytes.")
-        if size > MAX_BYTES:
-            raise FileError(f"Its parts have more than {MAX_BYTES} bytes.")
-        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise FileError(f"{name} is compressed in another way than a bundle's parts are.")
+        problems = {
+            f"No bundle has a part {name[:100]!r}.": not _NAMES.fullmatch(name),
+            f"It has {name} twice.": name in names,
+            f"{name} is a link, or something else that is no file.": mode
+            and not stat.S_ISREG(mode),
+            f"{name} has more than {MAX_PART_BYTES} bytes.": entry.file_size > MAX_PART_BYTES,
+            f"Its parts have more than {MAX_BYTES} bytes.": size > MAX_BYTES,
+            f"{name} is compressed in another way than a bundle's parts are.": entry.compress_type
+            not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED),
+        }
+        for problem, is_there in problems.items():
+            if is_there:
+                raise FileError(problem)
         names.add(name)
 
 

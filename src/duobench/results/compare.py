@@ -6,15 +6,10 @@ order give the same bytes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
 
-from markupsafe import Markup
-from matplotlib.figure import Figure
-
-from duobench.pages import render
 from duobench.results import figures, tables
 from duobench.results.entrants import (
     Entrant,
@@ -26,7 +21,7 @@ from duobench.results.entrants import (
     sections,
     table_rows,
 )
-from duobench.results.pages import PAGE, check_free, write_files
+from duobench.results.pages import PAGE, check_free, page, write_files
 from duobench.results.pairs import RunComparison, compare_pair
 from duobench.results.paper import paper_results
 from duobench.results.scores import RunPart
@@ -78,65 +73,44 @@ def write_comparison(comparison: RunComparison, out: Path, *, is_beside: bool = 
     """
     if not is_beside:
         check_free(out, DOCUMENT, "comparison")
-    svgs = {
-        "stages": figures.as_svg("stages", partial(_stages, comparison)),
-        "progress": figures.as_svg("progress", partial(_progress, comparison)),
-    }
-    return write_files(
-        out,
-        {
-            DOCUMENT: tables.comparison_json(comparison),
-            "table.md": tables.markdown(comparison),
-            "table.csv": tables.csv_text(tables.csv_rows(comparison)),
-            "table.tex": tables.latex(comparison),
-            **{f"figures/{name}.svg": svg for name, svg in svgs.items()},
-            PAGE: _page(comparison, svgs),
-        },
-    )
-
-
-def _stages(comparison: RunComparison) -> Figure:
-    rows = [row for row in comparison.rows if row.kind is RowKind.TASK]
-    return figures.grouped_stage_bars(
-        [
-            (
-                row.label,
-                [
-                    (one.key, result)
-                    for one in comparison.entrants
-                    if (result := one.result(row.tasks[0].id))
-                ],
-            )
-            for row in rows
-        ]
-    )
-
-
-def _progress(comparison: RunComparison) -> Figure:
-    tasks = [row.tasks[0] for row in comparison.rows if row.kind is RowKind.TASK]
-    runs = [
-        (
-            f"{one.key}  {one.title}",
-            {task.id: result for task in tasks if (result := one.result(task.id))},
-        )
-        for one in comparison.entrants
-        if one.part
-    ]
-    return figures.overlaid_progress(tasks, runs)
-
-
-def _page(comparison: RunComparison, svgs: Mapping[str, str]) -> str:
-    return render(
-        "duobench.results",
+    svgs = _figures(comparison)
+    text = page(
         "comparison.html.j2",
+        svgs,
         comparison=comparison,
         runs=[one for one in comparison.entrants if one.part],
         quoted=[one for one in comparison.entrants if not one.part],
         source=paper_results().source,
         sections=sections(comparison.rows),
         caption=tables.caption(comparison),
-        svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
         Group=Group,
         RowKind=RowKind,
         text=tables,
     )
+    contents = {
+        DOCUMENT: tables.comparison_json(comparison),
+        "table.md": tables.markdown(comparison),
+        "table.csv": tables.csv_text(tables.csv_rows(comparison)),
+        "table.tex": tables.latex(comparison),
+        PAGE: text,
+    }
+    return write_files(out, contents, svgs)
+
+
+def _figures(comparison: RunComparison) -> dict[str, str]:
+    tasks = [row.tasks[0] for row in comparison.rows if row.kind is RowKind.TASK]
+    reached = {
+        one.key: {task.id: result for task in tasks if (result := one.result(task.id))}
+        for one in comparison.entrants
+    }
+    bars = [
+        (task.title, [(key, ours[task.id]) for key, ours in reached.items() if task.id in ours])
+        for task in tasks
+    ]
+    curves = [
+        (f"{one.key}  {one.title}", reached[one.key]) for one in comparison.entrants if one.part
+    ]
+    return {
+        "stages": figures.as_svg("stages", figures.grouped_stage_bars, bars),
+        "progress": figures.as_svg("progress", figures.overlaid_progress, tasks, curves),
+    }

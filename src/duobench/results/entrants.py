@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import chain
 from pathlib import Path
 from string import ascii_uppercase
 
@@ -56,6 +57,17 @@ class Cell:
             progress=total.mean_final_progress or 0.0,
         )
 
+    @staticmethod
+    def quoted(percent: float, progress: float) -> Cell:
+        """The cell of numbers of the paper."""
+        return Cell(
+            episodes=paper.paper_results().rollouts,
+            successes=None,
+            rate=percent / 100,
+            interval=None,
+            progress=progress,
+        )
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Entrant:
@@ -64,7 +76,6 @@ class Entrant:
     title: str
     """Name for people, as given or that of the policy; others may have the same."""
     group: Group
-    """What it may be compared with."""
     key: str = ""
     """Its letter: A, B, ..."""
     name: str = ""
@@ -81,42 +92,24 @@ class Entrant:
 
     def result(self, task_id: str) -> TaskResult | None:
         """What it reached in a task; None if it has no finished episode of it."""
-        tasks = self.part.results.tasks if self.part else ()
-        return next((one for one in tasks if one.task.id == task_id and one.records), None)
+        return self.part.results.played(task_id) if self.part else None
 
     def cell(self, tasks: Sequence[TaskInfo]) -> Cell | None:
         """What it reached on tasks together; None if it did not play all of them."""
         ids = [task.id for task in tasks]
         if self.part is None:
-            return _quoted(self.quoted, ids)
+            value = paper.value_of(self.quoted, ids)
+            return value and Cell.quoted(*value)
         played = [self.records(task_id) for task_id in ids]
-        if not all(played):
-            return None
-        return Cell.of(score("", [record for records in played for record in records]))
-
-
-def _quoted(policy: str, ids: Sequence[str]) -> Cell | None:
-    if (value := paper.value_of(policy, ids)) is None:
-        return None
-    percent, progress = value
-    return Cell(
-        episodes=paper.paper_results().rollouts,
-        successes=None,
-        rate=percent / 100,
-        interval=None,
-        progress=progress,
-    )
+        return Cell.of(score("", list(chain.from_iterable(played)))) if all(played) else None
 
 
 def read_entrants(sources: Sequence[str]) -> tuple[Entrant, ...]:
-    """Read what is to be compared.
+    """Read what is to be compared, group by group in the order given.
 
     Args:
         sources: Each what `read_named` takes, or a policy of the paper (`paper:ACT`). All
             conditions of a run are compared.
-
-    Returns:
-        One entrant each, group by group, in the order given.
     """
     return lettered([entrant for source in sources for entrant in _read(source)])
 
@@ -149,9 +142,7 @@ def _read(source: str) -> list[Entrant]:
 def entrant_of(part: RunPart, name: str = "") -> Entrant:
     """What was played under a condition as an entrant that has no letter yet.
 
-    Args:
-        part: What was played.
-        name: Name for people; the policy's by default, with its shift if it has one.
+    Its name for people is that of the policy by default, with its shift if it has one.
     """
     if not part.results.overall.episodes:
         raise EvaluationError(f"{part.condition.name} has no finished episode to compare.")
@@ -164,14 +155,11 @@ def entrant_of(part: RunPart, name: str = "") -> Entrant:
 
 
 def read_named(source: str) -> tuple[str, list[RunPart]]:
-    """A run and the name that it is given, if any.
+    """The name that a run is given, if any, and what was played under each of its conditions.
 
     Args:
         source: The folder of a run or a bundle, alone or as NAME=FOLDER. FOLDER@SHIFT takes the
             conditions with one shift alone, such as `runs/act@look-3` or `runs/act@none`.
-
-    Returns:
-        The name, and what was played under every condition.
     """
     name, path, shift = split_name(source)
     parts = group_by_condition(*read_source(path))
@@ -206,11 +194,15 @@ class TableRow:
     """A row of the table."""
 
     kind: RowKind
-    """What it is about."""
     label: str
     """Title of the task, name of the category, or which tasks."""
     tasks: tuple[TaskInfo, ...]
     """What is added up in it; of several tasks, those that every run has."""
+
+    @property
+    def category(self) -> str:
+        """The category of its tasks; empty for the row of all tasks."""
+        return "" if self.kind is RowKind.OVERALL else self.tasks[0].category
 
 
 def table_rows(entrants: Sequence[Entrant]) -> tuple[TableRow, ...]:
@@ -218,30 +210,25 @@ def table_rows(entrants: Sequence[Entrant]) -> tuple[TableRow, ...]:
 
     A category or all tasks have a row of their own where every run has at least two of them.
     """
-    runs = [entrant for entrant in entrants if entrant.part]
-    tasks: dict[str, TaskInfo] = {}
-    for run in runs:
-        for one in run.part.results.tasks if run.part else ():
-            if one.records:
-                tasks.setdefault(one.task.id, one.task)
-    common = [task for task in tasks.values() if all(run.records(task.id) for run in runs)]
-    rows = []
-    for category in dict.fromkeys(task.category for task in tasks.values()):
-        members = [task for task in tasks.values() if task.category == category]
+    parts = [entrant.part for entrant in entrants if entrant.part]
+    played = [one.task for part in parts for one in part.results.tasks if one.records]
+    by_id: dict[str, TaskInfo] = {}
+    for task in played:
+        by_id.setdefault(task.id, task)
+    tasks = list(by_id.values())
+    common = [task for task in tasks if all(part.results.played(task.id) for part in parts)]
+    rows: list[TableRow] = []
+    for category in dict.fromkeys(task.category for task in tasks):
+        members = [task for task in tasks if task.category == category]
         rows += [TableRow(kind=RowKind.TASK, label=task.title, tasks=(task,)) for task in members]
         rows += _sum(RowKind.CATEGORY, category, members, common)
-    return (*rows, *_sum(RowKind.OVERALL, "All tasks", list(tasks.values()), common))
-
-
-def category_of(row: TableRow) -> str:
-    """The category of a row's tasks; empty for the row of all tasks."""
-    return "" if row.kind is RowKind.OVERALL else row.tasks[0].category
+    return (*rows, *_sum(RowKind.OVERALL, "All tasks", tasks, common))
 
 
 def sections(rows: Sequence[TableRow]) -> list[tuple[str, list[TableRow]]]:
     """Rows by category; those of all tasks have none."""
-    names = dict.fromkeys(category_of(row) for row in rows)
-    return [(name, [row for row in rows if category_of(row) == name]) for name in names]
+    names = dict.fromkeys(row.category for row in rows)
+    return [(name, [row for row in rows if row.category == name]) for name in names]
 
 
 def _sum(

@@ -12,12 +12,11 @@ import io
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import Any
+from itertools import cycle
+from typing import Any, ParamSpec
 
-import matplotlib as mpl
+import matplotlib.style
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -26,12 +25,13 @@ from duobench.results.scores import TIME_POINTS, Results, Score, TaskResult, per
 from duobench.results.suite import TaskInfo
 from duobench.shifts.shift import ALL_AXES, LEVELS
 
+Axes = Any
+"""Axes of matplotlib, whose own types leave what styles a plot unknown; so do those of a figure."""
+P = ParamSpec("P")
 INK = "#1c2024"
-"""Colour of text and axes."""
 CURVE = "#2a6f98"
 """Colour of curves."""
 SUCCESS = "#2a6f97"
-"""Colour of the last stage."""
 _RAMP = ((0x9B, 0x3A, 0x1E), (0xE0, 0x8A, 0x45), (0xF6, 0xDF, 0xB2))
 """Stops of the ramp for the stages before the last, evenly spaced, as RGB."""
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
@@ -39,8 +39,7 @@ _LUMINANCE = (0.2126, 0.7152, 0.0722)
 _INK_CHANGE = 0.179
 """Relative luminance at which black and white text have the same contrast, sqrt(1.05 * 0.05) - 0.05
 [WCAG 2.2]; at least one of them always has more than 4.5."""
-_FAINT = "#8a9299"
-"""Colour of grid lines, which works on a light and on a dark page."""
+_FAINT = "#8a9299"  # colour of grid lines, which works on a light and on a dark page
 _STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "text.parse_math": False,  # a title with a dollar is no formula
@@ -68,18 +67,21 @@ TIME = tuple(100 * point / (TIME_POINTS - 1) for point in range(TIME_POINTS))
 COLOURS = (CURVE, "#d9822b", INK, "#9b6bb5", "#4f9d69")
 """Colours of several runs, apart for people who are colour-blind; they begin anew after the
 last."""
-DASHES = ("solid", (0, (5, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)), (0, (9, 2)), (0, (3, 3)))
+DASHES: tuple[Any, ...] = (
+    "solid",
+    (0, (5, 1.5)),
+    (0, (1, 1.2)),
+    (0, (5, 1.5, 1, 1.5)),
+    (0, (9, 2)),
+    (0, (3, 3)),
+)
 """Dashes of several runs, of another number than colours."""
 Levels = Mapping[str, Mapping[int, Score]]
 """What was reached at each level of each axis."""
-_GAP = 0.5
-"""Between the bars of two tasks, in bars."""
-_LONG_NAME = 27
-"""Letters of a name, its key included, above which a legend has one name a line."""
-_LEVELS_HEIGHT = 1.75
-"""Of a row of panels of levels, in inches."""
-_APART = 0.06
-"""Between the markers of two runs at one level, in levels."""
+_GAP = 0.5  # between the bars of two tasks, in bars
+_LONG_NAME = 27  # letters of a name, its key included, above which a legend has one name a line
+_LEVELS_HEIGHT = 1.75  # of a row of panels of levels, in inches
+_APART = 0.06  # between the markers of two runs at one level, in levels
 _SHORTEST_LABELLED = 0.035
 """Share of a bar below which a segment is too short for its stage's number."""
 
@@ -88,7 +90,7 @@ def stage_colours(max_stage: int) -> tuple[str, ...]:
     """Colours of the stages 0, 1, ..., max_stage as `#rrggbb`."""
     stops = np.linspace(0, 1, len(_RAMP))
     shares = np.arange(max_stage) / max(1, max_stage - 1)
-    channels = [np.interp(shares, stops, channel).round() for channel in np.transpose(_RAMP)]
+    channels = [np.rint(np.interp(shares, stops, channel)) for channel in zip(*_RAMP, strict=True)]
     return (*map(to_hex, np.transpose(channels) / 255), SUCCESS)
 
 
@@ -98,37 +100,60 @@ def ink_on(colour: str) -> str:
     return "#000000" if luminance > _INK_CHANGE else "#ffffff"
 
 
+def _figure(height: float) -> Any:
+    """An empty figure of that height in inches."""
+    return Figure(figsize=(WIDTH, height), layout="constrained")
+
+
 def stage_bars(results: Results) -> Figure:
     """One bar a task: the shares of episodes by last stage, the success rate written beside it."""
     tasks = [one for one in results.tasks if one.score.episodes]
-    figure = Figure(figsize=(WIDTH, 0.75 + 0.34 * len(tasks)), layout="constrained")
-    axes = figure.add_subplot()
-    for row, one in enumerate(tasks):
-        stage_bar(axes, row, one)
-    axes.set_yticks(range(len(tasks)), [one.task.title for one in tasks])
-    axes.set_ylim(max(1, len(tasks)) - 0.5, -0.5)
-    frame_bars(axes)
+    figure = _figure(0.75 + 0.34 * len(tasks))
+    bars = [(row, one.task.title, one) for row, one in enumerate(tasks)]
+    _plot_bars(figure.add_subplot(), bars, max(1, len(tasks)))
     return figure
 
 
-def frame_bars(axes: Axes) -> None:
-    """Set what all figures of stage bars have in common."""
-    axes.set_xlim(0.0, 1.09)
+def grouped_stage_bars(groups: Sequence[tuple[str, Sequence[tuple[str, TaskResult]]]]) -> Figure:
+    """One bar for each run in each task, with a word beside it.
+
+    Args:
+        groups: Title of each task, and the runs that have episodes of it with their words.
+    """
+    titles: list[tuple[float, str]] = []
+    bars: list[tuple[float, str, TaskResult]] = []
+    at = 0.0
+    for title, runs in groups:
+        titles.append((at, title))
+        bars += [(at + place, word, result) for place, (word, result) in enumerate(runs)]
+        at += len(runs) + _GAP
+    figure = _figure(0.75 + 0.27 * at)
+    axes = figure.add_subplot()
+    _plot_bars(axes, bars, max(1.0, at - _GAP), weight="bold")
+    named = axes.secondary_yaxis(-0.035)
+    named.set_yticks([place for place, _ in titles], [title for _, title in titles])
+    named.tick_params(length=0)
+    named.spines["left"].set_visible(False)
+    return figure
+
+
+def _plot_bars(
+    axes: Axes, bars: Sequence[tuple[float, str, TaskResult]], end: float, **labels: str
+) -> None:
+    """Plot bars at their places along y up to an end, with the styled label of each beside it."""
+    for place, _, result in bars:
+        _plot_bar(axes, place, result)
+    axes.set_yticks([place for place, *_ in bars], [label for _, label, _ in bars], **labels)
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25", "50", "75", "100 %"])
-    axes.set_xlabel("Share of episodes by last stage; success rate at the right")
+    what = "Share of episodes by last stage; success rate at the right"
+    axes.set(xlim=(0.0, 1.09), ylim=(end - 0.5, -0.5), xlabel=what)
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
     axes.spines["bottom"].set_bounds(0.0, 1.0)
 
 
-def stage_bar(axes: Axes, row: float, result: TaskResult) -> None:
-    """Plot the segments of one task's bar, with the number of each stage, and the success rate.
-
-    Args:
-        axes: Where to plot it, the shares 0..1 along x.
-        row: Middle of the bar along y.
-        result: The task, with at least one episode.
-    """
+def _plot_bar(axes: Axes, row: float, result: TaskResult) -> None:
+    """Plot the segments of a task's bar, with the number of each stage, and the success rate."""
     left = 0.0
     colours = stage_colours(result.task.max_stage)
     for stage, count in enumerate(result.last_stage_counts):
@@ -156,61 +181,30 @@ def stage_bar(axes: Axes, row: float, result: TaskResult) -> None:
 def progress_over_time(results: Results) -> Figure:
     """One panel a task: the mean progress over the share of the horizon that has passed."""
     tasks = [one for one in results.tasks if one.score.episodes]
-    figure, panels = progress_panels([one.task for one in tasks])
+    figure, panels = _progress_panels([one.task for one in tasks])
     for axes, one in zip(panels, tasks, strict=True):
         axes.fill_between(TIME, one.progress, step="post", color=CURVE, alpha=0.25, linewidth=0)
         axes.step(TIME, one.progress, where="post", color=CURVE, linewidth=1.6)
     return figure
 
 
-def progress_panels(tasks: Sequence[TaskInfo]) -> tuple[Figure, list[Axes]]:
+def _progress_panels(tasks: Sequence[TaskInfo]) -> tuple[Any, list[Axes]]:
     """A figure with an empty panel for each task, for progress against `TIME`."""
     rows = max(1, math.ceil(len(tasks) / MOST_COLUMNS))
     columns = max(1, math.ceil(len(tasks) / rows))
-    figure = Figure(figsize=(WIDTH, 0.5 + 1.5 * rows), layout="constrained")
+    figure = _figure(0.5 + 1.5 * rows)
     panels = [figure.add_subplot(rows, columns, index + 1) for index in range(len(tasks))]
     for index, (axes, task) in enumerate(zip(panels, tasks, strict=True)):
         for stage in range(1, task.max_stage + 1):
             level = stage / task.max_stage
             axes.axhline(level, color=_FAINT, linewidth=0.5, alpha=0.6, zorder=0)
         axes.set_title(task.title, fontsize=9, loc="left")
-        axes.set_xlim(0, 100)
-        axes.set_ylim(0, 1.04)
-        axes.set_xticks([0, 50, 100])
         axes.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
+        axes.set(xlim=(0, 100), ylim=(0, 1.04), xticks=[0, 50, 100])
         axes.tick_params(labelleft=index % columns == 0, labelsize=8)
     figure.supxlabel("Time / % of the horizon", fontsize=9)
     figure.supylabel("Mean progress", fontsize=9)
     return figure, panels
-
-
-def grouped_stage_bars(groups: Sequence[tuple[str, Sequence[tuple[str, TaskResult]]]]) -> Figure:
-    """One bar for each run in each task, with a word beside it.
-
-    Args:
-        groups: Title of each task, and the runs that have episodes of it with their words.
-    """
-    titles: list[tuple[float, str]] = []
-    bars: list[tuple[float, str, TaskResult]] = []
-    at = 0.0
-    for title, runs in groups:
-        titles.append((at, title))
-        for word, result in runs:
-            bars.append((at, word, result))
-            at += 1
-        at += _GAP
-    figure = Figure(figsize=(WIDTH, 0.75 + 0.27 * at), layout="constrained")
-    axes = figure.add_subplot()
-    for place, _, result in bars:
-        stage_bar(axes, place, result)
-    axes.set_yticks([place for place, *_ in bars], [word for _, word, _ in bars], weight="bold")
-    named = axes.secondary_yaxis(-0.035)
-    named.set_yticks([place for place, _ in titles], [title for _, title in titles])
-    named.tick_params(length=0)
-    named.spines["left"].set_visible(False)
-    axes.set_ylim(max(1.0, at - _GAP) - 0.5, -0.5)
-    frame_bars(axes)
-    return figure
 
 
 def overlaid_progress(
@@ -222,17 +216,14 @@ def overlaid_progress(
         tasks: The tasks.
         runs: Name of each run, and its results by the task's id.
     """
-    figure, panels = progress_panels(tasks)
-    lines = [_line(index, name) for index, (name, _) in enumerate(runs)]
+    figure, panels = _progress_panels(tasks)
+    lines = _lines([name for name, _ in runs])
     for axes, task in zip(panels, tasks, strict=True):
         for line, (_, results) in zip(lines, runs, strict=True):
             if result := results.get(task.id):
-                style = {"color": line.get_color(), "linestyle": line.get_linestyle()}
-                axes.step(TIME, result.progress, where="post", linewidth=1.6, **style)
+                axes.step(TIME, result.progress, where="post", linewidth=1.6, **_style(line))
     columns = 1 if max(len(name) for name, _ in runs) > _LONG_NAME else 3
-    figure.legend(
-        handles=lines, loc="outside upper left", ncols=columns, frameon=False, handlelength=3.5
-    )
+    _add_legend(figure, lines, columns)
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + 0.2 * -(-len(runs) // columns))
     return figure
@@ -247,85 +238,87 @@ def levels(axes: Sequence[str], runs: Sequence[tuple[str, Levels]]) -> Figure:
     """
     columns = min(MOST_COLUMNS, max(1, len(axes)))
     rows = -(-max(1, len(axes)) // columns)
-    figure = Figure(figsize=(WIDTH, _LEVELS_HEIGHT * rows + 0.5), layout="constrained")
+    figure = _figure(_LEVELS_HEIGHT * rows + 0.5)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    lines = [_line(index, name) for index, (name, _) in enumerate(runs)]
+    lines = _lines([name for name, _ in runs])
     for panel, axis in zip(panels, axes, strict=False):
         panel.set_title("all axes" if axis == ALL_AXES else axis, fontsize=9, loc="left")
-        panel.set_xticks(range(LEVELS + 1))
-        panel.set_xlim(-0.3, LEVELS + 0.3)
-        panel.set_ylim(-4, 104)
-        panel.set_yticks([0, 25, 50, 75, 100])
+        panel.set(xticks=range(LEVELS + 1), yticks=[0, 25, 50, 75, 100])
+        panel.set(xlim=(-0.3, LEVELS + 0.3), ylim=(-4, 104))
         panel.grid(axis="y", linewidth=0.4, alpha=0.5)
         for index, (line, (_, reached)) in enumerate(zip(lines, runs, strict=True)):
-            _level_curve(panel, reached.get(axis, {}), line, _APART * (index - (len(runs) - 1) / 2))
+            if scores := reached.get(axis):
+                _plot_levels(panel, scores, line, _APART * (index - (len(runs) - 1) / 2))
     for panel in panels[len(axes) :]:
         panel.set_visible(False)
     figure.supxlabel("Level", fontsize=9)
     figure.supylabel("Success / %", fontsize=9)
     if len(runs) > 1:
-        figure.legend(
-            handles=lines, loc="outside upper left", ncols=3, frameon=False, handlelength=3.5
-        )
+        _add_legend(figure, lines, 3)
     return figure
 
 
-def _level_curve(panel: Axes, reached: Mapping[int, Score], line: Line2D, aside: float) -> None:
-    if not reached:
-        return
-    at = [level + aside for level in reached]
-    rates = [100 * (score.success_rate or 0.0) for score in reached.values()]
-    style = {"color": line.get_color(), "linestyle": line.get_linestyle()}
-    panel.plot(at, rates, marker="o", markersize=3.2, linewidth=1.5, **style)
-    lows = [100 * score.interval[0] for score in reached.values()]
-    highs = [100 * score.interval[1] for score in reached.values()]
+def _plot_levels(panel: Axes, scores: Mapping[int, Score], line: Line2D, aside: float) -> None:
+    at = [level + aside for level in scores]
+    rates = [100 * (score.success_rate or 0.0) for score in scores.values()]
+    panel.plot(at, rates, marker="o", markersize=3.2, linewidth=1.5, **_style(line))
+    lows = [100 * score.interval[0] for score in scores.values()]
+    highs = [100 * score.interval[1] for score in scores.values()]
     panel.vlines(at, lows, highs, color=line.get_color(), linewidth=1.0, alpha=0.6)
 
 
-def _line(index: int, label: str) -> Line2D:
-    """How the curves of a run look: in colour and in dashes, so that neither alone is needed."""
-    colour, dashes = COLOURS[index % len(COLOURS)], DASHES[index % len(DASHES)]
-    return Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=label)
+def _lines(names: Sequence[str]) -> list[Line2D]:
+    """How the curves of runs look: in colour and in dashes, so that neither alone is needed."""
+    return [
+        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
+        for name, colour, dashes in zip(names, cycle(COLOURS), cycle(DASHES), strict=False)
+    ]
+
+
+def _style(line: Line2D) -> dict[str, Any]:
+    return {"color": line.get_color(), "linestyle": line.get_linestyle()}
+
+
+def _add_legend(figure: Any, lines: Sequence[Line2D], columns: int) -> None:
+    figure.legend(
+        handles=lines, loc="outside upper left", ncols=columns, frameon=False, handlelength=3.5
+    )
 
 
 FIGURES: Mapping[str, Callable[[Results], Figure]] = {
     "stages": stage_bars,
     "progress": progress_over_time,
 }
-"""Every figure by its name."""
 
 
-def plot(name: str, results: Results) -> str:
-    """One of the figures as an SVG document; the same results always give the same text."""
-    return as_svg(name, partial(FIGURES[name], results))
+def plots(results: Results) -> dict[str, str]:
+    """Every one of `FIGURES` as an SVG document, by its name."""
+    return {name: as_svg(name, make, results) for name, make in FIGURES.items()}
 
 
-def as_svg(name: str, make: Callable[[], Figure]) -> str:
-    """A figure as an SVG document, in the style of all figures.
+def as_svg(name: str, make: Callable[P, Figure], *args: P.args, **options: P.kwargs) -> str:
+    """A figure as an SVG document, in the style of all figures; the same one has the same text.
 
     Args:
         name: Its name, another one than that of every figure on the same page.
-        make: What makes the figure; the same one always gives the same text.
+        make: What makes the figure.
+        args: What it is made of.
+        options: The same by name.
     """
     # Identifiers inside are hashes; with a salt of its own, no two figures on a page share one.
-    style: dict[Any, Any] = {**_STYLE, "svg.hashsalt": name}
-    with mpl.rc_context(style):
-        figure = make()
-        buffer = io.StringIO()
+    buffer = io.StringIO()
+    with matplotlib.style.context({**_STYLE, "svg.hashsalt": name}):
+        figure: Any = make(*args, **options)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
 
 
 def for_page(svg: str) -> str:
-    """The `<svg>` element of a figure, for a page: without a background, in the page's colours.
+    """The `<svg>` element of a figure's document, for a page: without a background.
 
-    Args:
-        svg: A document that `plot` gave.
-
-    Returns:
-        The element, scalable, its ink in the colour of the text around it, its curves in the page's
-        accent, without a style sheet, which would reach the whole page, and without the names of
-        its groups, which would not be unique on a page with several figures.
+    It is scalable, its ink in the colour of the text around it, its curves in the page's accent,
+    without a style sheet, which would reach the whole page, and without the names of its groups,
+    which would not be unique on a page with several figures.
     """
     element = re.sub(r' (width|height)="[^"]*"', "", svg[svg.index("<svg") :], count=2)
     for unwanted in ("<style.*?</style>", "<metadata>.*?</metadata>", '<g id="patch_1">.*?</g>'):

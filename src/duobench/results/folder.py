@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import shutil
 from abc import ABC, abstractmethod
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Container, Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -31,24 +31,19 @@ from duobench.files import (
 from duobench.results.journal import Entry, Journal, Started, read_entries
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
 from duobench.results.run import RUN_SCHEMA, Run
-from duobench.results.shard import WHOLE, Shard, shard_of_writer
+from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode
 
 DESCRIPTION = "run.json"
-"""The file that describes the run."""
 CONDITIONS = "conditions"
 """Folder of the pages of each condition, where there are several."""
 VIDEO_SUFFIX = ".webm"
-"""Ending of a video's name."""
 TRACK_SUFFIX, SCENE_SUFFIX = ".track", ".scene"
-"""Endings of the names of what replays are made of."""
-_WAIT_S = 30.0
-"""Seconds that a writer waits for others, which begin in the folder too."""
+_WAIT_S = 30.0  # seconds that a writer waits for others, which begin in the folder too
 _REPORT = (
     *("index.html", "summary.json", "robustness.json", "comparison.json"),
     *("table.md", "table.csv", "table.tex"),
 )
-"""Files of a report."""
 _RECORD = re.compile(r"records/([^/]+)/([^/]+)/([0-9]+)\.json")
 
 
@@ -113,11 +108,7 @@ class RunReader(ABC):
         return self._record(run, run.hash, run.conditions[key.condition], key)
 
     def read_records(self, run: Run, wanted: Container[Key] | None = None) -> list[EpisodeRecord]:
-        """The records of the episodes that are finished, in the order of the run.
-
-        Args:
-            run: The run.
-            wanted: Which of them; None takes all.
+        """The records of the finished episodes, or of those that are wanted, in the run's order.
 
         Raises:
             FileError: If a record cannot be read.
@@ -157,34 +148,27 @@ class RunFolder(RunReader):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.description = self.file(DESCRIPTION)
-        """What was run."""
-        self.summary = self.path / "summary.json"
-        """The results as JSON."""
-        self.page = self.path / "index.html"
-        """The report."""
+        self.summary = self.file("summary.json")
+        self.page = self.file("index.html")
 
     def file(self, name: str) -> Path:
         """A file by its name, whether or not there is one."""
         return self.path / name
 
-    def figure(self, name: str) -> Path:
-        """A figure by its name."""
-        return self.path / "figures" / f"{name}.svg"
-
     def names(self) -> Iterable[str]:
         """Names of all records."""
-        return [
-            path.relative_to(self.path).as_posix() for path in self.path.glob("records/*/*/*.json")
-        ]
+        for path in self.path.glob("records/*/*/*.json"):
+            yield path.relative_to(self.path).as_posix()
 
     def commands(self) -> list[str]:
         """The commands that its writers were last started with, each once."""
-        found: dict[str, None] = {}
-        for shard in self.writers:
-            entries = read_entries(self.journal(shard))
-            started = [entry.command for entry in entries if isinstance(entry, Started)]
-            found |= dict.fromkeys(filter(None, started[-1:]))
-        return list(found)
+        last = {
+            shard: entry.command
+            for shard in self.writers
+            for entry in read_entries(self.journal(shard))
+            if isinstance(entry, Started)
+        }
+        return list(dict.fromkeys(filter(None, last.values())))
 
     def record(self, key: Key) -> Path:
         """Record of an episode."""
@@ -216,7 +200,7 @@ class RunFolder(RunReader):
     @property
     def has_records(self) -> bool:
         """Whether an episode is finished."""
-        return any(self.path.glob("records/*/*/*.json"))
+        return any(self.names())
 
     # --- writers -----------------------------------------------------------------------------
 
@@ -230,7 +214,7 @@ class RunFolder(RunReader):
         found: list[Shard] = []
         for path in self.path.glob("attempts/*.jsonl"):
             with suppress(EvaluationError):
-                found.append(shard_of_writer(path.stem))
+                found.append(Shard.parse(path.stem, "-of-"))
         return sorted(found)
 
     def entries(self) -> list[Entry]:
@@ -238,11 +222,10 @@ class RunFolder(RunReader):
         return [entry for shard in self.writers for entry in read_entries(self.journal(shard))]
 
     @contextmanager
-    def writer(self, shard: Shard = WHOLE) -> Iterator[Journal]:
-        """Be the writer of a shard while a block lasts; a killed one leaves nothing locked.
+    def writer(self, shard: Shard = WHOLE) -> Generator[Journal]:
+        """Be the writer of a shard, with its journal, while a block lasts.
 
-        Yields:
-            Its journal.
+        A killed one leaves nothing locked.
 
         Raises:
             OtherRunError: The folder holds files that belong to no run.
@@ -304,16 +287,16 @@ class RunFolder(RunReader):
         if not self.description.exists():
             return
         with locked(self.path, wait_s=_WAIT_S):
-            if shard.is_whole or not self._holds(run):
-                if self._is_written_beside(shard):
-                    raise LockedError(f"Another process is writing another run into {self.path}.")
+            if not shard.is_whole and self._holds(run):
+                before = self.read_run()
+                ours = set(before.episode_keys(shard))
+                for key in self.finished(before):
+                    if key in ours:
+                        self.discard(key)
+            elif self._is_written_beside(shard):
+                raise LockedError(f"Another process is writing another run into {self.path}.")
+            else:
                 self._clear_all(shard)
-                return
-            places = {task.id: place for place, task in enumerate(run.suite.tasks)}
-            before = self.read_run()
-            for key in self.finished(before):
-                if key.episode in shard.part(places[key.task], before.suite.indices):
-                    self.discard(key)
 
     def _holds(self, run: Run) -> bool:
         """Whether it holds this run, as far as that can be read."""
@@ -325,21 +308,25 @@ class RunFolder(RunReader):
         for name in ("records", "videos", "replays", "figures", CONDITIONS):
             with writing(self.path / name), suppress(FileNotFoundError):
                 shutil.rmtree(self.path / name)
-        others = [self.journal(each) for each in self.writers if each != shard]
-        for path in (*(self.path / name for name in _REPORT), *others):
+        for path in (*map(self.file, _REPORT), *self._others(shard)):
             with writing(path):
                 path.unlink(missing_ok=True)
 
+    def _others(self, shard: Shard) -> list[Path]:
+        """The journals of other writers."""
+        return [self.journal(each) for each in self.writers if each != shard]
+
     def _is_written_beside(self, shard: Shard) -> bool:
-        return any(is_locked(self.journal(each)) for each in self.writers if each != shard)
+        return any(map(is_locked, self._others(shard)))
 
     def _check_free(self) -> None:
-        if not self.description.exists():
-            ours = {self.journal(each) for each in self.writers}
-            names = f".{DESCRIPTION}.*"  # of one that was killed while it began
-            paths = (path for path in self.path.rglob("*") if not path.is_dir())
-            if any(path not in ours and not path.match(names) for path in paths):
-                raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
+        if self.description.exists():
+            return
+        paths = {path for path in self.path.rglob("*") if not path.is_dir()}
+        paths -= {self.journal(each) for each in self.writers}
+        # Of one that was killed while it began.
+        if not all(path.match(f".{DESCRIPTION}.*") for path in paths):
+            raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
 
     def read_run(self) -> Run:
         """The description of the run; see `RunReader.read_run`."""

@@ -11,8 +11,9 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -30,22 +31,15 @@ class EpisodeTimes:
     total: float
     """From its environment to its record."""
     simulation: float
-    """The reset, physics and stages."""
     rendering: float
-    """Images that the policy sees."""
     policy: float
     """The policy's answers; for one at a server that somebody else runs, until they came."""
     waiting: float
     """For the policy's process: until it was this episode's turn, and on the way."""
     video: float
-    """Images of the video, and their encoding."""
-
-    def rounded(self) -> EpisodeTimes:
-        """The same in whole milliseconds."""
-        return EpisodeTimes(**{name: round(value, 3) for name, value in asdict(self).items()})
 
 
-PARTS = ("simulation", "rendering", "policy", "waiting", "video")
+PARTS = tuple(field.name for field in fields(EpisodeTimes))[1:]
 """Fields of `EpisodeTimes` that are parts of the total; the rest of it is preparation."""
 
 
@@ -58,9 +52,7 @@ class Started(msgspec.Struct, tag="started", tag_field="kind", frozen=True, kw_o
     """Processes that play side by side; 0 if the writer itself plays."""
 
 
-class Begun(msgspec.Struct, tag="begun", tag_field="kind", frozen=True, kw_only=True):
-    """An attempt at an episode begins."""
-
+class _Attempt(msgspec.Struct, frozen=True, kw_only=True):
     task: str
     condition: str
     episode: int
@@ -73,19 +65,17 @@ class Begun(msgspec.Struct, tag="begun", tag_field="kind", frozen=True, kw_only=
         return Key(self.task, self.condition, self.episode)
 
 
-class Ended(msgspec.Struct, tag="ended", tag_field="kind", frozen=True, kw_only=True):
+class Begun(_Attempt, tag="begun", tag_field="kind", frozen=True, kw_only=True):
+    """An attempt at an episode begins."""
+
+
+class Ended(_Attempt, tag="ended", tag_field="kind", frozen=True, kw_only=True):
     """An attempt has ended."""
 
-    task: str
-    condition: str
-    episode: int
-    attempt: int
     how: str
     """"success", "failure", "error", or why there is no record."""
     steps: int = 0
-    """Control steps that it had."""
     workers: int = 0
-    """How many processes played side by side."""
     times: EpisodeTimes | None = None
     """How long it took; None where that is not known, as where a policy had to be stopped."""
 
@@ -108,15 +98,14 @@ def read_entries(path: Path) -> list[Entry]:
 
 
 class Journal:
-    """The journal of one writer."""
+    """The journal of one writer, which goes on with a file.
+
+    Args:
+        path: The file.
+        entries: What all writers have noted so far, from which attempts are counted.
+    """
 
     def __init__(self, path: Path, entries: Iterable[Entry] = ()) -> None:
-        """Go on with a file.
-
-        Args:
-            path: The file.
-            entries: What all writers have noted so far, from which attempts are counted.
-        """
         self._path = path
         self._attempts = Counter(entry.key for entry in entries if isinstance(entry, Begun))
         self._workers = 0
@@ -130,36 +119,25 @@ class Journal:
         self._add(Started(command=command, workers=workers))
 
     def begin(self, key: Key) -> None:
-        """Note that an attempt at an episode begins.
-
-        Raises:
-            OutputError: It cannot be written.
-        """
+        """Note that an attempt at an episode begins."""
         self._attempts[key] += 1
         self._add(Begun(**key._asdict(), attempt=self._attempts[key]))
 
     def end(self, record: EpisodeRecord, times: EpisodeTimes | None) -> None:
-        """Note that an episode has a record.
-
-        Args:
-            record: The record.
-            times: How long it took; None where that is not known.
-        """
+        """Note that an episode has a record, and how long it took, in whole milliseconds."""
         how = "error" if record.error else "success" if record.success else "failure"
-        self._add(
-            Ended(
-                **record.key._asdict(),
-                attempt=max(1, self._attempts[record.key]),
-                how=how,
-                steps=record.steps,
-                workers=self._workers,
-                times=times and times.rounded(),
-            )
+        rounded = times and EpisodeTimes(
+            **{field.name: round(getattr(times, field.name), 3) for field in fields(times)}
         )
+        self._end(record.key, how, steps=record.steps, workers=self._workers, times=rounded)
 
     def give_up(self, key: Key, why: str) -> None:
         """Note that the last attempt at an episode left no record, and why."""
-        self._add(Ended(**key._asdict(), attempt=max(1, self._attempts[key]), how=why))
+        self._end(key, why)
+
+    def _end(self, key: Key, how: str, **facts: Any) -> None:
+        attempt = max(1, self._attempts[key])
+        self._add(Ended(**key._asdict(), attempt=attempt, how=how, **facts))
 
     def clear(self) -> None:
         """Forget what the file says; attempts that are in it count no more."""
@@ -177,7 +155,6 @@ class TimeRow:
     """How long episodes took together."""
 
     label: str
-    """Whose episodes: a task's title, or all of them."""
     episodes: int
     """Of how many the time is known."""
     total: float
@@ -205,27 +182,24 @@ def run_times(results: Results, entries: Iterable[Entry]) -> RunTimes:
     """
     notes = {entry.key: entry for entry in entries if isinstance(entry, Ended)}
     by_task = [
-        (one.task.title, [note for record in one.records if (note := notes.get(record.key))])
+        (one.task.title, [notes[record.key] for record in one.records if record.key in notes])
         for one in results.tasks
     ]
-    known = [note for _, ours in by_task for note in ours if note.times is not None]
+    known = [note for _, ours in by_task for note in ours if note.times]
     rows = [row for label, ours in by_task if (row := _row(label, ours)).episodes]
-    if len(rows) > 1:
-        rows.append(_row("All tasks", known))
-    numbers = {max(1, note.workers) for note in known}
     return RunTimes(
-        rows=tuple(rows),
+        rows=(*rows, _row("All tasks", known)) if len(rows) > 1 else tuple(rows),
         unknown=results.overall.episodes - len(known),
-        workers=tuple(sorted(numbers)),
+        workers=tuple(sorted({max(1, note.workers) for note in known})),
     )
 
 
 def _row(label: str, notes: Iterable[Ended]) -> TimeRow:
-    known = [note.times for note in notes if note.times is not None]
+    known = [note.times for note in notes if note.times]
     total = math.fsum(times.total for times in known)
     parts = [math.fsum(getattr(times, name) for times in known) for name in PARTS]
-    parts.append(max(0.0, total - math.fsum(parts)))
-    return TimeRow(label=label, episodes=len(known), total=total, parts=tuple(parts))
+    rest = max(0.0, total - math.fsum(parts))
+    return TimeRow(label=label, episodes=len(known), total=total, parts=(*parts, rest))
 
 
 def duration(seconds: float) -> str:

@@ -5,24 +5,25 @@ The pages load nothing, and are the same bytes for the same bundles.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-from matplotlib.figure import Figure
-
 from duobench.envs.config import EnvConfig
 from duobench.errors import escaped
-from duobench.files import make_folder, write, writing
+from duobench.files import make_folder, writing
 from duobench.looks.look import Look
-from duobench.pages import render
-from duobench.results import figures, scores
+from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
-from duobench.results.pages import PAGE, check_free, identity
+from duobench.results.pages import (
+    PAGE,
+    check_free,
+    json_text,
+    page,
+    part_page,
+    write_files,
+)
 from duobench.results.paper import WARNING, paper_results
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
@@ -33,14 +34,12 @@ from duobench.tasks import catalog
 from duobench.tasks.task import Category
 
 SCHEMA = 1
-"""Version of the fields of the JSON form."""
 DOCUMENT = "leaderboard.json"
 """The leaderboard for programs; a folder that has it holds one."""
 VERDICTS = "verification"
 """Folder of what is known about bundles that were verified before."""
 MOST = 5
 """Ranked policies that the figure shows; one privileged policy stands below them."""
-_POLICIES = "policies"
 EPISODES = 100
 """Episodes of each task that count, 0 to 99, as in the paper."""
 CHOSEN_BY_POLICY = frozenset(
@@ -66,7 +65,6 @@ class RefusedBundle:
     file: str
     """Its name in the folder."""
     reason: str
-    """Why, in one line."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,15 +75,17 @@ class BoardEntry:
     """Its name in the folder."""
     digest: str
     part: RunPart
-    """What was played, without records."""
-    results: Results
-    """What its records add up to, without the records themselves."""
+    """What was played and adds up to, without the records themselves."""
     commands: tuple[str, ...]
-    """The commands that played it."""
     verdicts: Mapping[str, int]
     """How many episodes have which verdict, by the verdict."""
     lacks: tuple[str, ...]
     """Why it is not ranked, one phrase each; none if it is."""
+
+    @property
+    def results(self) -> Results:
+        """What its records add up to."""
+        return self.part.results
 
     @property
     def page(self) -> str:
@@ -115,31 +115,23 @@ class BoardEntry:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Ranked:
-    """An entry and its place."""
-
-    rank: int
-    """1 for the best; equal standings share a place."""
-    entry: BoardEntry
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class Board:
     """All bundles of a folder."""
 
     entries: tuple[BoardEntry, ...]
-    """Those that were verified."""
     refused: tuple[RefusedBundle, ...]
 
-    def ranked(self, *, privileged: bool) -> list[Ranked]:
-        """Entries that have played the whole suite, best first."""
-        complete = [
-            entry
-            for entry in _sorted(self.entries)
-            if not entry.lacks and entry.privileged == privileged
-        ]
+    def ranked(self, *, privileged: bool) -> list[tuple[int, BoardEntry]]:
+        """Entries that have played the whole suite, best first, each after its place.
+
+        The best one has the place 1; equal standings share a place.
+        """
+        complete = sorted(
+            (each for each in self.entries if not each.lacks and each.privileged == privileged),
+            key=lambda entry: (*(-number for number in entry.standing), entry.digest),
+        )
         standings = [entry.standing for entry in complete]
-        return [Ranked(rank=1 + standings.index(entry.standing), entry=entry) for entry in complete]
+        return [(1 + standings.index(entry.standing), entry) for entry in complete]
 
     @property
     def partial(self) -> list[BoardEntry]:
@@ -159,7 +151,7 @@ def make_entry(
     unverifiable: Iterable[Key],
     commands: Iterable[str] = (),
 ) -> BoardEntry:
-    """What a verified bundle adds up to.
+    """What a verified bundle adds up to; see `BoardEntry`.
 
     Args:
         file: Name of the bundle.
@@ -171,47 +163,34 @@ def make_entry(
             failures that reached no stage.
         commands: The commands that played it.
     """
-    nothing = set(unverifiable)
+    failed = set(unverifiable)
     trusted = [
         replace(record, final_stage=0, stage_changes=(), success=False, success_at_end=False)
-        if record.key in nothing
+        if record.key in failed
         else record
         for record in records
     ]
     parts = group_by_condition(run, trusted)
     part = next((each for each in parts if each.condition.shift == NO_SHIFT), parts[0])
-    lacks = deviations(run, records)
+    lacks = _deviations(run, records)
     played = {task.id for task in run.suite.tasks}
     tasks = [task for task in find_tasks(()) if task.id in played]
-    results = summarize(tasks, part.records if lacks else counted(part.records))
+    counted = [each for each in part.records if lacks or each.episode < EPISODES]
+    results = summarize(tasks, counted)
+    # Joint targets of many runs would fill the memory.
     results = replace(results, tasks=tuple(replace(one, records=()) for one in results.tasks))
     return BoardEntry(
         file=file,
         digest=digest,
         part=replace(part, results=results),
-        results=results,  # joint targets of many runs would fill the memory
         commands=tuple(commands),
         verdicts=dict(verdicts),
         lacks=lacks,
     )
 
 
-def _sorted(entries: Sequence[BoardEntry]) -> list[BoardEntry]:
-    return sorted(entries, key=lambda entry: (*(-part for part in entry.standing), entry.digest))
-
-
-def counted(records: Iterable[EpisodeRecord]) -> list[EpisodeRecord]:
-    """The records of episodes that a ranked run is made of."""
-    return [record for record in records if record.episode < EPISODES]
-
-
-def deviations(run: Run, records: Iterable[EpisodeRecord]) -> tuple[str, ...]:
-    """Why a run is not ranked, one phrase each; none if it has played the whole suite.
-
-    Args:
-        run: The run.
-        records: Its records.
-    """
+def _deviations(run: Run, records: Iterable[EpisodeRecord]) -> tuple[str, ...]:
+    """Why a run is not ranked, one phrase each; none if it has played the whole suite."""
     default = EnvConfig()
     found = [
         f"{name.replace('_', ' ')} {_word(value)} instead of {expected}"
@@ -222,38 +201,17 @@ def deviations(run: Run, records: Iterable[EpisodeRecord]) -> tuple[str, ...]:
     if run.suite.shifts != (NO_SHIFT,):
         found.append(f"{len(run.suite.shifts)} conditions, not that without a shift alone")
     tasks = catalog.names()
-    played = {(record.task, record.episode) for record in counted(records)}
     if len(run.suite.tasks) < len(tasks):
         found.append(f"{len(run.suite.tasks)} of {len(tasks)} tasks")
-    missing = {task.id: EPISODES for task in run.suite.tasks}
-    for task, _ in played:
-        missing[task] -= 1
-    if lacking := sum(missing.values()):
-        found.append(
-            f"{lacking:,} of {EPISODES * len(missing):,} episodes of its tasks are missing"
-        )
+    played = {(record.task, record.episode) for record in records if record.episode < EPISODES}
+    expected = EPISODES * len(run.suite.tasks)
+    if lacking := expected - len(played):
+        found.append(f"{lacking:,} of {expected:,} episodes of its tasks are missing")
     return tuple(found)
 
 
 def _word(value: object) -> str:
     return "of its own" if isinstance(value, Look) else str(value)
-
-
-def shown(board: Board) -> list[tuple[str, BoardEntry]]:
-    """The policies of the figure, each with the word that stands beside its bars."""
-    best = [(str(one.rank), one.entry) for one in board.ranked(privileged=False)[:MOST]]
-    privileged = [("P", one.entry) for one in board.ranked(privileged=True)[:1]]
-    return best + privileged
-
-
-def _stages(entries: Sequence[tuple[str, BoardEntry]]) -> Figure:
-    tasks = entries[0][1].results.tasks
-    return figures.grouped_stage_bars(
-        [
-            (one.task.title, [(word, entry.results.tasks[number]) for word, entry in entries])
-            for number, one in enumerate(tasks)
-        ]
-    )
 
 
 def begin_site(out: Path) -> None:
@@ -263,99 +221,78 @@ def begin_site(out: Path) -> None:
 
 
 def write_site(board: Board, out: Path) -> Path:
-    """Write all pages and the JSON form; pages of bundles that are gone are removed.
+    """Write all pages and the JSON form into a folder, after `begin_site`; give the first page.
 
-    Args:
-        board: What to show.
-        out: The folder, after `begin_site`.
-
-    Returns:
-        The first page.
+    Pages of bundles that are gone are removed.
     """
     pages = {entry.page: _policy_page(board, entry) for entry in board.entries}
-    for name, text in pages.items():
-        write(out / name, text)
-    write(out / PAGE, _front_page(board))
-    write(out / DOCUMENT, board_json(board))
-    for path in (out / _POLICIES).glob("*.html"):
-        if f"{_POLICIES}/{path.name}" not in pages:
+    write_files(out, {**pages, PAGE: _front_page(board), DOCUMENT: _document(board)})
+    for path in out.glob("policies/*.html"):
+        if f"policies/{path.name}" not in pages:
             with writing(path):
                 path.unlink()
     return out / PAGE
 
 
 def _front_page(board: Board) -> str:
-    entries = shown(board)
-    svg = figures.as_svg("leaderboard", partial(_stages, entries)) if entries else ""
-    return render(
-        "duobench.results",
+    ranked, privileged = (board.ranked(privileged=which) for which in (False, True))
+    shown = [(str(rank), entry) for rank, entry in ranked[:MOST]]
+    shown += [("P", entry) for _, entry in privileged[:1]]
+    bars = [
+        (row[0].task.title, [(word, one) for (word, _), one in zip(shown, row, strict=True)])
+        for row in zip(*(entry.results.tasks for _, entry in shown), strict=True)
+    ]
+    make = figures.grouped_stage_bars
+    return page(
         "leaderboard.html.j2",
+        {"leaderboard": figures.as_svg("leaderboard", make, bars)} if shown else {},
         board=board,
-        groups=(
-            ("Policies", board.ranked(privileged=False)),
-            ("Privileged policies", board.ranked(privileged=True)),
-        ),
+        groups=(("Policies", ranked), ("Privileged policies", privileged)),
         categories=[str(category) for category in Category],
         paper=paper_results(),
         warning=WARNING,
-        shown=entries,
-        stages=Markup(figures.for_page(svg)) if svg else "",
+        shown=shown,
         number_of_tasks=len(catalog.names()),
         episodes=EPISODES,
         suffix=BUNDLE_SUFFIX,
         short=SHORT,
-        scores=scores,
     )
 
 
 def _policy_page(board: Board, entry: BoardEntry) -> str:
-    results: Results = entry.results
-    svgs = {name: figures.plot(name, results) for name in figures.FIGURES}
-    places = {
-        one.entry.digest: one.rank
-        for privileged in (False, True)
-        for one in board.ranked(privileged=privileged)
-    }
-    return render(
-        "duobench.results",
+    ranked = board.ranked(privileged=entry.privileged)
+    return part_page(
         "leaderboard_policy.html.j2",
+        figures.plots(entry.results),
+        entry.part,
         entry=entry,
-        part=entry.part,
-        run=entry.part.run,
-        rank=places.get(entry.digest),
-        results=results,
-        identity=identity(entry.part),
-        svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
+        rank=next((rank for rank, one in ranked if one.digest == entry.digest), None),
         expected=entry.part.suite.episodes if entry.lacks else EPISODES,
-        control_rate_hz=1.0,
-        figures=figures,
-        scores=scores,
     )
 
 
-def board_json(board: Board) -> str:
-    """The leaderboard as JSON text."""
+def _document(board: Board) -> str:
     content = {
         "schema": SCHEMA,
         **{
             name: [
-                {"rank": one.rank, **_entry(one.entry)}
-                for one in board.ranked(privileged=privileged)
+                {"rank": rank, **_entry(entry)}
+                for rank, entry in board.ranked(privileged=privileged)
             ]
             for name, privileged in (("ranked", False), ("ranked_privileged", True))
         },
         "not_ranked": [{**_entry(entry), "because": list(entry.lacks)} for entry in board.partial],
         "refused": [{"file": one.file, "reason": one.reason} for one in board.refused],
     }
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+    return json_text(content)
 
 
 def _entry(entry: BoardEntry) -> dict[str, Any]:
     return {
         "policy": entry.name,
-        "policy_version": entry.part.candidate.metadata.version,
+        **entry.part.facts("policy_version"),
         "privileged": entry.privileged,
-        "suite_version": entry.part.suite.version,
+        **entry.part.facts("suite_version"),
         "file": entry.file,
         "sha256": entry.digest,
         "verdicts": dict(entry.verdicts),

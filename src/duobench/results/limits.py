@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from duobench.errors import EvaluationError
 from duobench.policy.serving.address import MAX_S
 
-_ENDLESS_S = 1e9
-"""A limit in seconds that is as good as none, for JSON knows no infinity."""
-_HEALTH_CHECK_S = 10.0
-"""Seconds of a time limit that are kept for looking after a server."""
+_ENDLESS_S = 1e9  # a limit in seconds that is as good as none, for JSON knows no infinity
+_HEALTH_CHECK_S = 10.0  # seconds of a time limit that are kept for looking after a server
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -35,6 +33,6 @@ class TimeLimits:
     def served_s(self) -> float:
         """Seconds for one answer of a served policy.
 
-        It is less than `act_timeout`: the rest is for finding out whether a late server lives.
+        The rest of `act_timeout` is for finding out whether a late server lives.
         """
         return min(max(self.act_timeout - _HEALTH_CHECK_S, self.act_timeout / 2), MAX_S)

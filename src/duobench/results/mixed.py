@@ -6,19 +6,17 @@ their intervals say how little few rollouts tell.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from duobench.errors import EvaluationError
-from duobench.pages import render
 from duobench.results import tables
 from duobench.results.entrants import Cell, read_named
-from duobench.results.pages import PAGE, check_free, write_files
+from duobench.results.pages import PAGE, check_free, json_text, page, write_files
 from duobench.results.records import DOMAINS, REAL, SIM
 from duobench.results.run import TRAININGS
-from duobench.results.scores import Score
+from duobench.results.scores import Score, interval_percent
 from duobench.results.suite import TaskInfo
 
 DOCUMENT = "mixed.json"
@@ -28,7 +26,6 @@ CSV_HEADER = (
     *("task", "policy", "trained_on", "evaluated_in", "episodes", "successes", "success_rate"),
     *("wilson_low", "wilson_high", "mean_final_progress"),
 )
-"""Columns of the table as CSV."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -39,7 +36,6 @@ class MixedRow:
     policy: str
     """Name of the policy, the same for all of its trainings; may be empty."""
     trained_on: str
-    """What it was trained on."""
     scores: dict[str, Score]
     """What it reached, by where it was evaluated."""
 
@@ -57,7 +53,7 @@ def read_mixed(sources: Sequence[str]) -> tuple[MixedRow, ...]:
     """
     if not sources:
         raise EvaluationError("A mixed table needs a run.")
-    found: dict[tuple[str, str, str], dict[str, Score]] = {}
+    found: dict[tuple[str, str, str], MixedRow] = {}
     tasks: dict[str, TaskInfo] = {}
     for source in sources:
         label, parts = read_named(source)
@@ -70,25 +66,23 @@ def read_mixed(sources: Sequence[str]) -> tuple[MixedRow, ...]:
                     f"it is one of {', '.join(TRAININGS)}. Name it: sim={source}, or "
                     f"ACT/sim={source}."
                 )
+            domain = part.condition.domain
             for one in part.results.tasks:
-                task, domain = one.task, part.condition.domain
                 if not one.records:
-                    raise EvaluationError(f"{source} has no finished episode of {task.id}.")
-                tasks.setdefault(task.id, task)
-                row = found.setdefault((task.id, name, trained_on), {})
-                if domain in row:
+                    raise EvaluationError(f"{source} has no finished episode of {one.task.id}.")
+                task = tasks.setdefault(one.task.id, one.task)
+                new = MixedRow(task=task, policy=name, trained_on=trained_on, scores={})
+                scores = found.setdefault((task.id, name, trained_on), new).scores
+                if domain in scores:
                     raise EvaluationError(
                         f"{source} is a second run of {task.id}, trained on {trained_on} and "
                         f"evaluated in {WORDS[domain]}; name the policies: "
                         f"ACT/{trained_on}={source}."
                     )
-                row[domain] = one.score
+                scores[domain] = one.score
     ids = list(tasks)
     order = sorted(found, key=lambda key: (ids.index(key[0]), key[1], TRAININGS.index(key[2])))
-    return tuple(
-        MixedRow(task=tasks[key[0]], policy=key[1], trained_on=key[2], scores=found[key])
-        for key in order
-    )
+    return tuple(found[key] for key in order)
 
 
 def write_mixed(rows: Sequence[MixedRow], out: Path) -> Path:
@@ -102,23 +96,19 @@ def write_mixed(rows: Sequence[MixedRow], out: Path) -> Path:
         The page.
     """
     check_free(out, DOCUMENT, "mixed table")
-    page = render(
-        "duobench.results",
-        "mixed.html.j2",
-        rows=rows,
-        domains=DOMAINS,
-        words=WORDS,
-        text=lambda score: tables.cell_text(Cell.of(score)),
-        interval_text=tables.interval_text,
-    )
+    text = page("mixed.html.j2", {}, rows=rows, domains=DOMAINS, words=WORDS, text=_cell_text)
     contents = {
         DOCUMENT: _document(rows),
         "mixed.md": markdown(rows),
         "mixed.csv": _csv(rows),
         "mixed.tex": _latex(rows),
-        PAGE: page,
+        PAGE: text,
     }
     return write_files(out, contents)
+
+
+def _cell_text(score: Score) -> str:
+    return tables.cell_text(Cell.of(score))
 
 
 def markdown(rows: Sequence[MixedRow]) -> str:
@@ -142,6 +132,16 @@ def _latex(rows: Sequence[MixedRow]) -> str:
         r"\end{tabular}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _cells(row: MixedRow) -> list[str]:
+    name = f"{row.policy}, {row.trained_on}" if row.policy else row.trained_on
+    found = (row.scores.get(domain) for domain in DOMAINS)
+    return [row.task.title, name, *("–" if score is None else _text(score) for score in found)]
+
+
+def _text(score: Score) -> str:
+    return f"{_cell_text(score)}, {interval_percent(score)}, n = {score.episodes}"
 
 
 def _csv(rows: Sequence[MixedRow]) -> str:
@@ -169,16 +169,4 @@ def _document(rows: Sequence[MixedRow]) -> str:
         }
         for row in rows
     ]
-    return json.dumps({"schema": 2, "rows": content}, indent=2, ensure_ascii=False) + "\n"
-
-
-def _cells(row: MixedRow) -> list[str]:
-    name = f"{row.policy}, {row.trained_on}" if row.policy else row.trained_on
-    return [row.task.title, name, *(_text(row.scores.get(domain)) for domain in DOMAINS)]
-
-
-def _text(score: Score | None) -> str:
-    if score is None:
-        return "–"
-    cell = Cell.of(score)
-    return f"{tables.cell_text(cell)}, {tables.interval_text(score.interval)}, n = {cell.episodes}"
+    return json_text({"schema": 2, "rows": content})

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from markupsafe import Markup
@@ -15,50 +17,93 @@ from PIL import Image
 
 from duobench.errors import OtherRunError, VideoError
 from duobench.files import make_folder, write
+from duobench.pages import render
+from duobench.results import figures, scores
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord, Key
-from duobench.results.run import Candidate, Run
+from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, TaskResult
-from duobench.results.suite import Suite
-from duobench.results.suites import execute_text, latency_text, suite_text
+from duobench.results.suite import execute_text, latency_text, suite_text
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
 from duobench.video import last_frame
 from duobench.web.page import EpisodeReplay, replay_fragment
 
 PAGE = "index.html"
-"""The first page of every folder for people."""
 Facts = Mapping[str, str]
 """Values in words by name, in the order in which they are shown."""
 UNKNOWN = "not known"
 JPEG_QUALITY = 80
-_MACHINE = ("platform", "processor", "renderer")
-"""What a record's versions say of the machine."""
-_TOLD_BY_RUN = ("inference",)
-"""What they say that the run says too."""
-_COMMAND = "duobench report DIR --{} {}"
-"""Makes videos or replays in a run's folder; see `PageVideos.command`."""
-_IMPORTING = " --import-tasks"
-"""What it takes for tasks that are not of the benchmark."""
+_MACHINE = {
+    "platform": UNKNOWN,
+    "processor": UNKNOWN,
+    "renderer": "none: no images for the policy",
+}
+"""What a record's versions say of the machine, and the word where they do not."""
+_TOLD_BY_RUN = ("inference",)  # what they say that the run says too
 
 
-def check_free(out: Path, sign: str, what: str, ours: Iterable[Path] = ()) -> None:
+def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
+    """A page of results as HTML text.
+
+    Args:
+        template: Its name.
+        svgs: Documents of its figures by name.
+        values: What it shows.
+    """
+    return render(
+        "duobench.results",
+        template,
+        svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
+        figures=figures,
+        scores=scores,
+        control_rate_hz=CONTROL_HZ,
+        suite_text=suite_text,
+        execute_text=execute_text,
+        latency_text=latency_text,
+        **values,
+    )
+
+
+def part_page(template: str, svgs: Mapping[str, str], part: RunPart, **values: Any) -> str:
+    """A page of what was played under one condition, as HTML text; see `page`."""
+    return page(
+        template,
+        svgs,
+        part=part,
+        run=part.run,
+        candidate=part.candidate,
+        suite=part.suite,
+        results=part.results,
+        identity=identity(part),
+        **values,
+    )
+
+
+def json_text(content: object) -> str:
+    """A document for programs."""
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def check_free(out: Path, sign: str, what: str) -> None:
     """Make a folder to write into, or find that it holds what it is to hold.
 
     Args:
         out: The folder.
         sign: The file that tells what it holds.
         what: What that is, for the message: "comparison".
-        ours: What may lie in it all the same.
     """
-    there = set(out.iterdir()) if out.is_dir() else set()
-    if there - set(ours) and not (out / sign).exists():
+    if not (out / sign).exists() and out.is_dir() and any(out.iterdir()):
         raise OtherRunError(f"{out} is not empty and holds no {what}.")
     make_folder(out)
 
 
-def write_files(out: Path, contents: Mapping[str, str]) -> Path:
-    """Write files by their names, and return the page among them."""
+def write_files(
+    out: Path, contents: Mapping[str, str], svgs: Mapping[str, str] | None = None
+) -> Path:
+    """Write files and figures by their names, and return the page among them."""
+    for name, svg in (svgs or {}).items():
+        write(out / "figures" / f"{name}.svg", svg)
     for name, content in contents.items():
         write(out / name, content)
     return out / PAGE
@@ -67,42 +112,55 @@ def write_files(out: Path, contents: Mapping[str, str]) -> Path:
 def identity(part: RunPart) -> Facts:
     """What was run, as far as every episode has it in common."""
     run, suite, candidate = part.run, part.suite, part.candidate
-    policy, config = candidate.metadata, candidate.config
+    policy, config, batching = candidate.metadata, candidate.config, candidate.batching
+    first, last = suite.indices[0], suite.indices[-1]
+    indices = f"number {first}" if first == last else f"numbers {first}–{last}"
     height, width = config.image_size
     images = f"{', '.join(config.cameras)}, {width} × {height} pixels" if config.cameras else "none"
-    objects = "positions of the objects (privileged)" if config.object_state else None
-    inference = [policy.dtype, policy.device, _batching(candidate)]
-    return {
+    objects = ", positions of the objects (privileged)" if config.object_state else ""
+    batches = batching and f"{batching.mode} batches of {batching.size}"
+    actions = f"{policy.horizon} action{'s' if policy.horizon and policy.horizon > 1 else ''}"
+    facts = {
         "Policy": candidate.policy
         if policy.name == candidate.policy
         else f"{candidate.policy} ({policy.name})",
         "Its version": policy.version or UNKNOWN,
-        **({"Trained on": candidate.trained_on} if candidate.trained_on else {}),
-        **({"Rig": run.rig[:12]} if run.rig else {}),
-        "Suite": _suite(suite, config.split),
+        "Trained on": candidate.trained_on,
+        "Rig": (run.rig or "")[:12],
+        "Suite": f"{suite_text(suite)}, version {suite.version}, layouts of the split "
+        f"{config.split}",
         "Tasks": ", ".join(task.id for task in suite.tasks),
-        "Episodes": f"{_indices(suite)}, {suite.episodes} of each task",
-        **({} if run.is_real else {"Look": suite.look}),
-        **({} if run.is_real else {"Shift": str(part.condition.shift)}),
+        "Episodes": f"{indices}, {suite.episodes} of each task",
+        "Look": "" if run.is_real else suite.look,
+        "Shift": "" if run.is_real else str(part.condition.shift),
         "Cameras": images,
-        "Other observations": ", ".join(filter(None, ("joints, openings, tool poses", objects))),
+        "Other observations": f"joints, openings, tool poses{objects}",
         "Action mode": config.action_mode,
-        "Chunk": "of varying or unknown length"
-        if policy.horizon is None
-        else f"{policy.horizon} action{'s' if policy.horizon > 1 else ''}",
+        "Chunk": "of varying or unknown length" if policy.horizon is None else actions,
         "Executed": f"{execute_text(suite)}, {latency_text(suite)}",
-        **({"Overtime": f"up to {suite.overtime:g} horizons"} if suite.overtime > 1 else {}),
+        "Overtime": f"up to {suite.overtime:g} horizons" if suite.overtime > 1 else "",
         "Instructions": config.instructions,
-        "Inference": ", ".join(filter(None, inference)) or UNKNOWN,
+        "Inference": ", ".join(filter(None, (policy.dtype, policy.device, batches))) or UNKNOWN,
         "Time limits": f"{run.limits.act_timeout:g} s an answer, "
         f"{run.limits.episode_timeout:g} s an episode",
     }
+    return {name: value for name, value in facts.items() if value}
 
 
 def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
     """Machines and software that records come from, each combination once."""
     found = dict.fromkeys(tuple(record.versions.items()) for record in records)
     return [_stack(dict(versions)) for versions in found]
+
+
+def _stack(versions: Mapping[str, str | None]) -> Facts:
+    machine = {name.capitalize(): versions.get(name) or word for name, word in _MACHINE.items()}
+    software = [
+        f"{name} {version}"
+        for name, version in versions.items()
+        if version and name not in (*_MACHINE, *_TOLD_BY_RUN)
+    ]
+    return {**machine, "Software": ", ".join(software)}
 
 
 def trials(records: Iterable[EpisodeRecord]) -> Facts:
@@ -121,34 +179,6 @@ def trials(records: Iterable[EpisodeRecord]) -> Facts:
     }
 
 
-def _stack(versions: Mapping[str, str | None]) -> Facts:
-    machine = {name.capitalize(): versions.get(name) or _absent(name) for name in _MACHINE}
-    software = [
-        f"{name} {version}"
-        for name, version in versions.items()
-        if version and name not in (*_MACHINE, *_TOLD_BY_RUN)
-    ]
-    return {**machine, "Software": ", ".join(software)}
-
-
-def _absent(name: str) -> str:
-    return "none: no images for the policy" if name == "renderer" else UNKNOWN
-
-
-def _indices(suite: Suite) -> str:
-    first, last = suite.indices[0], suite.indices[-1]
-    return f"number {first}" if first == last else f"numbers {first}–{last}"
-
-
-def _suite(suite: Suite, split: str) -> str:
-    return f"{suite_text(suite)}, version {suite.version}, layouts of the split {split}"
-
-
-def _batching(candidate: Candidate) -> str | None:
-    batching = candidate.batching
-    return batching and f"{batching.mode} batches of {batching.size}"
-
-
 class PageVideos:
     """Finds videos for a page of a run.
 
@@ -165,11 +195,10 @@ class PageVideos:
 
     def video(self, record: EpisodeRecord) -> str | None:
         """Link to the video of an episode; None if there is none."""
-        path = self._folder.video(record.key)
-        return self._link(path) if path.exists() else None
+        return self._link(self._folder.video(record.key))
 
     def poster(self, record: EpisodeRecord) -> str | None:
-        """Link to the last frame of a video; None if there is none."""
+        """Link to the last frame of a video, which is made; None if there is none."""
         path = self._folder.poster(record.key)
         if not path.exists():
             with suppress(VideoError):
@@ -177,12 +206,12 @@ class PageVideos:
                 buffer = io.BytesIO()
                 Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_QUALITY)
                 write(path, buffer.getvalue())
-        return self._link(path) if path.exists() else None
+        return self._link(path)
 
     def featured(self, result: TaskResult) -> list[EpisodeRecord]:
-        """Episodes of a task whose videos are shown: the first one for each last stage.
+        """Episodes of a task whose videos are shown: the first one for each last stage, in order.
 
-        They come in the order of their last stages; all other videos are linked.
+        All other videos are linked.
         """
         first: dict[int, EpisodeRecord] = {}
         for record in result.records:
@@ -203,24 +232,19 @@ class PageVideos:
         if not self._has_command:
             return ""
         is_known = {task.id for task in self._run.suite.tasks} <= set(catalog.names())
-        return _COMMAND.format(what, choice) + ("" if is_known else _IMPORTING)
+        return f"duobench report DIR --{what} {choice}{'' if is_known else ' --import-tasks'}"
 
-    def _link(self, path: Path) -> str:
-        return quote(os.path.relpath(path, self._page))
+    def _link(self, path: Path) -> str | None:
+        return quote(os.path.relpath(path, self._page)) if path.exists() else None
 
 
-class PageReplays:
-    """Finds replays for the page of a run."""
-
-    def __init__(self, folder: RunFolder, results: Results) -> None:
-        """Look into the folder of a run."""
-        self._replays: dict[Key, EpisodeReplay] = {}
-        for one in results.tasks:
-            for record in one.records:
-                path = folder.replay(record.key)
-                if path is None:
-                    continue
-                self._replays[record.key] = EpisodeReplay(
+def page_replays(folder: RunFolder, results: Results) -> tuple[dict[Key, str], str]:
+    """What opens each replay of a run, as `data-replay`, and the part of a page that plays them."""
+    replays: dict[Key, EpisodeReplay] = {}
+    for one in results.tasks:
+        for record in one.records:
+            if path := folder.replay(record.key):
+                replays[record.key] = EpisodeReplay(
                     id=f"replay-{record.task}-{record.episode}",
                     title=f"{one.task.title}, episode {record.episode}",
                     scene=path.name.split(".")[1],
@@ -230,18 +254,7 @@ class PageReplays:
                     instruction=record.instruction,
                     rate_hz=CONTROL_HZ,
                 )
-        scenes = {replay.scene for replay in self._replays.values()}
-        self._scenes: Mapping[str, bytes] = {
-            name: folder.scene(name).read_bytes() for name in sorted(scenes)
-        }
-
-    def id(self, record: EpisodeRecord) -> str | None:
-        """What opens the replay of an episode as `data-replay`; None if there is none."""
-        replay = self._replays.get(record.key)
-        return replay and replay.id
-
-    def fragment(self) -> str:
-        """The part of the page that plays them; empty if there are none."""
-        if not self._replays:
-            return ""
-        return Markup(replay_fragment(self._scenes, list(self._replays.values())))
+    scenes = sorted({replay.scene for replay in replays.values()})
+    contents = {name: folder.scene(name).read_bytes() for name in scenes}
+    fragment = replay_fragment(contents, list(replays.values())) if replays else ""
+    return {key: replay.id for key, replay in replays.items()}, Markup(fragment)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 from duobench.looks.look import Look
 from duobench.results.entrants import Entrant, Group, RowKind, TableRow
@@ -23,13 +22,11 @@ from duobench.results.statistics import (
     permutation,
     tango_interval,
 )
-from duobench.results.suite import TaskInfo
-from duobench.results.suites import execute_text, latency_text
+from duobench.results.suite import execute_text, latency_text
 
 Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
 
-_DIGITS = 6
-"""Layouts are compared in micrometres: another processor may have another last bit."""
+_DIGITS = 6  # layouts are compared in micrometres: another processor may have another last bit
 _CONDITIONS = ("look", "horizon", "instructions", "split", "speed_fraction", "control_rate_hz")
 """What of a configuration is not the policy's choice."""
 
@@ -42,20 +39,19 @@ class Test:
     episodes: tuple[int, int]
     """Episodes of either run that were tested."""
     successes: tuple[int, int]
-    """How many of them succeeded."""
-    only: tuple[int, int] | None
+    only: tuple[int, int] | None = None
     """Episodes that only one of both solved; None if the episodes are not the same."""
     interval: tuple[float, float]
     """95 % interval of the difference of success rates."""
     p: float
     """Of the test of success."""
-    adjusted: float
+    adjusted: float = 1.0
     """The same after Holm, over the rows of this kind."""
     progress: float
     """Difference of mean final progress."""
     progress_p: float
     """Of the permutation test of final progress."""
-    progress_adjusted: float
+    progress_adjusted: float = 1.0
     """The same after Holm, over the rows of this kind."""
     more_episodes: int | None = None
     """About how many more would show the difference that was seen; None where that is unknown."""
@@ -63,8 +59,7 @@ class Test:
     @property
     def rates(self) -> tuple[float, float]:
         """Success rates of the tested episodes."""
-        a, b = (k / n for k, n in zip(self.successes, self.episodes, strict=True))
-        return a, b
+        return self.successes[0] / self.episodes[0], self.successes[1] / self.episodes[1]
 
     @property
     def difference(self) -> float:
@@ -102,26 +97,17 @@ class Pair:
     left_out: int
     """Finished episodes of common tasks that only one run has, where the tests are paired."""
     tests: tuple[Test, ...]
-    """Row by row; rows that cannot be tested are left out."""
 
     @property
     def crosses_groups(self) -> bool:
         """Whether one of both is privileged and the other is not."""
         return self.a.group is not self.b.group
 
-    def test(self, row: TableRow) -> Test | None:
-        """The test of a row, if there is one."""
-        return next((test for test in self.tests if test.row is row), None)
-
-    def winner(self, row: TableRow) -> str:
-        """Key of the run that is better in a row; empty if nobody can tell."""
-        test = self.test(row)
-        return "" if test is None else {1: self.a.key, -1: self.b.key, 0: ""}[test.better]
-
-    def loser(self, row: TableRow) -> str:
-        """Key of the other one; empty if nobody can tell."""
-        winner = self.winner(row)
-        return winner and (self.b.key if winner == self.a.key else self.a.key)
+    def order(self, row: TableRow) -> tuple[str, str] | None:
+        """Keys of the two in a row, the better one first; None if nobody can tell."""
+        better = sum(test.better for test in self.tests if test.row is row)
+        a, b = self.a.key, self.b.key
+        return {1: (a, b), -1: (b, a)}.get(better)
 
     def of(self, kind: RowKind) -> tuple[Test, ...]:
         """The tests of rows of a kind."""
@@ -129,86 +115,81 @@ class Pair:
 
 
 def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | None:
-    """Test two runs against each other.
+    """Test two runs against each other, row by row of a table.
 
     The tests are paired if both share episodes in every task that they have in common; episodes
     that only one of them has are left out then. Otherwise they are about two samples.
-
-    Args:
-        a: The first run.
-        b: The second one.
-        rows: Rows of the table.
 
     Returns:
         What the tests say; None if one of both was measured elsewhere.
     """
     if not (a.part and b.part):
         return None
-    objection = obstacle(a.part, b.part)
-    tasks = [] if objection else [task.id for task in common_tasks(a, b)]
-    if not tasks:
-        objection = objection or "They have no finished task in common."
-    shared = {task: same_episodes(a.records(task), b.records(task)) for task in tasks}
-    paired = bool(tasks) and all(shared.values())
+    objection = None
+    tasks = _common_tasks(a.part, b.part)
+    version, other = a.part.suite.version, b.part.suite.version
+    if version != other:
+        tasks = []
+        suites = f"{version} and {other}"
+        objection = f"They played different suites ({suites}), whose scores cannot be compared."
+    elif not tasks:
+        objection = "They have no finished task in common."
+    shared = {task: _same_episodes(a.records(task), b.records(task)) for task in tasks}
+    paired = bool(shared) and all(shared.values())
     tests = [
-        _paired(row, [shared[task.id] for task in row.tasks]) if paired else _unpaired(row, a, b)
+        _paired(row, [pair for task in row.tasks for pair in shared[task.id]])
+        if paired
+        else _unpaired(row, a, b)
         for row in rows
         if all(task.id in shared for task in row.tasks)
     ]
-    played = sum(len(one.records(task)) for one in (a, b) for task in tasks)
+    played = sum(len(one.records(task)) for one in (a, b) for task in shared)
     return Pair(
         a=a,
         b=b,
         paired=paired,
         obstacle=objection,
-        conditions=tuple(differing_conditions(a.part, b.part)),
+        conditions=tuple(_differing_conditions(a.part, b.part)),
         left_out=played - 2 * sum(map(len, shared.values())) if paired else 0,
         tests=_adjusted([test for test in tests if test]),
     )
 
 
-def _paired(row: TableRow, shared: Sequence[Pairs]) -> Test:
-    pairs = list(chain.from_iterable(shared))
-    only_a = sum(a.success and not b.success for a, b in pairs)
-    only_b = sum(b.success and not a.success for a, b in pairs)
+def _paired(row: TableRow, pairs: Pairs) -> Test:
+    only = (
+        sum(a.success and not b.success for a, b in pairs),
+        sum(b.success and not a.success for a, b in pairs),
+    )
     stages = [_stages(a, row) - _stages(b, row) for a, b in pairs]
-    p, progress_p = mcnemar(only_a, only_b), paired_permutation(stages)
     return Test(
         row=row,
         episodes=(len(pairs), len(pairs)),
         successes=(sum(a.success for a, _ in pairs), sum(b.success for _, b in pairs)),
-        only=(only_a, only_b),
-        interval=tango_interval(only_a, only_b, len(pairs)),
-        p=p,
-        adjusted=p,
+        only=only,
+        interval=tango_interval(*only, len(pairs)),
+        p=mcnemar(*only),
         progress=math.fsum(stages) / len(pairs) / _scale(row),
-        progress_p=progress_p,
-        progress_adjusted=progress_p,
+        progress_p=paired_permutation(stages),
     )
 
 
 def _unpaired(row: TableRow, a: Entrant, b: Entrant) -> Test | None:
     """Tests about two samples; None where tasks do not have the same share of either."""
-    counts = [(len(a.records(task.id)), len(b.records(task.id))) for task in row.tasks]
-    if len({n / m for n, m in counts}) > 1:
+    if len({len(a.records(task.id)) / len(b.records(task.id)) for task in row.tasks}) > 1:
         return None
     ours, theirs = ([r for task in row.tasks for r in one.records(task.id)] for one in (a, b))
     episodes = len(ours), len(theirs)
     successes = sum(r.success for r in ours), sum(r.success for r in theirs)
     stages = [_stages(r, row) for r in ours], [_stages(r, row) for r in theirs]
     means = [math.fsum(each) / len(each) / _scale(row) for each in stages]
-    p, progress_p = barnard(successes, episodes), permutation(*stages)
     return Test(
         row=row,
         episodes=episodes,
         successes=successes,
-        only=None,
         interval=newcombe_interval(successes, episodes),
-        p=p,
-        adjusted=p,
+        p=barnard(successes, episodes),
         progress=means[0] - means[1],
-        progress_p=progress_p,
-        progress_adjusted=progress_p,
+        progress_p=permutation(*stages),
     )
 
 
@@ -232,7 +213,7 @@ def _more_episodes(test: Test, family: int) -> int | None:
         return None
     played = test.episodes[0]
     needed = episodes_needed(*test.only, played, level=LEVEL / family)
-    return None if needed is None else max(1, needed - played)
+    return needed and max(1, needed - played)
 
 
 def _scale(row: TableRow) -> int:
@@ -255,9 +236,7 @@ class RunComparison:
     entrants: tuple[Entrant, ...]
     """Column by column, group by group."""
     rows: tuple[TableRow, ...]
-    """Rows, category by category."""
     pairs: tuple[Pair, ...]
-    """What tests say about any two of them."""
 
     @property
     def groups(self) -> list[tuple[Group, list[Entrant]]]:
@@ -268,38 +247,26 @@ class RunComparison:
     def is_best(self, row: TableRow, entrant: Entrant) -> bool:
         """Whether tests say that a policy is better than every other of its group."""
         others = [
-            one.key
+            one
             for one in self.entrants
             if one.group is entrant.group and one is not entrant and one.cell(row.tasks)
         ]
-        beaten = {pair.loser(row) for pair in self.pairs if pair.winner(row) == entrant.key}
-        return bool(others) and beaten.issuperset(others)
+        orders = {pair.order(row) for pair in self.pairs}
+        return bool(others) and all((entrant.key, one.key) in orders for one in others)
 
 
-def obstacle(a: RunPart, b: RunPart) -> str | None:
-    """Why two runs cannot be compared; None if they can."""
-    if a.suite.version != b.suite.version:
-        return (
-            f"They played different suites ({a.suite.version} and {b.suite.version}), whose scores "
-            "cannot be compared."
-        )
-    return None
-
-
-def common_tasks(a: Entrant, b: Entrant) -> tuple[TaskInfo, ...]:
+def _common_tasks(a: RunPart, b: RunPart) -> list[str]:
     """Tasks of which both have finished episodes, with the same stages and the same horizon."""
-    theirs = {one.task.id: one.task for one in b.part.results.tasks} if b.part else {}
-    ours = [one.task for one in a.part.results.tasks] if a.part else []
-    return tuple(
-        task
-        for task in ours
-        if a.records(task.id)
-        and b.records(task.id)
-        and (task.stages, task.horizon) == (theirs[task.id].stages, theirs[task.id].horizon)
-    )
+    theirs = {one.task.id: one.task for one in b.results.tasks if one.records}
+    return [
+        task.id
+        for task in (one.task for one in a.results.tasks if one.records)
+        if (other := theirs.get(task.id))
+        and (task.stages, task.horizon) == (other.stages, other.horizon)
+    ]
 
 
-def same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pairs:
+def _same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pairs:
     """The episodes of a task that both runs played, in pairs.
 
     Episodes are the same if suite version, task, split and seed are, which decide the layout, and
@@ -311,7 +278,20 @@ def same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pai
     return [(one, other) for one, other in pairs if _same_layout(one.layout, other.layout)]
 
 
-def differing_conditions(a: RunPart, b: RunPart) -> list[str]:
+def _identity(record: EpisodeRecord) -> tuple[str, str, str, int]:
+    return record.suite_version, record.task, record.config.split, record.seed
+
+
+def _same_layout(one: SampledLayout, other: SampledLayout) -> bool:
+    return not (one and other) or _rounded(one) == _rounded(other)
+
+
+def _rounded(layout: SampledLayout) -> object:
+    poses = layout.get("poses", {}).items()
+    return {**layout, "poses": {name: [round(x, _DIGITS) for x in pose] for name, pose in poses}}
+
+
+def _differing_conditions(a: RunPart, b: RunPart) -> list[str]:
     """What was not the same around the two policies, one phrase each."""
     one, other = a.condition, b.condition
     found = [] if one.domain == other.domain else [f"domain {one.domain} and {other.domain}"]
@@ -334,26 +314,3 @@ def differing_conditions(a: RunPart, b: RunPart) -> list[str]:
 
 def _named(value: object) -> str:
     return "one of its own" if isinstance(value, Look) else str(value)
-
-
-def _identity(record: EpisodeRecord) -> tuple[str, str, str, int]:
-    return record.suite_version, record.task, record.config.split, record.seed
-
-
-def _same_layout(one: SampledLayout, other: SampledLayout) -> bool:
-    return not (one and other) or _rounded(one) == _rounded(other)
-
-
-def _rounded(layout: Mapping[str, object]) -> object:
-    return {name: _round(value) for name, value in layout.items()}
-
-
-def _round(value: object) -> object:
-    match value:
-        case dict():
-            return {name: _round(part) for name, part in value.items()}
-        case list() | tuple():
-            return [_round(part) for part in value]
-        case float():
-            return round(value, _DIGITS) + 0.0
-    return value

@@ -6,7 +6,7 @@ against them.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -26,10 +26,9 @@ Value = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Mean:
-    """A mean over some tasks, as the paper gives it."""
+    """A mean over some tasks, named by their ids, as the paper gives it."""
 
     tasks: frozenset[str]
-    """Ids of the tasks."""
     values: dict[str, Value]
 
 
@@ -39,7 +38,6 @@ class PaperResults:
 
     source: str
     rollouts: int
-    """Episodes of each task."""
     policies: dict[str, str]
     """Names for people, by the name that follows `paper:`."""
     tasks: dict[str, dict[str, Value]]
@@ -67,9 +65,7 @@ def value_of(policy: str, tasks: Collection[str]) -> Value | None:
     results: PaperResults = paper_results()
     if len(tasks) == 1:
         (task,) = tasks
-        rows: Mapping[str, Value] = results.tasks.get(task, {})
-        return rows.get(policy)
+        return results.tasks.get(task, {}).get(policy)
     wanted = frozenset(tasks)
-    return next(
-        (mean.values[policy] for mean in results.means.values() if mean.tasks == wanted), None
-    )
+    means = (mean.values[policy] for mean in results.means.values() if mean.tasks == wanted)
+    return next(means, None)

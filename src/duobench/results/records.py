@@ -33,14 +33,9 @@ RECORD_SCHEMA = 8
 SIM, REAL, MIXED = "sim", "real", "mixed"
 """Where something was played or recorded: in simulation, on real arms, or both."""
 DOMAINS = (SIM, REAL)
-"""Where an episode is played."""
-CUSTOM_LOOK = "custom"
-"""Stands for a look that has no name."""
 _LONGEST_PART = 40
-"""Characters of a part of a condition's name."""
 
-_TYPES = (np.dtype("<f4"), np.dtype("<f8"))
-"""Numbers that joint targets are kept as."""
+_TYPES = (np.dtype("<f4"), np.dtype("<f8"))  # numbers that joint targets are kept as
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -51,18 +46,16 @@ class Condition:
     """
 
     policy: str
-    """Name of the policy."""
     domain: str
     """Where it is played: "sim" or "real"."""
     shift: Shift
-    """What differs from the usual episodes."""
     look: str
     """Name of the look; "custom" for one that has none."""
 
     @classmethod
     def of(cls, policy: str, domain: str, config: EnvConfig) -> Condition:
         """The condition of episodes in environments of a configuration."""
-        look = config.look if isinstance(config.look, str) else CUSTOM_LOOK
+        look = config.look if isinstance(config.look, str) else "custom"
         return cls(policy=policy, domain=domain, shift=config.shift, look=look)
 
     @property
@@ -78,14 +71,11 @@ def _slug(text: str) -> str:
 
 
 class Key(NamedTuple):
-    """What names an episode in a run's folder."""
+    """What names an episode in a run's folder: id of the task, name of the condition, and index."""
 
     task: str
-    """Id of the task."""
     condition: str
-    """Name of the condition."""
     episode: int
-    """Index of the episode."""
 
     @property
     def path(self) -> str:
@@ -106,7 +96,6 @@ class StateHashes:
     """What the state of an episode was at one moment: two that are equal have equal hashes."""
 
     physics: str
-    """SHA-256 of the full state of the simulation."""
     stages: str | None
     """SHA-256 of the stage and of what its constraints remember; None without stages."""
 
@@ -120,7 +109,6 @@ class Judged:
     presses: tuple[StageLabel, ...]
     """Every press in the order of time, those that were taken back included."""
     note: str = ""
-    """What the person wrote."""
     repeated: tuple[str, ...] = ()
     """Why earlier trials of this episode are invalid, one reason each; they were played again."""
     stopped: str = ""
@@ -144,7 +132,6 @@ class EpisodeRecord:
     """One episode of one task under one condition, from its seed to its last stage."""
 
     CHECKED_FROM: ClassVar[int] = RECORD_SCHEMA
-    """First schema whose files hold a checksum."""
     run: str
     """SHA-256 of the description of the run that it belongs to, see `Run.hash`."""
     suite_version: str
@@ -154,25 +141,21 @@ class EpisodeRecord:
     execution: ChunkExecution
     """What was executed of the policy's chunks, and when."""
     task: str
-    """Id of the task."""
     episode: int
-    """Index of the episode in the suite."""
+    """Index in the suite."""
     seed: int
     """Seed of the reset; a pure function of (task, suite version, episode)."""
     policy_seed: int
     """Seed of the policy, a hash of that of the reset."""
     attempt: int = 1
-    """The how-manyeth attempt at this episode it is."""
     earlier: tuple[str, ...] = ()
     """How each earlier attempt ended."""
     policy: str
-    """Name of the policy, as the user gave it."""
     policy_version: str | None
-    """Version of the policy, None if unknown."""
+    """None if unknown."""
     config: EnvConfig
-    """Configuration of the environment."""
     instruction: str
-    """Instruction of the policy; empty if it failed before its reset."""
+    """Of the policy; empty if it failed before its reset."""
     success: bool
     """Whether the last stage was reached."""
     success_at_end: bool
@@ -180,7 +163,6 @@ class EpisodeRecord:
     final_stage: int
     """Highest stage that was reached, 0 for none."""
     max_stage: int
-    """The task's last stage."""
     unmet: tuple[str, ...] | None
     """Why the next stage was not reached: what of its constraints did not hold after the last step,
     in words; empty after a success, None if the last step failed, or there is none, and where a
@@ -192,7 +174,6 @@ class EpisodeRecord:
     horizon: int
     """Control steps after which the task truncates an episode."""
     terminated: bool
-    """Whether the environment ended the episode."""
     truncated: bool
     """Whether the horizon ended the episode, or arms that could not go on."""
     late_success: int | None = None
@@ -216,19 +197,17 @@ class EpisodeRecord:
     """Control steps at which limits of the arms changed what was to be sent; None where `sent`
     is."""
     versions: dict[str, str | None]
-    """Versions of everything that the result may depend on."""
+    """Of everything that the result may depend on."""
     software: Software = Software()
-    """Which source of the benchmark played it."""
     domain: str = SIM
-    """Where it was played: "sim" or "real"."""
     rig: str | None = None
     """SHA-256 of the rig on which it was played; None in simulation."""
     judged: Judged | None = None
-    """How a person judged it; None in simulation."""
+    """None in simulation."""
 
     def __post_init__(self) -> None:
-        reached = [stage for _, stage in self.stage_changes]
         when = [step for step, _ in self.stage_changes]
+        reached = [stage for _, stage in self.stage_changes]
         problems = {
             "stage_changes must rise in step and stage": when != sorted(set(when))
             or reached != sorted(set(reached)),
@@ -298,33 +277,28 @@ class EpisodeRecord:
 
     def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
         """The record of the episode if it failed with an error, so many steps after its start."""
-        sent, clipped = self.sent, self.clipped
-        if isinstance(error, PolicyTimeoutError):  # where it was stuck is unknown
-            text, sent, clipped = f"{type(error).__name__}: {error}\n", None, None
-        elif isinstance(error, PolicyFailedError):
-            text = f"{error}\n"
+        is_late = isinstance(error, PolicyTimeoutError)  # where it was stuck is unknown
+        if is_late:
+            text = f"{type(error).__name__}: {error}\n"
         else:
-            text = traceback_text(error)
+            text = f"{error}\n" if isinstance(error, PolicyFailedError) else traceback_text(error)
         return replace(
             self,
             success=False,
             success_at_end=False,
             steps=steps,
             error=text,
-            sent=sent,
-            clipped=clipped,
+            sent=None if is_late else self.sent,
+            clipped=None if is_late else self.clipped,
         )
 
 
 def pack_targets(sent: ArrayLike) -> bytes:
-    """Compress the commands of an episode.
+    """Compress the commands (T, 16) of an episode.
 
     They are kept as float32, in which policies act. Where that would change one, because it was
     clipped to a limit that is no float32, all of the episode are kept as float64. What neighbouring
     numbers share is brought side by side: the bytes are sorted by their significance.
-
-    Args:
-        sent: Commands (T, 16).
     """
     exact = np.asarray(sent, dtype=_TYPES[1]).reshape(-1, FLAT_SIZE)
     short = exact.astype(_TYPES[0])

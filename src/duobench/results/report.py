@@ -6,26 +6,23 @@ same bytes. The one exception is the block of times on a page, which is about no
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from markupsafe import Markup
-
 from duobench.errors import OtherRunError
 from duobench.files import writing
-from duobench.pages import render
 from duobench.results import figures, scores
 from duobench.results.compare import compare_parts, write_comparison
 from duobench.results.folder import CONDITIONS, RunFolder, RunReader
 from duobench.results.journal import duration, run_times, side_by_side
 from duobench.results.pages import (
     PAGE,
-    PageReplays,
     PageVideos,
     check_free,
-    identity,
+    json_text,
+    page_replays,
+    part_page,
     stacks,
     trials,
     write_files,
@@ -34,24 +31,18 @@ from duobench.results.robustness import robustness_of, write_robustness
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, group_by_condition
 from duobench.results.shard import Shard
-from duobench.results.suites import deviations, latency_text, suite_text
-from duobench.types import CONTROL_HZ
+from duobench.results.suite import deviations
 
 SUMMARY_SCHEMA = 5
-"""Version of the summary's fields."""
 SUMMARY = "summary.json"
 """The results of a condition for programs."""
-_NAMED = 6
-"""Shards that a sentence names."""
+_NAMED = 6  # shards that a sentence names
 _MOST_UNMET = 6
 """Constraints that did not hold of one stage that the page shows; others are folded away."""
 
 
 def read_parts(source: RunReader) -> list[RunPart]:
     """What the records of a run add up to, condition by condition; nothing is written.
-
-    Args:
-        source: The folder of the run, or what else reads one.
 
     Raises:
         EvaluationError: If there is no run, or a record of another episode.
@@ -98,12 +89,11 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
     if len(parts) == 1:
         _write_part(folder, reader, parts[0], folder.path)
     else:
-        for stale in (folder.summary, *(folder.figure(name) for name in figures.FIGURES)):
-            with writing(stale):  # of the time when there was one condition
-                stale.unlink(missing_ok=True)
+        for stale in (SUMMARY, *(f"figures/{name}.svg" for name in figures.FIGURES)):
+            with writing(folder.file(stale)):  # of the time when there was one condition
+                folder.file(stale).unlink(missing_ok=True)
         for part in parts:
-            out = folder.path / CONDITIONS / part.condition.name
-            _write_part(folder, reader, part, out)
+            _write_part(folder, reader, part, folder.path / CONDITIONS / part.condition.name)
         if len(run.suite.shifts) > 1:
             write_robustness(robustness_of(parts), folder.path, is_beside=True)
         elif len(played := [part for part in parts if part.results.overall.episodes]) > 1:
@@ -112,51 +102,32 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
 
 
 def _write_part(folder: RunFolder, source: RunReader, part: RunPart, out: Path) -> None:
-    svgs = {name: figures.plot(name, part.results) for name in figures.FIGURES}
-    write_files(
-        out,
-        {
-            **{f"figures/{name}.svg": svg for name, svg in svgs.items()},
-            SUMMARY: summary_json(part),
-            PAGE: _page(folder, source, part, svgs, out),
-        },
-    )
+    svgs = figures.plots(part.results)
+    page = _page(folder, source, part, svgs, out)
+    write_files(out, {SUMMARY: summary_json(part), PAGE: page}, svgs)
 
 
 def summary_json(part: RunPart) -> str:
     """The results as JSON text: per task, per category and overall."""
-    candidate, suite, results = part.candidate, part.suite, part.results
     document = {
         "schema": SUMMARY_SCHEMA,
-        "policy": candidate.policy,
-        "policy_version": candidate.metadata.version,
-        "privileged": candidate.privileged,
-        "domain": part.condition.domain,
-        "rig": part.run.rig,
-        "trained_on": candidate.trained_on,
-        "suite_version": suite.version,
-        "suite": suite.label,
-        "suite_deviations": deviations(suite),
-        "execute": suite.execution.execute,
-        "latency": suite.execution.latency,
-        "overtime": suite.overtime,
-        "look": part.condition.look,
-        "shift": part.condition.shift.name,
-        "versions": part.run.versions,
-        "first_episode": suite.first_episode,
-        "expected_episodes": part.size,
+        **part.facts("policy", "policy_version", "privileged", "domain", "rig", "trained_on"),
+        **part.facts("suite_version", "suite"),
+        "suite_deviations": deviations(part.suite),
+        **part.facts("execute", "latency", "overtime", "look", "shift", "versions"),
+        **part.facts("first_episode", "expected_episodes"),
         "tasks": {
             one.task.id: {
                 **one.score.numbers(),
                 "max_stage": one.task.max_stage,
                 "last_stage_counts": list(one.last_stage_counts),
             }
-            for one in results.tasks
+            for one in part.results.tasks
         },
-        "categories": {category.label: category.numbers() for category in results.categories},
-        "overall": results.overall.numbers(),
+        "categories": {one.label: one.numbers() for one in part.results.categories},
+        "overall": part.results.overall.numbers(),
     }
-    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+    return json_text(document)
 
 
 def missing_shards(folder: RunFolder, run: Run) -> str:
@@ -180,41 +151,29 @@ def missing_shards(folder: RunFolder, run: Run) -> str:
 def _page(
     folder: RunFolder, source: RunReader, part: RunPart, svgs: Mapping[str, str], out: Path
 ) -> str:
-    run, results = part.run, part.results
     commands = source.commands()
-    is_finished = results.overall.episodes == part.size
-    videos = PageVideos(folder, run, out, has_command=bool(commands))
-    replays = PageReplays(folder, results)
-    times = run_times(results, folder.entries())
-    return render(
-        "duobench.results",
+    is_finished = part.results.overall.episodes == part.size
+    videos = PageVideos(folder, part.run, out, has_command=bool(commands))
+    replay_ids, replays = page_replays(folder, part.results)
+    times = run_times(part.results, folder.entries())
+    return part_page(
         "report.html.j2",
-        part=part,
-        run=run,
-        candidate=part.candidate,
-        suite=part.suite,
-        results=results,
+        svgs,
+        part,
         commands=commands,
         home=os.path.relpath(folder.path, out) if out != folder.path else "",
-        missing="" if is_finished or source is not folder else missing_shards(folder, run),
-        identity=identity(part),
+        missing="" if is_finished or source is not folder else missing_shards(folder, part.run),
         stacks=stacks(part.records),
-        svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
         trials=trials(part.records),
-        control_rate_hz=CONTROL_HZ,
-        figures=figures,
-        scores=scores,
         failed_stages=scores.failed_stages,
         most_unmet=_MOST_UNMET,
         clipping=scores.clipping,
-        suite_text=suite_text,
-        latency_text=latency_text,
         video=videos.video,
         video_command=videos.command,
         poster=videos.poster,
         featured=videos.featured,
-        replay=replays.id,
-        replays=replays.fragment(),
+        replay_ids=replay_ids,
+        replays=replays,
         times=times,
         side_by_side=side_by_side(times.workers, len(folder.writers)),
         duration=duration,

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
-from markupsafe import Markup
-
 from duobench.errors import EvaluationError
-from duobench.pages import render
-from duobench.results import figures, scores
+from duobench.results import figures
 from duobench.results.folder import CONDITIONS
-from duobench.results.pages import PAGE, check_free, write_files
-from duobench.results.scores import RunPart, Score, TaskResult
-from duobench.results.suites import execute_text, latency_text, suite_text
+from duobench.results.pages import PAGE, check_free, json_text, page, write_files
+from duobench.results.scores import RunPart, Score
 from duobench.shifts.shift import (
     ALL_AXES,
     AXES,
@@ -31,7 +25,6 @@ from duobench.shifts.shift import (
 DOCUMENT = "robustness.json"
 """The results for programs; a folder that has it holds a report."""
 ROBUSTNESS_SCHEMA = 2
-"""Version of the document's fields."""
 BOUNDED = (LAYOUT, PHYSICS, LATENCY)
 """Axes whose levels scripted experts still solve."""
 
@@ -67,30 +60,14 @@ class Robustness:
         found = (part for part in self.parts if part.condition.shift == shift)
         return next((part for part in found if part.results.overall.episodes), None)
 
-    def score(self, axis: str, level: int) -> Score | None:
-        """What was reached there."""
-        part = self.at(axis, level)
-        return part and part.results.overall
-
-    def task(self, axis: str, level: int, task_id: str) -> TaskResult | None:
-        """The same of one task."""
-        part = self.at(axis, level)
-        tasks = part.results.tasks if part else ()
-        return next((one for one in tasks if one.task.id == task_id and one.records), None)
-
     def levels(self, axis: str) -> dict[int, Score]:
         """What was reached at the levels of an axis that were played, 0 included."""
-        each = {level: self.score(axis, level) for level in range(LEVELS + 1)}
-        return {level: score for level, score in each.items() if score}
+        each = {level: self.at(axis, level) for level in range(LEVELS + 1)}
+        return {level: part.results.overall for level, part in each.items() if part}
 
 
 def robustness_of(parts: Sequence[RunPart], title: str = "") -> list[Robustness]:
-    """What each policy of a run reached under shifts.
-
-    Args:
-        parts: What was played.
-        title: Name for people, of a run of one policy; the policy's by default.
-    """
+    """What each policy of a run reached under shifts; a run of one may give it another title."""
     if all(part.condition.shift == NO_SHIFT for part in parts):
         raise EvaluationError("Nothing was played under a shift.")
     by_policy: dict[str, list[RunPart]] = {}
@@ -117,39 +94,28 @@ def write_robustness(policies: Sequence[Robustness], out: Path, *, is_beside: bo
         check_free(out, DOCUMENT, "evaluation under shifts")
     axes = [axis for axis in AXES if any(axis in one.axes for one in policies)]
     runs = [(one.title, {axis: one.levels(axis) for axis in one.axes}) for one in policies]
-    svg = figures.as_svg("levels", partial(figures.levels, axes, runs))
-    page = render(
-        "duobench.results",
+    svgs = {"levels": figures.as_svg("levels", figures.levels, axes, runs)}
+    text = page(
         "robustness.html.j2",
+        svgs,
         policies=policies,
         axes=axes,
         levels=range(LEVELS + 1),
-        svg=Markup(figures.for_page(svg)),
         pages=CONDITIONS if is_beside else "",
         bounded=BOUNDED,
         all_axes=ALL_AXES,
-        scores=scores,
-        suite_text=suite_text,
-        execute_text=execute_text,
-        latency_text=latency_text,
     )
-    return write_files(
-        out, {DOCUMENT: robustness_json(policies), "figures/levels.svg": svg, PAGE: page}
-    )
+    return write_files(out, {DOCUMENT: _document(policies), PAGE: text}, svgs)
 
 
-def robustness_json(policies: Sequence[Robustness]) -> str:
-    """The results as JSON text."""
+def _document(policies: Sequence[Robustness]) -> str:
     content = {
         "schema": ROBUSTNESS_SCHEMA,
         "policies": [
             {
                 "name": one.title,
-                "policy": one.first.candidate.policy,
-                "policy_version": one.first.candidate.metadata.version,
-                "privileged": one.first.candidate.privileged,
-                "suite": one.first.suite.label,
-                "suite_version": one.first.suite.version,
+                **one.first.facts("policy", "policy_version", "privileged"),
+                **one.first.facts("suite", "suite_version"),
                 "missing_episodes": one.missing,
                 "conditions": {
                     part.condition.shift.name: part.results.overall.numbers() for part in one.parts
@@ -158,4 +124,4 @@ def robustness_json(policies: Sequence[Robustness]) -> str:
             for one in policies
         ],
     }
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+    return json_text(content)

@@ -22,10 +22,9 @@ from duobench.results.limits import TimeLimits
 from duobench.results.records import DOMAINS, MIXED, REAL, SIM, Condition, EpisodeRecord, Key
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
-from duobench.shifts.shift import NO_SHIFT, every_shift
+from duobench.shifts.shift import NO_SHIFT, Shift, every_shift
 
 RUN_SCHEMA = 8
-"""Version of the description's fields."""
 TRAININGS = (SIM, REAL, MIXED)
 """What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
 
@@ -37,7 +36,6 @@ class Candidate:
     policy: str
     """Its name, as the user gave it."""
     metadata: PolicyMetadata
-    """What it says about itself, with its version."""
     config: EnvConfig
     """Configuration of its environments, without a shift."""
     batching: Batching | None = None
@@ -56,11 +54,7 @@ class Candidate:
 
     @property
     def privileged(self) -> bool:
-        """Whether it knows what a camera does not see and a real table does not tell.
-
-        It has the numbers of the objects in its observation, or is a script that reads the
-        simulation.
-        """
+        """Whether it knows what no camera sees: numbers of the objects, or the simulation."""
         return self.metadata.object_state or reads_simulation(self.policy)
 
     @property
@@ -74,16 +68,13 @@ class Run:
     """Everything that decides what a run's records say. The number of workers is not part of it."""
 
     CHECKED_FROM: ClassVar[int] = RUN_SCHEMA
-    """First schema whose files hold a checksum."""
     candidates: tuple[Candidate, ...]
     """The policies; each plays the same episodes."""
     suite: Suite
     limits: TimeLimits
-    """How long a policy may take."""
     versions: dict[str, str]
     """Versions of the packages that scores depend on."""
     domain: str = SIM
-    """Where it is played: "sim" or "real"."""
     rig: str | None = None
     """SHA-256 of the rig on which it is played; None in simulation."""
 
@@ -126,25 +117,25 @@ class Run:
     def conditions(self) -> dict[str, Condition]:
         """Its conditions by name: policy by policy, shift by shift."""
         each = (
-            Condition.of(candidate.policy, self.domain, replace(candidate.config, shift=shift))
+            self._condition(candidate, shift)
             for candidate in self.candidates
             for shift in self.suite.shifts
         )
         return {condition.name: condition for condition in each}
 
+    def _condition(self, candidate: Candidate, shift: Shift) -> Condition:
+        return Condition.of(candidate.policy, self.domain, replace(candidate.config, shift=shift))
+
     def key(self, episode: Episode, policy: str = "") -> Key:
         """What names an episode that a policy plays, by default the only one."""
         candidate = self.of(policy) if policy else self.candidate
-        config = replace(candidate.config, shift=episode.shift)
-        condition = Condition.of(candidate.policy, self.domain, config)
+        condition = self._condition(candidate, episode.shift)
         return Key(episode.task.id, condition.name, episode.index)
 
     def episodes(self, shard: Shard = WHOLE, videos: int = 0) -> list[Episode]:
         """Every episode that each of its policies plays, task by task and shift by shift.
 
-        Args:
-            shard: Which part of them.
-            videos: How many of each task and shift, from the first on, have a video.
+        Of each task and shift, the first ones have so many videos.
         """
         return [
             Episode(
@@ -181,9 +172,9 @@ class Run:
 
     def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
         """Why a record is not that of an episode of this run; None if it is."""
-        if record.policy not in [candidate.policy for candidate in self.candidates]:
-            names = ", ".join(candidate.policy for candidate in self.candidates)
-            return f"its policy is {record.policy}, expected was {names}."
+        names = [candidate.policy for candidate in self.candidates]
+        if record.policy not in names:
+            return f"its policy is {record.policy}, expected was {', '.join(names)}."
         candidate = self.of(record.policy)
         expected: dict[str, object] = {
             "task": episode.task.id,
@@ -210,16 +201,12 @@ class Run:
         ours, theirs = ([each.policy for each in run.candidates] for run in (self, other))
         is_same = ours == theirs
         differing = differences(self._facts(is_same), other._facts(is_same))
-        if self.suite.episodes < other.suite.episodes:
-            differing.append(
-                f"episodes {self.suite.episodes} instead of {other.suite.episodes} or more"
-            )
-        return differing
+        now, before = self.suite.episodes, other.suite.episodes
+        return differing + [f"episodes {now} instead of {before} or more"] * (now < before)
 
     def with_shifts_of(self, other: Run) -> Run:
         """The same run with the shifts of another one too."""
-        more = (shift for shift in other.suite.shifts if shift not in self.suite.shifts)
-        both = (*self.suite.shifts, *more)
+        both = {*self.suite.shifts, *other.suite.shifts}
         order = tuple(shift for shift in every_shift() if shift in both)
         return replace(self, suite=replace(self.suite, shifts=order))
 

@@ -30,23 +30,16 @@ _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
 def wilson_interval(
     successes: int, trials: int, confidence: float = CONFIDENCE
 ) -> tuple[float, float]:
-    """Wilson's score interval for the probability of a success.
+    """Wilson's score interval (lower and upper end) for the probability of a success.
 
     It stays inside 0..1 and keeps its coverage for few trials and for rates near 0 and 1, where
-    the textbook interval (rate plus or minus two standard errors) collapses to a point.
+    the textbook interval (rate plus or minus two standard errors) collapses to a point. Without
+    trials nothing is known, and it is 0..1.
     Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
     J. Am. Stat. Assoc. 22 (1927).
 
-    Args:
-        successes: How many trials succeeded.
-        trials: How many there were; with none, nothing is known and the interval is 0..1.
-        confidence: Probability with which the interval should cover the truth, between 0 and 1.
-
-    Returns:
-        Lower and upper end.
-
     Raises:
-        ValueError: If the counts or the confidence are impossible.
+        ValueError: If the counts or the confidence, between 0 and 1, are impossible.
     """
     if not 0 <= successes <= trials:
         raise ValueError(f"Successes lie in 0..trials, got {successes} of {trials}.")
@@ -136,6 +129,10 @@ class Results:
     overall: Score
     """All episodes pooled; with equally many of each task this is the mean over the tasks."""
 
+    def played(self, task_id: str) -> TaskResult | None:
+        """The results of a task by its id; None if it has no finished episode."""
+        return next((one for one in self.tasks if one.task.id == task_id and one.records), None)
+
 
 def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
     """Add up episodes, of one task or of several."""
@@ -152,15 +149,7 @@ def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
 
 
 def progress_curve(records: Sequence[EpisodeRecord], horizon: int) -> tuple[float, ...]:
-    """Mean progress over normalized time.
-
-    Args:
-        records: Episodes of one task.
-        horizon: Control steps that make 100 % of the time.
-
-    Returns:
-        `TIME_POINTS` numbers 0..1, or none without records.
-    """
+    """Mean progress 0..1 of episodes of one task at `TIME_POINTS` times up to the horizon."""
     if not records:
         return ()
     steps = [point * horizon // (TIME_POINTS - 1) for point in range(TIME_POINTS)]
@@ -199,7 +188,6 @@ class RunPart:
     run: Run
     condition: Condition
     results: Results
-    """What its records add up to."""
 
     @property
     def candidate(self) -> Candidate:
@@ -221,6 +209,29 @@ class RunPart:
         """The finished episodes, task by task."""
         return [record for one in self.results.tasks for record in one.records]
 
+    def facts(self, *names: str) -> dict[str, Any]:
+        """What files for programs say of what was run, by these names and in their order."""
+        candidate, suite = self.candidate, self.run.suite
+        facts: dict[str, Any] = {
+            "policy": candidate.policy,
+            "policy_version": candidate.metadata.version,
+            "privileged": candidate.privileged,
+            "domain": self.condition.domain,
+            "rig": self.run.rig,
+            "trained_on": candidate.trained_on,
+            "suite_version": suite.version,
+            "suite": suite.label,
+            "execute": suite.execution.execute,
+            "latency": suite.execution.latency,
+            "overtime": suite.overtime,
+            "look": self.condition.look,
+            "shift": self.condition.shift.name,
+            "versions": self.run.versions,
+            "first_episode": suite.first_episode,
+            "expected_episodes": self.size,
+        }
+        return {name: facts[name] for name in names}
+
 
 def group_by_condition(run: Run, records: Iterable[EpisodeRecord]) -> list[RunPart]:
     """The parts of a run in the order of its conditions, those without a record included."""
@@ -233,41 +244,19 @@ def group_by_condition(run: Run, records: Iterable[EpisodeRecord]) -> list[RunPa
     ]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Clipping:
-    """How often that was, in the episodes of a task whose records know it."""
-
-    steps: int
-    """Control steps at which limits changed a number of the command."""
-    all_steps: int
-    episodes: int
-    """Episodes with such a step."""
-    all_episodes: int
-
-
-def clipping(result: TaskResult) -> Clipping | None:
-    """How often limits changed commands of a task; None if no record knows it."""
+def clipping(result: TaskResult) -> dict[str, int]:
+    """How often limits of the arms changed commands of a task; empty if no record knows it."""
     known = [
         (record.clipped, record.steps) for record in result.records if record.clipped is not None
     ]
     if not known:
-        return None
-    return Clipping(
-        steps=sum(clipped for clipped, _ in known),
-        all_steps=sum(steps for _, steps in known),
-        episodes=sum(clipped > 0 for clipped, _ in known),
-        all_episodes=len(known),
-    )
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Unmet:
-    """A constraint that did not hold in some episodes."""
-
-    text: str
-    """What did not hold, in words; a number that is not the same in all of them is a range."""
-    count: int
-    """In how many episodes."""
+        return {}
+    return {
+        "steps": sum(clipped for clipped, _ in known),
+        "all_steps": sum(steps for _, steps in known),
+        "episodes": sum(clipped > 0 for clipped, _ in known),
+        "all_episodes": len(known),
+    }
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -278,8 +267,9 @@ class FailedStage:
     """The last stage that they reached, 0 for none."""
     records: tuple[EpisodeRecord, ...]
     """The episodes, by index."""
-    unmet: tuple[Unmet, ...]
-    """What did not hold of the next stage, most frequent first."""
+    unmet: tuple[tuple[int, str], ...]
+    """What did not hold of the next stage, in words, and before it in how many episodes, most
+    frequent first. A number that is not the same in all of them is a range."""
 
     @property
     def errors(self) -> int:
@@ -302,15 +292,15 @@ def failed_stages(result: TaskResult) -> tuple[FailedStage, ...]:
     )
 
 
-def _unmet(records: Iterable[EpisodeRecord]) -> tuple[Unmet, ...]:
+def _unmet(records: Iterable[EpisodeRecord]) -> tuple[tuple[int, str], ...]:
     """What did not hold in episodes, without those that an error ended."""
     alike: dict[str, list[str]] = {}
     for record in records:
         if record.error is None:
             for text in dict.fromkeys(record.unmet or ()):
                 alike.setdefault(_NUMBER.sub("#", text), []).append(text)
-    found = [Unmet(text=_merged(texts), count=len(texts)) for texts in alike.values()]
-    return tuple(sorted(found, key=lambda one: (-one.count, one.text)))
+    found = [(len(texts), _merged(texts)) for texts in alike.values()]
+    return tuple(sorted(found, key=lambda one: (-one[0], one[1])))
 
 
 def _merged(texts: Sequence[str]) -> str:
@@ -332,8 +322,7 @@ def percent(share: float | None) -> str:
 
 def interval_percent(score: Score) -> str:
     """The Wilson interval as per cent."""
-    low, high = score.interval
-    return f"{100 * low:.1f}–{100 * high:.1f}"
+    return "–".join(map(percent, score.interval))
 
 
 def progress_text(score: Score) -> str:

@@ -9,21 +9,19 @@ from dataclasses import dataclass
 from duobench.errors import EvaluationError
 
 MAX_SHARDS = 10_000
-"""Most parts of a run."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, order=True)
 class Shard:
-    """Which part of a run this is. Together all parts are the run, whatever its episodes grow to.
+    """Which part of a run this is: a number from 1 to the count of all parts.
 
-    Episodes are dealt out one by one, a task beginning where the one before began plus one, so that
-    every part has some of each task, and an episode never moves to another part.
+    Together all parts are the run, whatever its episodes grow to. They are dealt out one by one, a
+    task beginning where the one before began plus one, so that every part has some of each task,
+    and an episode never moves to another part.
     """
 
     count: int
-    """How many parts there are."""
     number: int
-    """Its number, from 1 to `count`."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.count <= MAX_SHARDS:
@@ -36,9 +34,9 @@ class Shard:
 
     @classmethod
     def parse(cls, text: str, between: str = "/") -> Shard:
-        """A shard from text such as "3/16", the third of sixteen."""
+        """A shard from text such as "3/16", the third of sixteen, or "3-of-16"."""
         found = re.fullmatch(rf"([0-9]{{1,9}}){between}([0-9]{{1,9}})", text)
-        if found is None:
+        if not found:
             raise EvaluationError(
                 f"A shard is NUMBER/COUNT, such as 1/4 for the first of four; got {text!r}."
             )
@@ -74,9 +72,3 @@ class Shard:
 
 
 WHOLE = Shard(number=1, count=1)
-"""All of a run."""
-
-
-def shard_of_writer(name: str) -> Shard:
-    """The shard of a writer, such as "3-of-16"."""
-    return Shard.parse(name, "-of-")

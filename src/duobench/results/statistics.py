@@ -2,13 +2,19 @@
 
 Two policies that played the same episodes are compared pair by pair, which tells more than two
 samples of their own do. SciPy does the work and is loaded by the first function that needs it.
+Where a function takes two successes or episodes, they are those of either policy, at least one
+episode of each; `only_a` and `only_b` are episodes that only one of both solved, of those that both
+played. P-values are two-sided; intervals are a lower and an upper end of the first policy's success
+rate minus the second one's.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from importlib import import_module
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
@@ -26,69 +32,50 @@ RESAMPLES = 9_999
 """Permutations of two samples, where there are more than can be enumerated."""
 
 
+def _scipy(part: str) -> Any:
+    """A part of SciPy, which is loaded at first use and has no types."""
+    return import_module(f"scipy.{part}")
+
+
 def mcnemar(only_a: int, only_b: int) -> float:
-    """Exact McNemar test: does one of two policies solve more of the same episodes?
+    """P-value of the exact McNemar test: does one of two policies solve more of the same episodes?
 
     Given how many episodes only one of them solved, which one it was is a toss of a fair coin, if
-    they are equally good.
+    they are equally good. It is 1 if no episode tells them apart.
     Source: Q. McNemar, "Note on the sampling error of the difference between correlated
     proportions or percentages", Psychometrika 12 (1947).
-
-    Args:
-        only_a: Episodes that only the first policy solved.
-        only_b: Episodes that only the second one solved.
-
-    Returns:
-        Two-sided p-value; 1 if no episode tells them apart.
     """
-    from scipy.stats import binomtest
-
     discordant = only_a + only_b
-    return float(binomtest(only_a, discordant).pvalue) if discordant else 1.0
+    return float(_scipy("stats").binomtest(only_a, discordant).pvalue) if discordant else 1.0
 
 
 def barnard(successes: tuple[int, int], episodes: tuple[int, int]) -> float:
-    """Barnard's exact test: do two policies solve different shares of different episodes?
+    """P-value of Barnard's exact test: do policies solve different shares of different episodes?
 
     It orders outcomes by the difference over its standard error, pooled, and takes the largest
     p-value over the unknown common rate. With more than `MOST_TABLES` outcomes, that statistic is
     taken to be normal.
     Source: G. A. Barnard, "Significance tests for 2 x 2 tables", Biometrika 34 (1947); with this
     order, S. Suissa and J. J. Shuster, J. R. Stat. Soc. A 148 (1985).
-
-    Args:
-        successes: Of either policy.
-        episodes: Of either policy, at least 1.
-
-    Returns:
-        Two-sided p-value.
     """
-    from scipy.stats import barnard_exact
-
     solved, played = sum(successes), sum(episodes)
     if solved in {0, played}:
         return 1.0
     if math.prod(episodes) <= MOST_TABLES:
         failures = [n - k for k, n in zip(successes, episodes, strict=True)]
-        return float(barnard_exact([list(successes), failures]).pvalue)
+        return float(_scipy("stats").barnard_exact([list(successes), failures]).pvalue)
     rates = [k / n for k, n in zip(successes, episodes, strict=True)]
     variance = solved / played * (1 - solved / played) * sum(1 / n for n in episodes)
     return 2 * NormalDist().cdf(-abs(rates[0] - rates[1]) / math.sqrt(variance))
 
 
 def paired_permutation(differences: Sequence[int]) -> float:
-    """Exact paired permutation test: is the mean of differences another one than 0?
+    """P-value of the exact paired permutation test: is the mean of differences another one than 0?
 
     If it makes no difference which policy is which, every difference may as well have the other
     sign. Whole numbers, as stages are, have so few different sums that all 2^n assignments of
     signs are counted.
     Source: R. A. Fisher, "The Design of Experiments" (1935), section 21.
-
-    Args:
-        differences: One whole number for each pair.
-
-    Returns:
-        Two-sided p-value; 1 if all differences are 0.
     """
     sizes = [abs(difference) for difference in differences if difference]
     chances = np.ones(1)  # of each sum of those sizes that have a positive sign
@@ -100,27 +87,18 @@ def paired_permutation(differences: Sequence[int]) -> float:
 
 
 def permutation(a: Sequence[int], b: Sequence[int]) -> float:
-    """Permutation test: do the means of two samples differ?
+    """P-value of the permutation test: do the means of two samples differ?
 
     Exact where there are few enough permutations; otherwise `RESAMPLES` of them are sampled, the
-    same in every call.
-
-    Args:
-        a: Values of the first policy.
-        b: Values of the second one.
-
-    Returns:
-        Two-sided p-value; 1 if all values are the same, or one sample is a single value.
+    same in every call. It is 1 if all values are the same, or one sample is a single value.
     """
-    from scipy.stats import permutation_test
-
     if len({*a, *b}) == 1 or min(len(a), len(b)) == 1:
         return 1.0
 
     def difference(x: np.ndarray, y: np.ndarray, axis: int = -1) -> np.ndarray:
         return np.mean(x, axis=axis) - np.mean(y, axis=axis)
 
-    result = permutation_test(
+    result = _scipy("stats").permutation_test(
         (np.array(a, float), np.array(b, float)),
         difference,
         vectorized=True,
@@ -134,18 +112,14 @@ def permutation(a: Sequence[int], b: Sequence[int]) -> float:
 def holm(p_values: Sequence[float]) -> list[float]:
     """Adjust the p-values of several tests, so that all claims together have one level.
 
+    A test rejects if its adjusted p-value, in the same place, is at most the level.
     Source: S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6
     (1979).
-
-    Args:
-        p_values: One for each test.
-
-    Returns:
-        Adjusted p-values in the same order: a test rejects if its own is at most the level.
     """
+    order = sorted(range(len(p_values)), key=p_values.__getitem__)
     adjusted = [1.0] * len(p_values)
     largest = 0.0
-    for rank, index in enumerate(sorted(range(len(p_values)), key=p_values.__getitem__)):
+    for rank, index in enumerate(order):
         largest = max(largest, (len(p_values) - rank) * p_values[index])
         adjusted[index] = min(1.0, largest)
     return adjusted
@@ -160,18 +134,7 @@ def tango_interval(
     collapse where few episodes tell the policies apart.
     Source: T. Tango, "Equivalence test and confidence interval for the difference in proportions
     for the paired-sample design", Stat. Med. 17 (1998).
-
-    Args:
-        only_a: Episodes that only the first policy solved.
-        only_b: Episodes that only the second one solved.
-        episodes: Episodes that both played, at least 1.
-        confidence: Probability with which the interval should cover the truth.
-
-    Returns:
-        Lower and upper end of the first policy's rate minus the second one's.
     """
-    from scipy.optimize import root_scalar
-
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
     estimate = (only_a - only_b) / episodes
 
@@ -186,7 +149,8 @@ def tango_interval(
         return score - sign * z * math.sqrt(max(0.0, variance))
 
     def end(low: float, high: float, sign: float) -> float:
-        return float(root_scalar(excess, (sign,), bracket=(low, high), method="brentq").root)
+        solve = _scipy("optimize").root_scalar
+        return float(solve(excess, (sign,), bracket=(low, high), method="brentq").root)
 
     beside = 1e-12  # at the estimate itself, both sides are 0 where no episode tells them apart
     low = -1.0 if only_b == episodes else end(-1.0, estimate - beside, 1.0)
@@ -201,14 +165,6 @@ def newcombe_interval(
 
     Source: R. G. Newcombe, "Interval estimation for the difference between independent
     proportions: comparison of eleven methods", Stat. Med. 17 (1998), method 10.
-
-    Args:
-        successes: Of either policy.
-        episodes: Of either policy, at least 1.
-        confidence: Probability with which the interval should cover the truth.
-
-    Returns:
-        Lower and upper end of the first policy's rate minus the second one's.
     """
     rate_a, rate_b = (k / n for k, n in zip(successes, episodes, strict=True))
     low_a, high_a = wilson_interval(successes[0], episodes[0], confidence)
@@ -239,16 +195,15 @@ def mcnemar_power(episodes: int, chance_a: float, chance_b: float, level: float 
         chance_b: Probability that only the second one does; at least one of both is positive.
         level: Level of the two-sided test.
     """
-    from scipy.stats import binom
-
+    binom = _scipy("stats").binom
     discordant = chance_a + chance_b
     spread = 8 * math.sqrt(episodes * discordant * (1 - discordant)) + 10
     first = max(0, math.floor(episodes * discordant - spread))
     last = min(episodes, math.ceil(episodes * discordant + spread))
     counts = np.arange(first, last + 1)
     # The largest number of wins of the less successful policy at which the test still rejects.
-    most = binom.ppf(level / 2, counts, 0.5)
-    most = np.where(binom.cdf(most, counts, 0.5) > level / 2, most - 1, most)
+    below = binom.ppf(level / 2, counts, 0.5)
+    most = below - (binom.cdf(below, counts, 0.5) > level / 2)
     share = chance_a / discordant
     rejects = binom.cdf(most, counts, share) + binom.cdf(most, counts, 1 - share)
     return float(np.dot(binom.pmf(counts, episodes, discordant), rejects))
@@ -262,30 +217,20 @@ def episodes_needed(
     It takes what was seen for the truth; few episodes do not know that well, so the number is a
     rough one. The power rises in small teeth, of which one is found.
 
-    Args:
-        only_a: Episodes that only the first policy solved.
-        only_b: Episodes that only the second one solved.
-        episodes: Episodes that both played, at least 1.
-        level: Level of the two-sided test.
-        power: Probability of finding the difference.
-
     Returns:
-        How many episodes in all; None if no difference was seen, or for more than
-        `MOST_EPISODES`.
+        How many episodes in all, for a test of a two-sided level that finds the difference with a
+        probability, its power; None if no difference was seen, or for more than `MOST_EPISODES`.
     """
     if only_a == only_b:
         return None
-    chance_a, chance_b = only_a / episodes, only_b / episodes
-
-    def is_enough(number: int) -> bool:
-        return mcnemar_power(number, chance_a, chance_b, level) >= power
-
+    chances = only_a / episodes, only_b / episodes
     too_few, enough = 0, 1
-    while not is_enough(enough):
+    while mcnemar_power(enough, *chances, level) < power:
         too_few, enough = enough, 2 * enough
         if too_few > MOST_EPISODES:
             return None
     while enough - too_few > 1:
         middle = (too_few + enough) // 2
-        too_few, enough = (too_few, middle) if is_enough(middle) else (middle, enough)
+        is_enough = mcnemar_power(middle, *chances, level) >= power
+        too_few, enough = (too_few, middle) if is_enough else (middle, enough)
     return enough

@@ -1,22 +1,33 @@
-"""A suite: the episodes of some tasks, which every policy plays in the same way."""
+"""A suite: the episodes of some tasks, which every policy plays in the same way.
+
+A suite by name stands for a protocol. It has a version of its own, its revision, which is raised
+when anything that it fixes changes. What an episode of a task is belongs to the benchmark:
+`duobench.randomness.SUITE_VERSION`.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
-from duobench.errors import EvaluationError
+from duobench.errors import EvaluationError, OptionError, check_known
 from duobench.looks import catalog as looks
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.shifts.levels import latency_steps
-from duobench.shifts.shift import NO_SHIFT, Shift
+from duobench.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
 from duobench.tasks import catalog
 
 CUSTOM = "custom"
 """Name of a suite that somebody put together."""
+DEFAULT_EPISODES = 20
+"""Episodes of each task where no suite is named."""
+PAPER_EXECUTE = 30
+"""Actions of a chunk that the paper executes before it asks the policy again."""
+AS_THE_PAPER = ChunkExecution(execute=PAPER_EXECUTE)
+"""How the paper executes chunks; it says nothing of a latency."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,9 +66,7 @@ class Episode:
 
     task: TaskInfo
     index: int
-    """Index of the episode in the suite."""
     has_video: bool = False
-    """Whether a video of it is made."""
     split: str = EVAL
     """Which layouts it is one of."""
     shift: Shift = NO_SHIFT
@@ -79,17 +88,13 @@ class Suite:
     """What a policy is evaluated on."""
 
     tasks: tuple[TaskInfo, ...]
-    """The tasks, in the order of the table."""
     episodes: int = 20
-    """Episodes of each task."""
     first_episode: int = 0
-    """Index of the first one."""
     look: str = looks.DEFAULT
     """Name of the look of all episodes; see `duobench.looks.catalog.look`."""
     version: str = SUITE_VERSION
-    """Version of the benchmark's episodes."""
     name: str = CUSTOM
-    """Name of the suite that it is, or that it was made from; see `duobench.results.suites`."""
+    """Name of the suite that it is, or that it was made from; see `SUITES`."""
     revision: int = 1
     """Version of the suite of that name: of what it fixes beside the episodes."""
     execution: ChunkExecution = WHOLE_CHUNKS
@@ -147,29 +152,177 @@ class Suite:
 
 
 def find_tasks(paths: Sequence[str]) -> tuple[TaskInfo, ...]:
-    """Look tasks up.
-
-    Args:
-        paths: Task ids or import paths `module:ATTRIBUTE`; none means every task of the benchmark.
-
-    Returns:
-        One description a task, in the order of the import paths.
+    """Describe tasks by their ids or import paths `module:ATTRIBUTE`; none means all there are.
 
     Raises:
         UnknownNameError: If a task does not exist.
         ImportPathError: If its module cannot be imported.
         EvaluationError: If the task can have no records.
     """
-    return tuple(_described(catalog.plain(path)) for path in paths or catalog.names())
-
-
-def _described(path: str) -> TaskInfo:
-    task = catalog.get(path)
-    return TaskInfo(
-        reference=path,
-        id=task.id,
-        title=task.title,
-        category=str(task.category),
-        stages=tuple(stage.name for stage in task.stages),
-        horizon=task.horizon,
+    names = [catalog.plain(path) for path in paths or catalog.names()]
+    return tuple(
+        TaskInfo(
+            reference=name,
+            id=task.id,
+            title=task.title,
+            category=str(task.category),
+            stages=tuple(stage.name for stage in task.stages),
+            horizon=task.horizon,
+        )
+        for name, task in zip(names, map(catalog.get, names), strict=True)
     )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NamedSuite:
+    """What a name stands for: all tasks of the benchmark, from episode 0 on, in the usual look."""
+
+    name: str
+    revision: int
+    """Version of what is said here."""
+    purpose: str
+    """What it is for, in a few words."""
+    episodes: int
+    """Episodes of each task."""
+    execution: ChunkExecution = AS_THE_PAPER
+    shifts: tuple[Shift, ...] = (NO_SHIFT,)
+    """What its conditions are."""
+
+
+SUITES: Mapping[str, NamedSuite] = {
+    suite.name: suite
+    for suite in (
+        NamedSuite(name="paper", revision=1, purpose="results to publish", episodes=100),
+        NamedSuite(name="quick", revision=1, purpose="a first look", episodes=10),
+        NamedSuite(
+            name="robust",
+            revision=1,
+            purpose="where a policy breaks",
+            episodes=20,
+            shifts=tuple(every_shift()),
+        ),
+    )
+}
+_OWN = NamedSuite(
+    name=CUSTOM, revision=1, purpose="", episodes=DEFAULT_EPISODES, execution=WHOLE_CHUNKS
+)
+"""What is played where no suite is named."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SuiteChoice:
+    """A suite by its name, or one of one's own; what is given replaces what the name stands for."""
+
+    suite: str | None = None
+    """paper (100 episodes of each task, 30 actions executed of a chunk), quick (10 episodes),
+    robust (20 episodes under each of 41 shifts, see docs/robustness.md), or none for your own."""
+    tasks: tuple[str, ...] = ()
+    """Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named."""
+    episodes: int | None = None
+    """Episodes of each task; without a number 20, or what the suite says."""
+    first_episode: int = 0
+    """Index of the first episode; seeds follow from task and index alone."""
+    look: str = looks.DEFAULT
+    """Look of the images that the policy sees: wood_table, dark, random:7, ... (docs/looks.md)."""
+    shift: str = NO_SHIFT.name
+    """Play under one shift, such as look-3; see docs/robustness.md."""
+    axes: tuple[str, ...] = ()
+    """Of the suite robust, these axes alone: look, camera, layout, physics, instruction, sensing,
+    latency, all."""
+    levels: tuple[int, ...] = ()
+    """Of the suite robust, these levels alone, 1 to 5; no shift is always played."""
+    overtime: float = 1.0
+    """Play an episode without success on after its horizon, until it has had so many horizons in
+    all, such as 1.5. Scores and records end at the horizon."""
+
+    def make(self, execution: ChunkExecution = WHOLE_CHUNKS) -> Suite:
+        """The suite, its chunks executed as told; without a number of actions as the name says.
+
+        Raises:
+            UnknownNameError: There is no such suite, task, look, shift or axis.
+            EvaluationError: The suite would be empty.
+            OptionError: Axes or levels are chosen of a suite without, or a shift of one with.
+        """
+        if self.suite is not None:
+            check_known("suite", self.suite, SUITES)
+        named = SUITES[self.suite] if self.suite is not None else _OWN
+        if execution.execute is None:
+            execution = replace(execution, execute=named.execution.execute)
+        return Suite(
+            tasks=find_tasks(self.tasks),
+            episodes=named.episodes if self.episodes is None else self.episodes,
+            first_episode=self.first_episode,
+            look=self.look,
+            shifts=self._shifts(named.shifts),
+            overtime=self.overtime,
+            name=named.name,
+            revision=named.revision,
+            execution=execution,
+        )
+
+    def _shifts(self, usual: tuple[Shift, ...]) -> tuple[Shift, ...]:
+        """The shifts that are chosen, of those that the suite stands for."""
+        chosen = Shift.parse(self.shift)
+        if len(usual) == 1:
+            if self.axes or self.levels:
+                raise OptionError("Axes and levels are chosen of the suite robust, not of others.")
+            return (chosen,)
+        if chosen != NO_SHIFT:
+            raise OptionError("The suite robust has shifts of its own: choose axes and levels.")
+        for axis in self.axes:
+            check_known("axis of a shift", axis, AXES)
+        for level in self.levels:
+            Shift(axis=AXES[0], level=level)
+        axes, levels = self.axes or AXES, self.levels or range(1, LEVELS + 1)
+        return tuple(
+            each
+            for each in usual
+            if each == NO_SHIFT or (each.axis in axes and each.level in levels)
+        )
+
+
+def deviations(suite: Suite) -> list[str]:
+    """In what a suite with a name is not what the name stands for, one phrase each.
+
+    Of a revision that this version does not know nothing is said.
+    """
+    named = SUITES.get(suite.name)
+    if named is None or named.revision != suite.revision:
+        return []
+    ids = [task.id for task in suite.tasks]
+    differing = {
+        f"{len(ids)} of {len(catalog.names())} tasks": ids != list(catalog.names()),
+        f"{suite.episodes} episodes instead of {named.episodes}": suite.episodes != named.episodes,
+        f"episodes from number {suite.first_episode}": suite.first_episode != 0,
+        f"look {suite.look}": suite.look != looks.DEFAULT,
+        f"{suite.execution.execute or 'all'} actions executed of a chunk instead of "
+        f"{named.execution.execute}": suite.execution.execute != named.execution.execute,
+        " and ".join(map(str, suite.shifts)): not {*suite.shifts} <= {*named.shifts},
+        latency_text(suite): suite.execution.latency != named.execution.latency,
+    }
+    return [phrase for phrase, differs in differing.items() if differs]
+
+
+def suite_text(suite: Suite) -> str:
+    """Name and version of a suite for people, with how it differs from what the name stands for."""
+    if suite.name == CUSTOM:
+        return CUSTOM
+    differing = deviations(suite)
+    return f"{suite.label} with {', '.join(differing)}" if differing else suite.label
+
+
+def execute_text(suite: Suite) -> str:
+    """How many actions of a chunk are executed, in words."""
+    count = suite.execution.execute
+    if count is None:
+        return "all of a chunk"
+    return f"{count} of a chunk at most" if count > 1 else "the first of a chunk"
+
+
+def latency_text(suite: Suite) -> str:
+    """From an observation to the chunk that answers it, in words."""
+    steps = suite.execution.latency
+    if not steps:
+        return "no latency"
+    milliseconds = round(1000 * suite.execution.latency_s)
+    return f"latency of {steps} control step{'s' if steps > 1 else ''} ({milliseconds} ms)"

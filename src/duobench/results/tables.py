@@ -4,32 +4,33 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from duobench.results.entrants import Cell, Entrant, Group, RowKind, TableRow, category_of, sections
+from duobench.results.entrants import Cell, Entrant, Group, RowKind, TableRow, sections
+from duobench.results.pages import json_text
 from duobench.results.pairs import Pair, RunComparison, Test
 from duobench.results.paper import paper_results
 from duobench.results.statistics import LEVEL
 
 COMPARISON_SCHEMA = 2
-"""Version of the fields of a comparison as JSON."""
 MINUS = "\N{MINUS SIGN}"
-_SMALLEST = 0.001
-"""P-values below are not told apart."""
-_LATEX: Mapping[str, str] = {
-    **{char: f"\\{char}" for char in "&%$#_{}"},
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "π": r"$\pi$",
-    "–": "--",
-    "“": "``",
-    "”": "''",
-}
+_SMALLEST = 0.001  # p-values below are not told apart
+_LATEX = str.maketrans(
+    {
+        **{char: f"\\{char}" for char in "&%$#_{}"},
+        "\\": r"\textbackslash{}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+        "<": r"\textless{}",
+        ">": r"\textgreater{}",
+        "π": r"$\pi$",
+        "–": "--",
+        "“": "``",
+        "”": "''",
+    }
+)
+_MARKDOWN = str.maketrans({char: f"\\{char}" for char in "\\`*_[]<>|"})
 CSV_HEADER = (
     *("kind", "category", "row", "key", "name", "group", "policy_version", "suite_version"),
     *("episodes", "successes", "success_rate", "wilson_low", "wilson_high"),
@@ -48,9 +49,9 @@ def progress_text(cell: Cell) -> str:
     return f"{cell.progress:.2f}"
 
 
-def cell_text(cell: Cell | None) -> str:
+def cell_text(cell: Cell | None, bold: str = "{}") -> str:
     """A cell of the paper's table, `44.0 (0.63)`; a dash where there is none."""
-    return f"{rate_text(cell)} ({progress_text(cell)})" if cell else "–"
+    return f"{bold.format(rate_text(cell))} ({progress_text(cell)})" if cell else "–"
 
 
 def interval_text(interval: tuple[float, float]) -> str:
@@ -65,26 +66,18 @@ def points_text(difference: float) -> str:
 
 def points_interval_text(interval: tuple[float, float]) -> str:
     """An interval of a difference in percentage points."""
-    return " to ".join(points_text(end) for end in interval)
+    return " to ".join(map(points_text, interval))
 
 
 def signed(value: float, digits: int) -> str:
     """A number with its sign, a real minus; what rounds to 0 has none."""
-    text = f"{abs(value):.{digits}f}"
-    if float(text) == 0:
-        return text
-    return f"{'+' if value > 0 else MINUS}{text}"
+    text = f"{value:+.{digits}f}"
+    return text.replace("-", MINUS) if float(text) else text[1:]
 
 
 def p_text(p: float) -> str:
     """A p-value with three digits."""
     return f"< {_SMALLEST}" if p < _SMALLEST else f"{p:.3f}"
-
-
-def p_phrase(p: float) -> str:
-    """A p-value in a sentence: `p = 0.012` or `p < 0.001`."""
-    text = p_text(p)
-    return f"p {text}" if text.startswith("<") else f"p = {text}"
 
 
 def about(number: int) -> str:
@@ -93,10 +86,10 @@ def about(number: int) -> str:
     return f"{-(-number // size) * size:,}"
 
 
-def listed(names: Sequence[str], conjunction: str = "and") -> str:
+def listed(names: Sequence[str]) -> str:
     """Names in a row of words."""
     *first, last = names
-    return f"{', '.join(first)} {conjunction} {last}" if first else last
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def verdict(pair: Pair) -> str:
@@ -133,7 +126,8 @@ def _numbers(test: Test) -> str:
     (ours, theirs), (n, m) = test.successes, test.episodes
     counts = f"{ours} of {n:,} episodes against {theirs} of {m:,}"
     interval = points_interval_text(test.interval)
-    return f"{counts}, {points_text(test.difference)} points (95 % {interval}, {p_phrase(test.p)})"
+    p = f"p = {p_text(test.p)}".replace("= <", "<")
+    return f"{counts}, {points_text(test.difference)} points (95 % {interval}, {p})"
 
 
 def markdown(comparison: RunComparison) -> str:
@@ -146,17 +140,16 @@ def markdown(comparison: RunComparison) -> str:
     for category, rows in sections(comparison.rows):
         if category:
             lines.append(md_row([f"*{_md(category)}*", *[""] * len(names)]))
-        for row in rows:
-            cells = [_md_cell(comparison, row, one) for one in comparison.entrants]
-            label = _md(row.label) if row.kind is RowKind.TASK else f"**{_md(row.label)}**"
-            lines.append(md_row([label, *cells]))
+        lines += [md_row(_cells(comparison, row, _md, "**{}**")) for row in rows]
     return "\n".join([*lines, "", caption(comparison)]) + "\n"
 
 
 def latex(comparison: RunComparison) -> str:
     """The table as LaTeX; it needs the package booktabs."""
     columns = "l" + "c" * len(comparison.entrants)
-    heads, rules, first = [], [], 2
+    heads: list[str] = []
+    rules: list[str] = []
+    first = 2
     for group, members in comparison.groups:
         last = first + len(members) - 1
         heads.append(rf"\multicolumn{{{len(members)}}}{{c}}{{{tex(group)}}}")
@@ -180,35 +173,41 @@ def latex(comparison: RunComparison) -> str:
         if category:
             heading = tex(category[:1].upper() + category[1:])
             lines.append(rf"\multicolumn{{{len(columns)}}}{{l}}{{\textit{{{heading}}}}} \\")
-        for row in rows:
-            cells = [_tex_cell(comparison, row, one) for one in comparison.entrants]
-            label = tex(row.label)
-            lines.append(
-                tex_row([label if row.kind is RowKind.TASK else rf"\textbf{{{label}}}", *cells])
-            )
+        lines += [tex_row(_cells(comparison, row, tex, r"\textbf{{{}}}")) for row in rows]
     lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
     return "\n".join(lines) + "\n"
+
+
+def _cells(
+    comparison: RunComparison, row: TableRow, escape: Callable[[str], str], bold: str
+) -> list[str]:
+    """The cells of a row: what stands for several tasks, and rates of the best, are bold."""
+    label = escape(row.label)
+    cells = [label if row.kind is RowKind.TASK else bold.format(label)]
+    for one in comparison.entrants:
+        cell = one.cell(row.tasks)
+        style = bold if cell and comparison.is_best(row, one) else "{}"
+        cells.append(cell_text(cell, style) if cell else escape("–"))
+    return cells
 
 
 def csv_rows(comparison: RunComparison) -> list[list[object]]:
     """The table for a spreadsheet, one line for each policy in each row, below `CSV_HEADER`."""
     lines: list[list[object]] = [[*CSV_HEADER]]
     for row in comparison.rows:
+        name = row.tasks[0].id if row.kind is RowKind.TASK else row.label
         for one in comparison.entrants:
             if (cell := one.cell(row.tasks)) is None:
                 continue
-            digits = ".6g" if cell.interval else ".2f"
-            part = one.part
+            part, digits = one.part, ".6g" if cell.interval else ".2f"
+            interval = [f"{end:.6g}" for end in cell.interval] if cell.interval else ["", ""]
             lines.append(
                 [
-                    *(row.kind, category_of(row), _name_of(row), one.key, one.name, one.group),
+                    *(row.kind, row.category, name, one.key, one.name, one.group),
                     part.candidate.metadata.version or "" if part else "",
                     part.suite.version if part else "",
                     *(cell.episodes, "" if cell.successes is None else cell.successes),
-                    f"{cell.rate:{digits}}",
-                    *(f"{end:.6g}" for end in cell.interval or ()),
-                    *(() if cell.interval else ("", "")),
-                    f"{cell.progress:{digits}}",
+                    *(f"{cell.rate:{digits}}", *interval, f"{cell.progress:{digits}}"),
                     int(comparison.is_best(row, one)),
                     "" if part else Group.ELSEWHERE.value,
                 ]
@@ -239,15 +238,8 @@ def caption(comparison: RunComparison) -> str:
     return text
 
 
-def _name_of(row: TableRow) -> str:
-    return row.tasks[0].id if row.kind is RowKind.TASK else row.label
-
-
-def _md_cell(comparison: RunComparison, row: TableRow, entrant: Entrant) -> str:
-    cell = entrant.cell(row.tasks)
-    if cell and comparison.is_best(row, entrant):
-        return f"**{rate_text(cell)}** ({progress_text(cell)})"
-    return cell_text(cell)
+def _md(text: str) -> str:
+    return text.translate(_MARKDOWN)
 
 
 def md_row(cells: Iterable[str]) -> str:
@@ -255,27 +247,14 @@ def md_row(cells: Iterable[str]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def _md(text: str) -> str:
-    for char in "\\`*_[]<>|":
-        text = text.replace(char, f"\\{char}")
-    return text
-
-
-def _tex_cell(comparison: RunComparison, row: TableRow, entrant: Entrant) -> str:
-    cell = entrant.cell(row.tasks)
-    if cell and comparison.is_best(row, entrant):
-        return rf"\textbf{{{rate_text(cell)}}} ({progress_text(cell)})"
-    return tex(cell_text(cell))
+def tex(text: str) -> str:
+    """Text that LaTeX shows as it is."""
+    return text.translate(_LATEX)
 
 
 def tex_row(cells: Iterable[str]) -> str:
     """A row of LaTeX."""
     return " & ".join(cells) + r" \\"
-
-
-def tex(text: str) -> str:
-    """Text that LaTeX shows as it is."""
-    return "".join(_LATEX.get(char, char) for char in text)
 
 
 def comparison_json(comparison: RunComparison) -> str:
@@ -297,29 +276,15 @@ def comparison_json(comparison: RunComparison) -> str:
         ],
         "pairs": [_pair(pair) for pair in comparison.pairs],
     }
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+    return json_text(content)
 
 
 def _entrant(one: Entrant) -> dict[str, Any]:
     facts: dict[str, Any] = {"name": one.name, "group": one.group.value}
-    if part := one.part:
-        candidate, suite = part.candidate, part.suite
-        facts |= {
-            "policy": candidate.policy,
-            "policy_version": candidate.metadata.version,
-            "privileged": candidate.privileged,
-            "domain": part.condition.domain,
-            "trained_on": candidate.trained_on,
-            "suite_version": suite.version,
-            "look": part.condition.look,
-            "shift": part.condition.shift.name,
-            "first_episode": suite.first_episode,
-            "expected_episodes": part.size,
-            "suite": suite.label,
-            "execute": suite.execution.execute,
-            "latency": suite.execution.latency,
-            "versions": part.run.versions,
-        }
+    if one.part:
+        facts |= one.part.facts("policy", "policy_version", "privileged", "domain", "trained_on")
+        facts |= one.part.facts("suite_version", "look", "shift", "first_episode")
+        facts |= one.part.facts("expected_episodes", "suite", "execute", "latency", "versions")
     return facts
 
 
@@ -331,9 +296,9 @@ def _cell(cell: Cell, is_best: bool) -> dict[str, Any]:
     return {
         "episodes": cell.episodes,
         "successes": cell.successes,
-        "success_rate": short(cell.rate),
-        "wilson_95": cell.interval and [short(end) for end in cell.interval],
-        "mean_final_progress": short(cell.progress),
+        "success_rate": _short(cell.rate),
+        "wilson_95": cell.interval and [_short(end) for end in cell.interval],
+        "mean_final_progress": _short(cell.progress),
         "best_of_group": is_best,
     }
 
@@ -359,20 +324,20 @@ def _test(test: Test, paired: bool) -> dict[str, Any]:
         "episodes": list(test.episodes),
         "successes": list(test.successes),
         "only_one_solved": test.only and list(test.only),
-        "difference": short(test.difference),
-        "interval_95": [short(end) for end in test.interval],
+        "difference": _short(test.difference),
+        "interval_95": [_short(end) for end in test.interval],
         "interval": "Tango" if paired else "Newcombe",
-        "cohen_h": short(test.effect),
-        "p": short(test.p),
-        "p_holm": short(test.adjusted),
-        "progress_difference": short(test.progress),
-        "progress_p": short(test.progress_p),
-        "progress_p_holm": short(test.progress_adjusted),
+        "cohen_h": _short(test.effect),
+        "p": _short(test.p),
+        "p_holm": _short(test.adjusted),
+        "progress_difference": _short(test.progress),
+        "progress_p": _short(test.progress_p),
+        "progress_p_holm": _short(test.progress_adjusted),
         "better": {1: "a", -1: "b", 0: None}[test.better],
         "more_episodes": test.more_episodes,
     }
 
 
-def short(value: float) -> float:
+def _short(value: float) -> float:
     """A number with six digits, for files."""
     return float(f"{value:.6g}")

@@ -12,28 +12,26 @@ import queue
 import threading
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
+import gymnasium as gym
 import msgspec
 from PIL import Image as Pillow
 
 from duobench.backend import Image
 from duobench.data.views import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
+from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.hardware.canonical import CanonicalView
+from duobench.hardware.devices import Frame
 from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, HEAD
 from duobench.video import VP9, VideoWriter
-
-if TYPE_CHECKING:
-    import gymnasium as gym
-
-    from duobench.evaluation.rollout import Info, Observation, Step
-    from duobench.hardware.devices import Frame
-    from duobench.web.server import PageServer
+from duobench.web.server import PageServer
 
 _log = logging.getLogger(__name__)
 
@@ -55,41 +53,34 @@ _WAITING = 64
 _JPEG_QUALITY = 85
 
 
-class HeadCamera:
-    """The head camera of a rig that may have none."""
+def head_image(duo: FrankaDuo, shape: tuple[int, int] = NATIVE) -> Image | None:
+    """The latest image of a rig's head camera, as the simulation's camera would have taken it.
 
-    def __init__(self, duo: FrankaDuo) -> None:
-        self._duo = duo
+    Args:
+        duo: The rig.
+        shape: Height and width in pixels.
 
-    def image(self, shape: tuple[int, int]) -> Image | None:
-        """The latest image, as the simulation's camera would have taken it.
-
-        Args:
-            shape: Height and width in pixels.
-
-        Returns:
-            The image (height, width, 3); None if there is no camera, or it gives nothing.
-        """
-        if HEAD not in self._duo.cameras:
-            return None
-        try:
-            return self._duo.images((HEAD,), shape)[HEAD]
-        except (BackendError, RenderingError):
-            return None
+    Returns:
+        The image (height, width, 3); None if there is no camera, or it gives nothing.
+    """
+    if HEAD not in duo.cameras:
+        return None
+    try:
+        return duo.images((HEAD,), shape)[HEAD]
+    except (BackendError, RenderingError):
+        return None
 
 
 class Film:
-    """A watcher that films an episode.
+    """A watcher that films an episode with the head camera, if there is one.
 
     Args:
-        look: Gives the head camera's image of a height and width; None if there is no camera.
+        duo: The rig.
         show: Takes every frame as JPEG, in the film's thread.
     """
 
-    def __init__(
-        self, look: Callable[[tuple[int, int]], Image | None], show: Callable[[bytes], None]
-    ) -> None:
-        self._look, self._show = look, show
+    def __init__(self, duo: FrankaDuo, show: Callable[[bytes], None]) -> None:
+        self._duo, self._show = duo, show
         self._file = io.BytesIO()
         self._frames: queue.Queue[Image | None] = queue.Queue(_WAITING)
         self._error: VideoError | None = None
@@ -116,8 +107,7 @@ class Film:
         return None if self._error else self._file.getvalue() or None
 
     def _add(self) -> None:
-        image = self._look(FILM_SIZE)
-        if image is not None:
+        if (image := head_image(self._duo, FILM_SIZE)) is not None:
             self._frames.put(image)
 
     def _encode(self) -> None:
@@ -125,12 +115,12 @@ class Film:
         while (image := self._frames.get()) is not None:
             self._show(jpeg(image))
             if self._error is None:
-                try:
-                    writer.add(image)
-                except VideoError as error:
-                    self._error = error
+                self._try(partial(writer.add, image))
+        self._try(writer.close)
+
+    def _try(self, act: Callable[[], None]) -> None:
         try:
-            writer.close()
+            act()
         except VideoError as error:
             self._error = error
 
@@ -160,14 +150,13 @@ class CameraFeed:
 
     def look(self) -> None:
         """Publish what is new, and say how old each image is."""
-        frames = self._duo.frames()
-        for name, frame in frames.items():
+        for name, frame in self._duo.frames().items():
             before = self._shown.get(name)
             if before is None or before[0] is not frame:
                 content = jpeg(frame.image, SHOWN_WIDTH)
                 self._shown[name] = frame, self._server.publish_image(f"camera-{name}", content)
         ages = self._duo.image_ages()
-        self._server.publish_cameras([self._about(name, ages[name]) for name in ages])
+        self._server.publish_cameras([self._about(*each) for each in ages.items()])
 
     def _about(self, name: str, age_s: float) -> dict[str, Any]:
         frame, address = self._shown.get(name, (None, ""))
@@ -207,7 +196,7 @@ def view_of(camera: str, about: Mapping[str, Any]) -> View:
     It is the same that a policy has on the rig, for exports of what was recorded.
 
     Args:
-        camera: Name of the camera.
+        camera: Its name.
         about: What the rig's file said about it when it was recorded.
 
     Raises:

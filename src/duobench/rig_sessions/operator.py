@@ -26,18 +26,9 @@ class Operator(Protocol):
 
     def say(self, text: str) -> None:
         """Show some lines."""
-        ...
 
     def ask(self, text: str, keys: str) -> str:
-        """Ask for a key, and wait for it.
-
-        Args:
-            text: The question.
-            keys: The keys that answer it.
-
-        Returns:
-            One of them; `QUIT` if nobody can answer any more.
-        """
+        """Ask for one of some keys, and wait for it; `QUIT` if nobody can answer any more."""
         ...
 
     def listen(self, call: Callable[[str], None] | None) -> None:
@@ -45,7 +36,6 @@ class Operator(Protocol):
 
         One who has gone gives an empty text.
         """
-        ...
 
 
 def ask_to_recover(duo: FrankaDuo, operator: Operator) -> bool:
@@ -59,12 +49,7 @@ def ask_to_recover(duo: FrankaDuo, operator: Operator) -> bool:
 
 
 class TerminalView:
-    """The view of a session at a terminal: it asks for one key after the other.
-
-    Args:
-        session: The session.
-        operator: Who answers.
-    """
+    """The view of a session at a terminal: it asks for one key after the other."""
 
     def __init__(self, session: RigSession, operator: Operator) -> None:
         self._session, self._operator = session, operator

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.path import Path
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 
 from duobench.backend import Image
 from duobench.errors import RenderingError
-from duobench.fabrication.sheet import CONTACT, outlines_of
+from duobench.fabrication.sheet import CONTACT, outlines_on_table
 from duobench.hardware.rig import Rig
 from duobench.objects.prop import Prop
 from duobench.rig_sessions.cameras import jpeg
@@ -31,6 +32,8 @@ from duobench.robot.cameras import (
     TABLE_FROM_HEAD,
 )
 from duobench.sim.layout import Layout
+from duobench.sim.placement import first_valid
+from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.task import Task
 from duobench.types import HEAD, SIDES, Array, DuoCommand
@@ -46,17 +49,17 @@ _NEAREST_M = 0.05
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Footprint:
-    """Where one object stands."""
+    """Where one object stands: its origin in millimetres from the middle of the robot's base."""
 
     number: int
     """Number beside its outline, from 1 on."""
     name: str
     x_mm: float
-    """Its origin from the middle of the robot's base forwards, in millimetres."""
+    """Forwards."""
     y_mm: float
-    """Likewise to the left."""
+    """To the left."""
     z_mm: float
-    """Height of its origin above the table."""
+    """Above the table."""
     yaw_deg: float
     """Turn about the vertical in degrees, counter-clockwise from above, from -180 to 180."""
     seen: tuple[Array, ...]
@@ -73,20 +76,19 @@ def footprints(props: Sequence[Prop], layout: Layout) -> list[Footprint]:
     found: list[Footprint] = []
     for prop in props:
         pose = layout.poses[prop.name]
-        x, y, z = pose.translation.tolist()
-        if any(_holds(other.seen, (x, y)) and z * 1e3 > other.z_mm for other in found):
+        x_mm, y_mm, z_mm = (1e3 * pose.translation).tolist()
+        x, y, _ = pose.translation.tolist()
+        below = (outline for other in found if z_mm > other.z_mm for outline in other.seen)
+        if any(Path(outline).contains_point((x, y)) for outline in below):
             continue
-        seen, contact = (
-            _on_table(outlines_of(prop, layout.variants, below=below), pose)
-            for below in (None, CONTACT)
-        )
+        seen, contact = (outlines_on_table(prop, layout, below) for below in (None, CONTACT))
         found.append(
             Footprint(
                 number=len(found) + 1,
                 name=prop.name,
-                x_mm=round(1e3 * x, 1) + 0.0,
-                y_mm=round(1e3 * y, 1) + 0.0,
-                z_mm=round(1e3 * z, 1) + 0.0,
+                x_mm=round(x_mm, 1) + 0.0,
+                y_mm=round(y_mm, 1) + 0.0,
+                z_mm=round(z_mm, 1) + 0.0,
                 yaw_deg=round(math.degrees(pose.yaw), 1) + 0.0,
                 seen=seen,
                 contact=contact,
@@ -98,9 +100,7 @@ def footprints(props: Sequence[Prop], layout: Layout) -> list[Footprint]:
 def project(points: Array, table_from_camera: SE3 = TABLE_FROM_HEAD) -> Array:
     """Where points (n, 3) of the table frame, in metres, are in a native image of the head camera.
 
-    Args:
-        points: The points.
-        table_from_camera: Pose of the camera with MuJoCo's axes.
+    The pose of the camera is that with MuJoCo's axes.
 
     Returns:
         Pixels (n, 2) across and down, the middle of the top left one is (0, 0); NaN for points
@@ -112,41 +112,14 @@ def project(points: Array, table_from_camera: SE3 = TABLE_FROM_HEAD) -> Array:
     return HEAD_FOCAL * camera[:, :2] / depth + middle
 
 
-def _on_table(outlines: Iterable[Array], pose: SE3) -> tuple[Array, ...]:
-    """Outlines in an object's frame as points (n, 2) of the table frame."""
-    upright = SE3.at(*pose.translation[:2], yaw=pose.yaw)
-    return tuple(
-        upright.apply(np.column_stack([outline, np.zeros(len(outline))]))[:, :2]
-        for outline in outlines
-    )
-
-
-def _holds(outlines: Iterable[Array], point: tuple[float, float]) -> bool:
-    """Whether a point is inside one of some outlines: a ray from it crosses an odd number of edges.
-
-    Source: M. Shimrat, "Algorithm 112: Position of point relative to polygon", Communications of
-    the ACM 5 (1962).
-    """
-    x, y = point
-    for outline in outlines:
-        ends = np.roll(outline, -1, axis=0)
-        crossing = (outline[:, 1] > y) != (ends[:, 1] > y)
-        start, end = outline[crossing], ends[crossing]
-        at = start[:, 0] + (y - start[:, 1]) * (end - start)[:, 0] / (end - start)[:, 1]
-        if np.count_nonzero(at > x) % 2:
-            return True
-    return False
-
-
 class Overlay:
-    """Layouts of a task, and images of them from the head camera of a rig."""
+    """Layouts of a task, and images of them from the head camera of a rig.
+
+    It compiles the task's model, and needs no OpenGL before the first image.
+    """
 
     def __init__(self, task: Task, rig: Rig) -> None:
-        """Compile the task's model; no OpenGL before the first image."""
         self.task = task
-        """What is on the table."""
-        from duobench.sim.simulation import Simulation
-
         self._simulation = Simulation(task.props)
         self._renderer: Renderer | None = None
         self.table_from_head = head_pose(rig)
@@ -156,22 +129,12 @@ class Overlay:
         camera.quat[:] = self.table_from_head.wxyz
 
     def layout(self, seed: int, split: str) -> Layout:
-        """The layout of a seed, the same that the simulated environment begins with.
-
-        Raises:
-            LayoutError: There is none.
-        """
-        from duobench.sim.placement import first_valid
-
+        """The layout of a seed, the same that the simulated environment begins with."""
         sampled = first_valid(self._simulation, self.task.layouts(seed, split), self.task.id)
         return Layout.from_json(sampled.to_json())
 
     def images(self, layout: Layout, joints: Array) -> dict[str, bytes]:
-        """What lies over the live image; nothing where nothing renders.
-
-        Args:
-            layout: Where the objects are.
-            joints: Measured joints (2, 7) in radians.
+        """What lies over the live image for measured joints (2, 7); nothing where nothing renders.
 
         Returns:
             "layout", the whole scene as the head camera would see it, as JPEG; and "ghost", the

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 
@@ -15,7 +15,7 @@ from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
 from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
-from duobench.evaluation.rollout import Watcher, rollout
+from duobench.evaluation.rollout import Info, Observation, Step, Watcher, rollout
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
@@ -23,9 +23,6 @@ from duobench.hardware.env import FAULT_KIND
 from duobench.policy.serving.address import RemoteServer
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
-
-if TYPE_CHECKING:
-    from duobench.evaluation.rollout import Info, Observation, Step
 
 
 class FixedLayout(DuoWrapper):
@@ -66,15 +63,7 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
 def make_rig_recorder(
     env: gym.Env, duo: FrankaDuo, data: DataSet | str | Path, actor: Actor, **options: Any
 ) -> Recorder:
-    """Record an environment on a rig with all its cameras; every episode waits for a decision.
-
-    Args:
-        env: The environment.
-        duo: Its rig.
-        data: Data set that episodes are added to, or its folder.
-        actor: Who acts.
-        options: More options of `Recorder`.
-    """
+    """A `Recorder` with all cameras of a rig, in which every episode waits for a decision."""
     rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
     return Recorder(env, data, actor, is_reviewed=True, rig=rig, **options)
 
@@ -84,7 +73,6 @@ class PlayedEpisode:
     """An episode that was played, and is still to be decided."""
 
     steps: int
-    """Its control steps."""
     stopped: str = ""
     """Why the arms ended it; empty if they did not."""
     fault: FaultKind | None = None
@@ -116,12 +104,7 @@ class PlayedEpisode:
 
 
 class PolicyRunner:
-    """One policy on the arms.
-
-    Args:
-        env: The environment that it plays in, recorded or not.
-        source: The policy.
-    """
+    """One policy on the arms, in an environment that is recorded or not."""
 
     def __init__(self, env: DuoWrapper, source: PolicySource) -> None:
         self.env = FixedLayout(env)
@@ -132,24 +115,13 @@ class PolicyRunner:
         seed: int,
         options: Mapping[str, Any],
         watchers: Sequence[Watcher] = (),
-        on_start: Callable[[], None] = lambda: None,
-        on_step: Callable[[int], None] = lambda _number: None,
     ) -> PlayedEpisode:
-        """Play an episode.
-
-        Args:
-            seed: Its seed.
-            options: Options of the reset, the layout among them.
-            watchers: Called in this order.
-            on_start: Called once the arms are at home and the policy begins.
-            on_step: Called with the number of each control step, after the watchers.
-        """
+        """Play an episode, with options of the reset, the layout among them."""
         self.env.options = options
-        ending = _Ending(on_start, on_step)
-        error: PolicyError | None = None
-        failure: DuoBenchError | None = None
+        ending = _LastStep()
+        error = failure = None
         try:
-            rollout(self.env, self.policy, seed=seed, watchers=[*watchers, ending])
+            rollout(self.env, self.policy, seed=seed, watchers=[ending, *watchers])
         except PolicyError as caught:
             error = caught
         except DuoBenchError as caught:
@@ -175,23 +147,17 @@ class PolicyRunner:
                 recorder.discard()
 
 
-class _Ending:
-    """A watcher that keeps the last step, and says how far the episode is."""
+class _LastStep:
+    """A watcher that keeps what the last step said."""
 
-    def __init__(self, on_start: Callable[[], None], on_step: Callable[[int], None]) -> None:
-        self._on_start, self._on_step = on_start, on_step
+    def __init__(self) -> None:
         self.info: Mapping[str, Any] = {}
         self.number = 0
         self.terminated = False
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """The arms are at home, and the policy begins."""
-        self._on_start()
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None: ...
 
     def on_step(self, step: Step) -> None:
-        """Keep a step."""
         self.info, self.number, self.terminated = step.info, step.number, step.terminated
-        self._on_step(step.number)
 
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """What was kept stays."""
+    def on_episode_end(self, error: BaseException | None) -> None: ...

@@ -1,13 +1,13 @@
 """Recording what a policy does on a rig, with an operator at a terminal: episodes nobody judges.
 
-The operator sends the arms home, places the objects, has the policy play, says how far it came, and
-keeps or discards the episode. Nothing moves without a key. A recorded episode is a policy too: what
-was sent to the arms then is sent again, more slowly.
+Nothing moves without a key. A recorded episode is a policy too: what was sent to the arms then is
+sent again, more slowly.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,6 @@ class Playback:
         self.metadata = PolicyMetadata(
             name=f"{name} at {tempo:g} of its speed", cameras=(), action_mode=JOINT.name
         )
-        self._next = 0
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - as policies have it
         """Begin at the first command."""
@@ -75,11 +74,7 @@ class Playback:
 
 
 def slowed(commands: Array, tempo: float) -> Array:
-    """Commands in a slower tempo, interpolated.
-
-    Args:
-        commands: Commands (n, 16), one a control step.
-        tempo: Part of their speed.
+    """Commands (n, 16) at a part of their speed, interpolated.
 
     Returns:
         Commands (m, 16) that begin and end with the same ones, one a control step.
@@ -171,20 +166,15 @@ class RigRecording(RigSession):
         """Episodes of the task that are kept, those of earlier sessions counted."""
 
     def run(self) -> int:
-        """Record until as many episodes are kept as were wanted, or the operator ends it.
-
-        Returns:
-            How many are kept.
+        """Record until so many episodes are kept, or the operator ends it; how many are kept.
 
         Raises:
             OutputError: An episode cannot be written.
         """
-        try:
+        with suppress(Stopped):
             while self.kept < self._wanted:
                 self._operator.say(f"Kept so far: {self.kept} of {self._wanted}.")
                 self._record_one()
-        except Stopped:
-            pass
         return self.kept
 
     def close(self) -> None:

@@ -8,11 +8,11 @@ see `cameras.CameraFeed`.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
+import mujoco
 import numpy as np
 
 from duobench.data import Actor, DataSet, Recorder
@@ -34,11 +34,7 @@ from duobench.sim.simulation import Simulation
 from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, DuoCommand
 from duobench.web.geometry import Geometry
-
-if TYPE_CHECKING:
-    import mujoco
-
-    from duobench.web.server import PageServer
+from duobench.web.server import PageServer
 
 SOLVED = "Solved, as you said: open the hands and retreat. It will be kept."
 CONNECTION_LOST = "The operator's page lost its connection."
@@ -50,27 +46,6 @@ CLEAR = (
 
 class EndedError(DuoBenchError):
     """The operator ended the session."""
-
-
-class ConfirmedHoming:
-    """Asks the operator before the arms go home, as `RealEnv` wants it."""
-
-    def __init__(self, duo: FrankaDuo, operator: Operator) -> None:
-        self._duo, self._operator = duo, operator
-
-    def __call__(self, options: Mapping[str, Any]) -> None:
-        """Wait until the operator says that the arms may go home.
-
-        Raises:
-            EndedError: The operator ends the session instead.
-        """
-        given = options.get(LAYOUT)
-        layout = given if isinstance(given, Layout) else Layout(poses={})
-        question = CLEAR.format(placement(layout))
-        is_safe = ask_to_recover(self._duo, self._operator)
-        if not is_safe or self._operator.ask(question, f"h{QUIT}") == QUIT:
-            raise EndedError("The operator ended the session.")
-        self._duo.supervisor.confirm()
 
 
 def make_real_recorder(
@@ -86,6 +61,8 @@ def make_real_recorder(
 ) -> Recorder:
     """An environment on a rig, recorded with clutches, videos and review.
 
+    A reset raises an `EndedError` where the operator ends the session instead of confirming it.
+
     Args:
         duo: The rig, which belongs to the environment from now on.
         task: A task, its id, or its import path "module:ATTRIBUTE".
@@ -100,10 +77,19 @@ def make_real_recorder(
         UnknownNameError: There is no such task or action mode.
         BackendError: A device cannot be reached.
     """
+
+    def confirm_homing(options: Mapping[str, Any]) -> None:
+        given = options.get(LAYOUT)
+        question = CLEAR.format(placement(given if isinstance(given, Layout) else Layout(poses={})))
+        is_safe = ask_to_recover(duo, operator)
+        if not is_safe or operator.ask(question, f"h{QUIT}") == QUIT:
+            raise EndedError("The operator ended the session.")
+        duo.supervisor.confirm()
+
     env = make_real_env(
         duo,
         task,
-        prepare=ConfirmedHoming(duo, operator),
+        prepare=confirm_homing,
         cameras=(),
         action_mode=action_mode,
         horizon=round(time_limit_s * CONTROL_HZ),
@@ -141,11 +127,10 @@ class RigTeleopPage(TeleopPage):
         task = self._real.definition
         self._picture = Simulation(task.props, task.overview)
         super().__init__(session, server)
-        server.on_driver_lost = lambda: self._lose(session)
 
-    def _lose(self, session: Teleoperation) -> None:
+    def _leave(self) -> None:
         self._real.rig.hold(CONNECTION_LOST)
-        session.leave(time.monotonic())
+        super()._leave()
 
     def _new_geometry(self) -> Geometry:
         layout = self._real.layout

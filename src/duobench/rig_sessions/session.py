@@ -13,8 +13,10 @@ from contextlib import AbstractContextManager
 from enum import StrEnum
 from typing import Any, Protocol
 
+import gymnasium as gym
+
 from duobench.errors import BackendError, MessageError
-from duobench.evaluation.rollout import Watcher
+from duobench.evaluation.rollout import Info, Observation, Step, Watcher
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge, StageLabel
 from duobench.rig_sessions import messages
@@ -68,7 +70,6 @@ class SessionView(Protocol):
 
     def publish(self) -> None:
         """Show the session as it is now."""
-        ...
 
     def next(self) -> messages.Message | None:
         """What the operator wants next; None after a while without a word.
@@ -76,7 +77,6 @@ class SessionView(Protocol):
         Raises:
             Stopped: The operator ends the session.
         """
-        ...
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
@@ -84,15 +84,9 @@ class SessionView(Protocol):
 
 
 class RigSession:
-    """Leads an operator through episodes; what becomes of one is for those who inherit.
-
-    Args:
-        duo: The rig.
-        judge: The operator, as the environments ask for the stage.
-    """
+    """Leads an operator through episodes; what becomes of one is for those who inherit."""
 
     view: SessionView
-    """What the operator sees."""
 
     def __init__(self, duo: FrankaDuo, judge: HumanJudge) -> None:
         self.duo, self.judge = duo, judge
@@ -131,7 +125,7 @@ class RigSession:
         """Do at once what cannot wait: a hold, and the word that a stage is reached.
 
         Returns:
-            Whether the message was meant for this, so that nothing else is to be done.
+            Whether the message was one of these, so that nothing else is to be done.
 
         Raises:
             MessageError: It is not for the phase of the session.
@@ -168,11 +162,7 @@ class RigSession:
         self.judge.begin()
 
     def place(self) -> None:
-        """Wait until the objects are placed and the operator has said that the arms may move.
-
-        Raises:
-            Stopped: The operator ends the session instead.
-        """
+        """Wait until the objects are placed and the operator has said that the arms may move."""
         while True:
             match self.view.next():
                 case messages.Placed():
@@ -204,7 +194,7 @@ class RigSession:
         self.phase, self.message, self.lost = Phase.MOVING, "", ""
         self.view.publish()
         with self.view.moving():
-            played = runner.play(seed, options, watchers, self._on_start, self.on_step)
+            played = runner.play(seed, options, [*watchers, self])
         self.duo.hold("The episode is over.")
         failure = "" if played.failure is None else played.invalid
         self.write(
@@ -215,22 +205,21 @@ class RigSession:
         )
         return played
 
-    def _on_start(self) -> None:
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """The arms are at home, and the policy begins."""
         self.phase = Phase.PLAYING
         self.view.publish()
 
-    def on_step(self, number: int) -> None:
-        """Called after each control step."""
+    def on_step(self, step: Step) -> None:
+        """A control step is over."""
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """The policy plays no more."""
 
     def decide(self, played: PlayedEpisode, message: str) -> str:
         """Wait for the operator's word; why the episode does not count, empty if it does.
 
-        Args:
-            played: The episode.
-            message: How it ended, for the operator.
-
-        Raises:
-            Stopped: The operator ends the session instead.
+        The message is for the operator, and says how the episode ended.
         """
         self.phase, self.message = Phase.JUDGING, message
         while True:

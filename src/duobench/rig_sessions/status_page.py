@@ -8,14 +8,13 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Any
 
 import numpy as np
 
-from duobench.backend import Image
 from duobench.rig_sessions import messages
-from duobench.rig_sessions.cameras import NATIVE, HeadCamera, jpeg
+from duobench.rig_sessions.cameras import head_image, jpeg
 from duobench.rig_sessions.overlay import Footprint, Overlay, footprints, project
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
@@ -50,7 +49,6 @@ class StatusPage:
         self, session: RigSession, server: PageServer, overlay: Overlay, silence_s: float
     ) -> None:
         self._session, self._server, self._overlay = session, server, overlay
-        self.head = HeadCamera(session.duo)
         self.more: dict[str, Any] = {}
         """What is shown beside the state of the session."""
         self._silence = silence_s
@@ -63,24 +61,20 @@ class StatusPage:
         self._image_count = 0
         self._next_image = 0.0
         self._ghost_joints: Array | None = None
-        server.on_message = self._take
-        server.on_driver_lost = lambda: session.lose("The operator's page lost its connection.")
+        server.listen(
+            messages.Message,
+            self._take,
+            lambda: session.lose("The operator's page lost its connection."),
+            WATCHING,
+        )
 
     # --- what a session shows --------------------------------------------------------------------
 
     def begin(self, layout: Layout, episode: Mapping[str, Any]) -> None:
-        """Show another episode.
-
-        Args:
-            layout: Where the objects shall lie.
-            episode: What the page is told about it.
-        """
+        """Show another episode, and where its objects shall lie."""
         self._layout, self._images, self._film, self._ghost_joints = layout, {}, "", None
-        props = self._overlay.task.props
-        self._episode = {
-            **episode,
-            "footprints": [self._footprint(each) for each in footprints(props, layout)],
-        }
+        places = footprints(self._overlay.task.props, layout)
+        self._episode = {**episode, "footprints": [self._footprint(each) for each in places]}
         self.publish()
 
     def offer_sheet(self, name: str, pdf: bytes) -> None:
@@ -95,10 +89,6 @@ class StatusPage:
         """Show what the head camera sees, as JPEG."""
         self._server.publish_frame(frame)
 
-    def native_image(self) -> Image | None:
-        """What the head camera sees, in its own size; None if there is nothing."""
-        return self.head.image(NATIVE)
-
     def publish(self) -> None:
         """Show the session as it is now."""
         session = self._session
@@ -107,10 +97,7 @@ class StatusPage:
             {
                 "phase": session.phase.value,
                 "stage": labels.stage,
-                "presses": [
-                    {"stage": label.stage, "step": label.step, "time_s": label.time_s}
-                    for label in labels.all
-                ],
+                "presses": labels.all,
                 "step": steps,
                 "time_s": round(steps / CONTROL_HZ, 1),
                 "note": session.note,
@@ -131,10 +118,8 @@ class StatusPage:
         session = self._session
         if session.is_stopped:
             raise Stopped
-        try:
+        with suppress(queue.Empty):
             return self._inbox.get(timeout=TURN_S)
-        except queue.Empty:
-            pass
         clock = session.duo.clock
         clock.wait_until(clock.now() + TURN_S)
         if session.phase in {Phase.PLACING, Phase.READY}:
@@ -155,18 +140,14 @@ class StatusPage:
         if number % STATUS_EVERY == 0:
             self.publish()
 
-    def _take(self, is_driver: bool, data: bytes) -> str | None:
-        if not is_driver:
-            return WATCHING
+    def _take(self, message: messages.Message) -> None:
         self._heard = time.monotonic()
-        message = messages.read(data)
         if isinstance(message, messages.Alive):
-            return None
+            return
         if self._session.take(message):
             self.publish()
         else:
             self._inbox.put(message)
-        return None
 
     def _show_placing(self) -> None:
         """Show the live image, and the layout over it; the ghost again once an arm has moved."""
@@ -174,7 +155,7 @@ class StatusPage:
         if layout is None or not self._server.has_viewers or time.monotonic() < self._next_image:
             return
         self._next_image = time.monotonic() + LIVE_S
-        if (image := self.native_image()) is not None:
+        if (image := head_image(self._session.duo)) is not None:
             self._server.publish_frame(jpeg(image))
         joints = self._session.duo.read().joints
         before = self._ghost_joints
@@ -183,8 +164,7 @@ class StatusPage:
         self._ghost_joints = joints.copy()
         for name, made in self._overlay.images(layout, joints).items():
             self._image_count += 1
-            address = self._server.publish_image(f"{name}-{self._image_count}", made)
-            self._images[name] = address
+            self._images[name] = self._server.publish_image(f"{name}-{self._image_count}", made)
 
     def _footprint(self, each: Footprint) -> dict[str, Any]:
         return {

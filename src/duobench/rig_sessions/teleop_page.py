@@ -9,19 +9,18 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
+import mujoco
 import numpy as np
 
 from duobench.envs.sim_env import SimEnv
 from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
+from duobench.teleop.messages import Message
 from duobench.types import CONTROL_HZ, SIDES
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.server import PageServer
-
-if TYPE_CHECKING:
-    import mujoco
 
 _QUIET = ("step", "lost")
 """What of a status changes all the time, and is sent once in a while or with something else."""
@@ -81,12 +80,6 @@ def run(
         on_step: Called after each turn of the loop, to show what is; its time counts.
         is_stopped: Whether to stop before the session is over.
         timings: Where to note times; new ones if not given.
-
-    Returns:
-        The times.
-
-    Raises:
-        OutputError: An episode cannot be written.
     """
     timings = Timings() if timings is None else timings
     due = last = time.monotonic()
@@ -102,7 +95,7 @@ def run(
         on_step()
         if not session.lockstep:
             due = max(due + PERIOD_S, time.monotonic())
-            time.sleep(due - time.monotonic() if due > time.monotonic() else 0.0)
+            time.sleep(max(0.0, due - time.monotonic()))
         now, before = time.monotonic(), last
         last = now
         if has_stepped:
@@ -126,45 +119,36 @@ class TeleopPage:
         self._episode: Any = None
         self._told: dict[str, Any] = {}
         self._turn = 0
-        server.on_message = self._take
-        server.on_driver_lost = lambda: session.leave(time.monotonic())
+        server.listen(Message, self._take, self._leave, WATCHING)
         self.show()
 
     def run(self) -> Timings:
-        """Run the session until it is over or `stop` is called; how long its steps took.
-
-        Raises:
-            OutputError: An episode cannot be written.
-        """
+        """Run the session until it is over or `stop` is called; how long its steps took."""
         return run(self._session, self.show, is_stopped=self._over.is_set, timings=self._timings)
 
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
         self._over.set()
 
-    def _take(self, is_driver: bool, data: bytes) -> str | None:
-        """Take a message, in the server's thread; only who drives leads."""
-        if not is_driver:
-            return WATCHING
-        self._session.receive(data, time.monotonic())
-        return None
+    def _take(self, message: Message) -> None:
+        self._session.receive(message, time.monotonic())
+
+    def _leave(self) -> None:
+        self._session.leave(time.monotonic())
 
     def show(self) -> None:
         """Show where everything is, after a turn of the loop."""
         status = self._session.status()
         if self._episode != status["count"]:
-            self._begin(status["count"])
+            self._episode = status["count"]  # the scene depends on what its layout chose
+            self._geometry = self._new_geometry()
+            self._server.publish_scene(self._geometry.name, self._geometry.data)
         if self._server.has_viewers:
             poses = self._geometry.poses(self._data())
             self._server.publish_frame(pack_frame(poses, status["step"], time.monotonic()))
             self._tell(status)
         for pulse in self._session.haptics.take():
-            self._server.pulse(pulse["side"], pulse["strength"], pulse["ms"])
-
-    def _begin(self, count: int) -> None:
-        self._episode = count  # the scene depends on what its layout chose
-        self._geometry = self._new_geometry()
-        self._server.publish_scene(self._geometry.name, self._geometry.data)
+            self._server.pulse(*pulse)
 
     def _new_geometry(self) -> Geometry:
         return Geometry(self._env.simulation.model, self._env.look)

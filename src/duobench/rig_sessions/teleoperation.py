@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.schema import AFTER_SUCCESS_S
@@ -15,6 +15,7 @@ from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
+from duobench.envs.sim_env import SimEnv
 from duobench.errors import BackendError, OptionError
 from duobench.looks.catalog import DEFAULT
 from duobench.looks.look import Look
@@ -22,11 +23,8 @@ from duobench.randomness import TRAIN, episode_seed
 from duobench.tasks.task import Task
 from duobench.teleop.hands import KEEP, ButtonPresses
 from duobench.teleop.intent import Device, Intent
-from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, read
+from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message
 from duobench.types import CONTROL_HZ, SIDES, DuoState, Side
-
-if TYPE_CHECKING:
-    from duobench.envs.sim_env import SimEnv
 
 TIME_LIMIT_S = 180.0
 """Simulated seconds that an episode may take: with a mouse, a person needs several times as long
@@ -116,17 +114,9 @@ class Teleoperation:
 
     # --- from any thread ---------------------------------------------------------------------
 
-    def receive(self, data: bytes | str, now_s: float) -> None:
-        """Take a message of the operator.
-
-        Args:
-            data: The message, as it came.
-            now_s: When it arrived, on the clock of `advance`.
-
-        Raises:
-            MessageError: It is refused; the session goes on as if it had not come.
-        """
-        self._inbox.put(read(data), now_s)
+    def receive(self, message: Message, now_s: float) -> None:
+        """Take a message of the operator, which arrived at a time on the clock of `advance`."""
+        self._inbox.put(message, now_s)
 
     def leave(self, now_s: float) -> None:
         """The operator has gone, or the connection is lost: both hands let go, and time stops."""
@@ -316,9 +306,9 @@ class Haptics:
 
     def __init__(self, env: Recorder) -> None:
         # Real arms are asked for no contacts: they have none to tell.
-        self._sim = cast("SimEnv", env.base).simulation if hasattr(env.base, "simulation") else None
-        self._pulses: list[dict[str, Any]] = []
-        self._before: dict[tuple[Side, str], bool] = {}
+        self._sim = cast(SimEnv, env.base).simulation if hasattr(env.base, "simulation") else None
+        self._pulses: list[tuple[Side, float, int]] = []
+        self._before: dict[Side, dict[tuple[float, int], bool]] = {}
 
     def begin(self) -> None:
         """A new episode: nothing is felt yet."""
@@ -327,22 +317,20 @@ class Haptics:
     def update(self, intent: Intent) -> None:
         """A control step is over."""
         for side in SIDES:
-            self._note(side, "touch", self._touches(side), TOUCH)
-            self._note(side, "limit", intent.limited[side.index], LIMIT)
-            self._note(side, "loss", not intent.clutch[side.index], LOSS)
+            now = {
+                TOUCH: self._touches(side),
+                LIMIT: intent.limited[side.index],
+                LOSS: not intent.clutch[side.index],
+            }
+            before = self._before.get(side, now)
+            begun = [pulse for pulse in now if now[pulse] and not before[pulse]]
+            self._pulses += [(side, *pulse) for pulse in begun]
+            self._before[side] = now
 
-    def take(self) -> list[dict[str, Any]]:
-        """The pulses since the last call, as the page's messages `pulse`."""
+    def take(self) -> list[tuple[Side, float, int]]:
+        """The pulses since the last call: side, strength from 0 to 1, and length in ms."""
         pulses, self._pulses = self._pulses, []
         return pulses
-
-    def _note(self, side: Side, what: str, is_so: bool, pulse: tuple[float, int]) -> None:
-        if is_so and not self._before.get((side, what), True):
-            strength, ms = pulse
-            self._pulses.append(
-                {"kind": "pulse", "side": str(side), "strength": strength, "ms": ms}
-            )
-        self._before[side, what] = is_so
 
     def _touches(self, side: Side) -> bool:
         if self._sim is None:

@@ -6,16 +6,17 @@ episode in simulation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.envs.config import IMAGE_SIZE, LAYOUT, EnvConfig
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.evaluation.rollout import Step
 from duobench.fabrication.sheet import layout_sheet
 from duobench.files import write
 from duobench.hardware.devices import FaultKind
@@ -26,7 +27,7 @@ from duobench.results.limits import TimeLimits
 from duobench.results.records import REAL, EpisodeRecord, Judged
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite, TaskInfo
-from duobench.rig_sessions.cameras import Film, jpeg
+from duobench.rig_sessions.cameras import Film, head_image, jpeg
 from duobench.rig_sessions.overlay import Overlay
 from duobench.rig_sessions.policy_runner import (
     PlayedEpisode,
@@ -36,65 +37,96 @@ from duobench.rig_sessions.policy_runner import (
 )
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.rig_sessions.status_page import SILENCE_S, StatusPage
-from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
-from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialLog
+from duobench.rig_sessions.trials_folder import TrialsFolder
+from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialsProgress
 from duobench.rig_sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
+from duobench.tasks.task import Task
 from duobench.versions import package_versions, record_versions
 from duobench.web.server import PageServer
 
-if TYPE_CHECKING:
-    from duobench.tasks.task import Task
-
 
 class TrialsSession(RigSession):
-    """Leads an operator through the trials of a plan, on one page; nothing moves before `run`.
+    """Leads an operator through the trials of a plan, on one page.
+
+    It begins an evaluation, or continues the one in the folder; nothing moves before `run`.
 
     Args:
         folder: Where everything is written.
-        plan: The plan that the folder holds.
-        sources: The policies, in the order of the plan.
-        duo: The arms, started.
-        overlay: Layouts and their images.
-        server: The page, which takes its messages here from now on.
-        data: Where trials that count are recorded; None records none.
+        duo: The arms; they are started, and belong to the caller.
+        task: What is to be done.
+        policies: Of each policy its name, as `find_rig_policy` takes it, and what it was trained
+            on: "sim", "real", "mixed", or "" if nobody said.
+        server: The operator's page.
+        ending: Frees policies, renderer and log when it ends.
+        rater: Who judges, by a pseudonym.
+        episodes: Episodes of each policy.
+        first_episode: Index of the first one.
+        order_seed: Decides the order in which policies take turns, and blind ones get letters.
+        blind: Whether the page hides their names until the end.
+        data: Where trials that count are recorded, with all cameras of the rig; None records none.
         command: The command that started it, if there is one.
         silence_s: Seconds without a sign of the page after which the arms are held.
-        wall: Date and time of day, for the log.
 
     Raises:
-        DuoBenchError: A policy does not fit the rig, or the log is damaged.
+        DuoBenchError: A policy cannot be made or does not fit, the rig cannot be reached, the
+            folder holds another evaluation, or its log is damaged.
     """
 
-    def __init__(  # noqa: PLR0913 - its parts
+    def __init__(  # noqa: PLR0913 - everything that can be chosen
         self,
         folder: TrialsFolder,
-        plan: TrialsPlan,
-        sources: Sequence[PolicySource],
         duo: FrankaDuo,
-        overlay: Overlay,
+        task: TaskInfo,
+        policies: Sequence[tuple[str, str]],
         server: PageServer,
+        ending: ExitStack,
         *,
+        rater: str,
+        episodes: int = 15,
+        first_episode: int = 0,
+        order_seed: int = 0,
+        blind: bool = False,
         data: DataSet | None = None,
         command: str = "",
         silence_s: float = SILENCE_S,
-        wall: Callable[[], str] = lambda: datetime.now(UTC).isoformat(timespec="seconds"),
     ) -> None:
+        sources: dict[str, PolicySource] = {}
+        for name, _ in policies:
+            sources[name] = find_rig_policy(name, (task,))
+            ending.callback(sources[name].close)
+        candidates = tuple(
+            _candidate(name, trained_on, sources[name], task) for name, trained_on in policies
+        )
+        run = Run(
+            candidates=shuffled(candidates, order_seed) if blind else candidates,
+            suite=Suite(tasks=(task,), episodes=episodes, first_episode=first_episode),
+            limits=TimeLimits(),
+            versions=package_versions(),
+            domain=REAL,
+            rig=duo.rig.hash,
+        )
+        plan = folder.begin(TrialsPlan(run=run, rater=rater, order_seed=order_seed, blind=blind))
+        duo.start()
+        duo.rig.write(folder.rig)
         super().__init__(duo, HumanJudge(plan.task.max_stage, duo.clock.now))
-        self._folder, self._plan, self._overlay, self._wall = folder, plan, overlay, wall
+        definition = cast(Task, catalog.get(task.reference))
+        self._overlay = Overlay(replace(definition, horizon=task.horizon), duo.rig)
+        ending.callback(self._overlay.close)
+        self._folder, self._plan = folder, plan
         self._runners = [
-            self._runner(candidate, source, data)
-            for candidate, source in zip(plan.policies, sources, strict=True)
+            self._runner(candidate, sources[candidate.policy], data) for candidate in plan.policies
         ]
-        self._log: TrialLog = folder.open_log(wall())
+        self._log = folder.open_log(_now())
+        ending.callback(self._log.close)
         self._progress = TrialsProgress.of(self._log.entries)
         self._trial: RigEpisode | None = None
         self._attempt = 0
         with folder.run.writer() as journal:
             folder.run.begin(plan.run)
             journal.start(command, 1)
-        self.view = self._page = StatusPage(self, server, overlay, silence_s)
+        self.view = self._page = StatusPage(self, server, self._overlay, silence_s)
 
     def run(self) -> bool:
         """Play what is missing; whether nothing is missing at the end.
@@ -105,7 +137,7 @@ class TrialsSession(RigSession):
         try:
             for trial in self._folder.remaining(self._plan, self._progress):
                 while not self._play_once(trial):
-                    self._progress = TrialsProgress.of(self._log.entries)
+                    pass
         except Stopped:
             return False
         finally:
@@ -113,10 +145,6 @@ class TrialsSession(RigSession):
         self.phase = Phase.OVER
         self._page.publish()
         return True
-
-    def close(self) -> None:
-        """Let go of the log; closing twice is harmless."""
-        self._log.close()
 
     def publish(self, **more: object) -> None:
         """Show the state on the page, with what else is to be said."""
@@ -127,23 +155,21 @@ class TrialsSession(RigSession):
         """Write a line about the trial into the log."""
         if self._trial is not None:
             number, attempt = self._trial.number, self._attempt
-            self._log.add(
-                LogEntry(kind=kind, trial=number, attempt=attempt, at=self._wall(), **more)
-            )
+            self._log.add(LogEntry(kind=kind, trial=number, attempt=attempt, at=_now(), **more))
 
-    def on_step(self, number: int) -> None:
+    def on_step(self, step: Step) -> None:
         """Hold where nobody is at the page, and show how it goes."""
-        self._page.on_step(number)
+        self._page.on_step(step.number)
 
     def keep_placed(self) -> None:
         """Store what the head camera sees."""
-        image = self._page.native_image()
+        image = head_image(self.duo)
         if image is not None and self._trial is not None:
             write(self._folder.placed(self._trial.number, self._attempt), jpeg(image))
 
     def _play_once(self, trial: RigEpisode) -> bool:
         """Play a trial once; whether it counts."""
-        self._trial = trial
+        self._trial, self._progress = trial, TrialsProgress.of(self._log.entries)
         self._attempt = self._progress.attempts.get(trial.number, 0) + 1
         self.begin()
         episode = self._plan.episode(trial)
@@ -156,7 +182,7 @@ class TrialsSession(RigSession):
         self.write(LogKind.BEGIN, text=self._plan.letter(trial.policy))
         self.place()
         recorder = EpisodeRecorder(episode)
-        film = Film(self._page.head.image, self._page.show_frame)
+        film = Film(self.duo, self._page.show_frame)
         runner = self._runners[trial.policy]
         played = self.play(runner, episode.seed, {LAYOUT: layout}, recorder, film)
         name = f"{trial.number}.{self._attempt}"
@@ -170,7 +196,10 @@ class TrialsSession(RigSession):
             self.write(LogKind.INVALID, text=reason, yes=bool(automatic))
             self.message = f"The trial is invalid and comes again: {reason}"
             return False
-        self._keep(trial, self._record(trial, recorder, played), video)
+        self._folder.run.write(self._record(trial, recorder, played), video)
+        runner.settle(counts=True)
+        self.write(LogKind.VALID)
+        self.message = ""
         return True
 
     def _about(self, trial: RigEpisode, layout: Layout) -> dict[str, Any]:
@@ -221,13 +250,6 @@ class TrialsSession(RigSession):
         )
         return record if played.error is None else record.broken(played.error, played.steps)
 
-    def _keep(self, trial: RigEpisode, record: EpisodeRecord, video: bytes | None) -> None:
-        self._folder.run.write(record, video)
-        self._runners[trial.policy].settle(counts=True)
-        self.write(LogKind.VALID)
-        self._progress = TrialsProgress.of(self._log.entries)
-        self.message = ""
-
     def _runner(
         self, candidate: Candidate, source: PolicySource, data: DataSet | None
     ) -> PolicyRunner:
@@ -266,76 +288,5 @@ def _candidate(name: str, trained_on: str, source: PolicySource, task: TaskInfo)
     )
 
 
-def open_session(  # noqa: PLR0913 - everything that can be chosen
-    folder: TrialsFolder,
-    duo: FrankaDuo,
-    task: TaskInfo,
-    policies: Sequence[tuple[str, str]],
-    server: PageServer,
-    ending: ExitStack,
-    *,
-    rater: str,
-    episodes: int = 15,
-    first_episode: int = 0,
-    order_seed: int = 0,
-    blind: bool = False,
-    data: DataSet | None = None,
-    command: str = "",
-    silence_s: float = SILENCE_S,
-) -> TrialsSession:
-    """Begin an evaluation, or continue the one in the folder; nothing moves.
-
-    Args:
-        folder: Where everything is written.
-        duo: The arms; they are started, and belong to the caller.
-        task: What is to be done.
-        policies: Of each policy its name, as `find_rig_policy` takes it, and what it was trained
-            on: "sim", "real", "mixed", or "" if nobody said.
-        server: The operator's page.
-        ending: Frees policies, renderer and log when it ends.
-        rater: Who judges, by a pseudonym.
-        episodes: Episodes of each policy.
-        first_episode: Index of the first one.
-        order_seed: Decides the order in which policies take turns, and blind ones get letters.
-        blind: Whether the page hides their names until the end.
-        data: Where trials that count are recorded, with all cameras of the rig; None records none.
-        command: The command that started it, if there is one.
-        silence_s: Seconds without a sign of the page after which the arms are held.
-
-    Raises:
-        DuoBenchError: A policy cannot be made or does not fit, the rig cannot be reached, or the
-            folder holds another evaluation.
-    """
-    sources: dict[str, PolicySource] = {}
-    candidates: list[Candidate] = []
-    for name, trained_on in policies:
-        sources[name] = source = find_rig_policy(name, (task,))
-        ending.callback(source.close)
-        candidates.append(_candidate(name, trained_on, source, task))
-    run = Run(
-        candidates=shuffled(tuple(candidates), order_seed) if blind else tuple(candidates),
-        suite=Suite(tasks=(task,), episodes=episodes, first_episode=first_episode),
-        limits=TimeLimits(),
-        versions=package_versions(),
-        domain=REAL,
-        rig=duo.rig.hash,
-    )
-    plan = folder.begin(TrialsPlan(run=run, rater=rater, order_seed=order_seed, blind=blind))
-    duo.start()
-    duo.rig.write(folder.rig)
-    definition = cast("Task", catalog.get(task.reference))
-    overlay = Overlay(replace(definition, horizon=task.horizon), duo.rig)
-    ending.callback(overlay.close)
-    session = TrialsSession(
-        folder,
-        plan,
-        [sources[candidate.policy] for candidate in plan.policies],
-        duo,
-        overlay,
-        server,
-        data=data,
-        command=command,
-        silence_s=silence_s,
-    )
-    ending.callback(session.close)
-    return session
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

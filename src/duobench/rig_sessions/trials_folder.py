@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from duobench.errors import EvaluationError
 from duobench.files import begin_or_continue, encode, read, write
-from duobench.hardware.doctor.checks import DOCTOR_FILE, Report, read_checks
+from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.results.folder import RunFolder
-from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialLog, read_entries
+from duobench.rig_sessions.trials_log import (
+    LogEntry,
+    LogKind,
+    TrialLog,
+    TrialsProgress,
+    read_entries,
+)
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
 
 DESCRIPTION = "trials.json"
@@ -19,44 +23,12 @@ CUT = "The program ended during the trial."
 """Why a trial is invalid whose process was killed."""
 
 
-@dataclass(kw_only=True, slots=True)
-class TrialsProgress:
-    """How far an evaluation is, by its log."""
-
-    valid: dict[int, int] = field(default_factory=dict[int, int])
-    """Attempt that counts, by the trial's number."""
-    attempts: dict[int, int] = field(default_factory=dict[int, int])
-    """How often a trial was begun, by its number."""
-    invalid: dict[int, list[str]] = field(default_factory=dict[int, list[str]])
-    """Why attempts do not count, by the trial's number."""
-    cut: tuple[int, int] | None = None
-    """Trial and attempt that was being played when the log ended; None if none was."""
-
-    @staticmethod
-    def of(entries: Iterable[LogEntry]) -> TrialsProgress:
-        """What a log adds up to."""
-        progress = TrialsProgress()
-        for entry in entries:
-            if entry.kind is LogKind.BEGIN:
-                progress.attempts[entry.trial] = entry.attempt
-            elif entry.kind is LogKind.START:
-                progress.cut = entry.trial, entry.attempt
-            elif entry.kind is LogKind.VALID:
-                progress.valid[entry.trial] = entry.attempt
-                progress.cut = None
-            elif entry.kind is LogKind.INVALID:
-                progress.invalid.setdefault(entry.trial, []).append(entry.text)
-                progress.cut = None
-        return progress
-
-
 class TrialsFolder:
     """Names in the folder, and how it is begun, continued and read."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()  # now: a policy may change the working folder
         self.description = self.path / DESCRIPTION
-        """The plan."""
         self.log_file = self.path / "log.jsonl"
         self.rig = self.path / "rig.json"
         """The rig's file, as it was."""
@@ -73,14 +45,10 @@ class TrialsFolder:
         return self.path / "invalid" / f"{trial:04d}.{attempt}.webm"
 
     def begin(self, plan: TrialsPlan) -> TrialsPlan:
-        """Begin an evaluation, or continue the one that is there.
-
-        Args:
-            plan: What is wanted; letters and order are those of the plan that is there already. It
-                may have more episodes.
+        """Begin an evaluation, or continue the one that is there, perhaps with more episodes.
 
         Returns:
-            The plan that holds.
+            The plan that holds: with letters and order of the one that is there already.
 
         Raises:
             OtherRunError: The folder holds another one, or files that belong to none.
@@ -113,19 +81,8 @@ class TrialsFolder:
             )
         return read(self.description, TrialsPlan, PLAN_SCHEMA)
 
-    def read_doctor(self) -> Report | None:
-        """What `duobench real doctor` has left here; None if nothing.
-
-        Raises:
-            FileError: It cannot be read.
-        """
-        return read_checks(self.path)
-
     def open_log(self, at: str) -> TrialLog:
-        """The log to write on; a trial that was cut is closed as invalid first.
-
-        Args:
-            at: Date and time of day, for people.
+        """The log to write on; a trial that was cut is closed as invalid first, at a date and time.
 
         Raises:
             FileError: It is damaged.
@@ -133,20 +90,12 @@ class TrialsFolder:
         """
         log = TrialLog(self.log_file)
         if (cut := TrialsProgress.of(log.entries).cut) is not None:
-            trial, attempt = cut
-            log.add(
-                LogEntry(
-                    kind=LogKind.INVALID, trial=trial, attempt=attempt, text=CUT, yes=True, at=at
-                )
-            )
+            about = {"trial": cut[0], "attempt": cut[1]}
+            log.add(LogEntry(kind=LogKind.INVALID, **about, text=CUT, yes=True, at=at))
         return log
 
     def read_log(self) -> list[LogEntry]:
-        """The log as it is; nothing before the first trial.
-
-        Raises:
-            FileError: It is damaged.
-        """
+        """The log as it is; nothing before the first trial."""
         return list(read_entries(self.log_file)) if self.log_file.exists() else []
 
     def remaining(self, plan: TrialsPlan, progress: TrialsProgress) -> list[RigEpisode]:

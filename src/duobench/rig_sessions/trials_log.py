@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 
@@ -45,8 +45,7 @@ class LogKind(StrEnum):
 _CLOSING = (LogKind.VALID, LogKind.INVALID)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LogEntry:
+class LogEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One line of the log."""
 
     kind: LogKind
@@ -65,6 +64,39 @@ class LogEntry:
     """Whether the last stage still held; whether an invalid trial was found so by a machine."""
     at: str = ""
     """Date and time of day in UTC, for people; nothing depends on it."""
+
+
+@dataclass(kw_only=True, slots=True)
+class TrialsProgress:
+    """How far an evaluation is, by its log."""
+
+    valid: dict[int, int] = field(default_factory=dict[int, int])
+    """Attempt that counts, by the trial's number."""
+    attempts: dict[int, int] = field(default_factory=dict[int, int])
+    """How often a trial was begun, by its number."""
+    invalid: dict[int, list[str]] = field(default_factory=dict[int, list[str]])
+    """Why attempts do not count, by the trial's number."""
+    cut: tuple[int, int] | None = None
+    """Trial and attempt that was being played when the log ended; None if none was."""
+
+    @staticmethod
+    def of(entries: Iterable[LogEntry]) -> TrialsProgress:
+        """What a log adds up to."""
+        progress = TrialsProgress()
+        for entry in entries:
+            match entry.kind:
+                case LogKind.BEGIN:
+                    progress.attempts[entry.trial] = entry.attempt
+                case LogKind.START:
+                    progress.cut = entry.trial, entry.attempt
+                case LogKind.VALID:
+                    progress.valid[entry.trial], progress.cut = entry.attempt, None
+                case LogKind.INVALID:
+                    progress.invalid.setdefault(entry.trial, []).append(entry.text)
+                    progress.cut = None
+                case _:
+                    pass
+        return progress
 
 
 class TrialLog:
@@ -101,7 +133,10 @@ class TrialLog:
         Raises:
             OutputError: It cannot be written.
         """
-        line = msgspec.json.encode(_short(entry)) + b"\n"
+        said = msgspec.to_builtins(entry)
+        if entry.kind is LogKind.PRESS:
+            said["stage"] = entry.stage  # null takes a press back
+        line = msgspec.json.encode(said) + b"\n"
         with self._lock, writing(self.path):
             self._file.write(line)
             self._file.flush()
@@ -125,9 +160,3 @@ def read_entries(path: Path) -> Iterable[LogEntry]:
         return [msgspec.json.decode(line, type=LogEntry) for line in lines]
     except (OSError, msgspec.MsgspecError) as error:
         raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
-
-
-def _short(entry: LogEntry) -> Mapping[str, object]:
-    """An entry without what it does not say; a press that takes back says `null`."""
-    kept = {name: value for name, value in asdict(entry).items() if value not in (None, "")}
-    return kept | ({"stage": entry.stage} if entry.kind is LogKind.PRESS else {})

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from duobench.files import write
-from duobench.hardware.doctor.checks import Report
+from duobench.hardware.doctor.checks import Report, read_checks
 from duobench.pages import render
 from duobench.results import scores
 from duobench.results.compare import compare_parts
@@ -15,7 +15,8 @@ from duobench.results.folder import CONDITIONS
 from duobench.results.report import read_parts, write_report
 from duobench.results.scores import RunPart, Score
 from duobench.results.tables import verdict
-from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
+from duobench.rig_sessions.trials_folder import TrialsFolder
+from duobench.rig_sessions.trials_log import TrialsProgress
 from duobench.rig_sessions.trials_plan import TrialsPlan
 
 
@@ -69,12 +70,6 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
 
     While trials are missing, a blind evaluation gets no report: its names stay hidden.
 
-    Args:
-        folder: The evaluation.
-
-    Returns:
-        What is on the page.
-
     Raises:
         EvaluationError: There is no evaluation, or a record of another one.
         FileError: A file cannot be read.
@@ -84,24 +79,22 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
     progress = TrialsProgress.of(folder.read_log())
     missing = len(folder.remaining(plan, progress))
     is_shown = not (plan.blind and missing)
-    policies: list[PolicyResult] = []
     parts: list[RunPart] = []
     if is_shown and folder.run.has_records:
         write_report(folder.run)
         parts = read_parts(folder.run)
-    for number, part in enumerate(parts):
-        if not part.records:
-            continue
-        policies.append(
-            PolicyResult(
-                letter=plan.letter(number),
-                policy=part.candidate.policy,
-                page=f"{CONDITIONS}/{part.condition.name}/" if len(parts) > 1 else "",
-                trained_on=part.candidate.trained_on,
-                score=part.results.overall,
-                reflexes=sum(bool(each.judged and each.judged.reflex) for each in part.records),
-            )
+    policies = [
+        PolicyResult(
+            letter=plan.letter(number),
+            policy=part.candidate.policy,
+            page=f"{CONDITIONS}/{part.condition.name}/" if len(parts) > 1 else "",
+            trained_on=part.candidate.trained_on,
+            score=part.results.overall,
+            reflexes=sum(bool(each.judged and each.judged.reflex) for each in part.records),
         )
+        for number, part in enumerate(parts)
+        if part.records
+    ]
     verdicts: list[str] = []
     if len(policies) > 1:
         comparison = compare_parts(part for part in parts if part.records)
@@ -113,17 +106,8 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         invalid=tuple(sorted(reasons.items())),
         missing=missing,
         verdicts=tuple(verdicts),
-        doctor=folder.read_doctor(),
+        doctor=read_checks(folder.path),
     )
-    write(folder.page, _page(report))
+    shown = {"report": report, "plan": plan, "scores": scores}
+    write(folder.page, render("duobench.rig_sessions", "trials.html.j2", **shown))
     return report
-
-
-def _page(report: TrialsReport) -> str:
-    return render(
-        __package__ or "",
-        "trials.html.j2",
-        report=report,
-        plan=report.plan,
-        scores=scores,
-    )

@@ -10,6 +10,6 @@ if TYPE_CHECKING:
     from duobench.runners.evaluate import evaluate as evaluate
     from duobench.runners.executor import Executor as Executor
     from duobench.runners.executor import LocalExecutor as LocalExecutor
-    from duobench.runners.process_executor import ProcessExecutor as ProcessExecutor
+    from duobench.runners.executor import ProcessExecutor as ProcessExecutor
 
 lazy(__name__)

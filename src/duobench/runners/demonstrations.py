@@ -6,7 +6,7 @@ ones, by index, that succeed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from duobench.data import DataSet, Recording
 from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
-from duobench.errors import OtherRunError, TooFewSuccessesError, UnplayedError
+from duobench.errors import OtherRunError, TooFewSuccessesError
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
@@ -24,7 +24,7 @@ from duobench.randomness import TRAIN
 from duobench.results.limits import TimeLimits
 from duobench.results.run import RUN_SCHEMA, Run
 from duobench.results.suite import Episode, Suite, TaskInfo
-from duobench.runners.executor import executor_for
+from duobench.runners.executor import Executor, check_played, executor_for
 from duobench.types import CONTROL_HZ
 
 RUN, ATTEMPTS = "record.json", "attempts.json"
@@ -40,14 +40,11 @@ class Attempt:
 
     task: str
     episode: int
-    """Index of the episode in its split."""
     success: bool
     stage: int
-    """The last stage that it reached."""
     steps: int
     """Control steps until it succeeded or ended."""
     kept: bool
-    """Whether it is in the data set."""
     error: str | None
     """The last line of the error that it failed with."""
 
@@ -57,7 +54,6 @@ class Attempts:
     """All of them, by task and index."""
 
     attempts: tuple[Attempt, ...] = ()
-    """In order."""
     command: str = ""
     """The command that played the last of them; empty if there was none."""
 
@@ -86,11 +82,9 @@ def record(  # noqa: PLR0913
         episodes: How many successful episodes of each task.
         split: Layouts that the episodes begin with. Those of "eval" are what policies are evaluated
             on: what learns from them cannot be evaluated any more.
-        instructions: What the policy is told: the task's instruction ("fixed"), or in each episode
-            one that is sampled from it and the task's paraphrases ("varied").
+        instructions: What the policy is told; see `EnvConfig`.
         keep_failures: Keep every episode, and count it, whether it succeeds or not.
-        after_success: Seconds that a recording goes on after success, rounded to control steps; 0
-            ends it there.
+        after_success: Seconds that a recording goes on after success, rounded to control steps.
         limits: How long the policy may take.
         workers: Processes that play side by side; with 0 this process plays.
         observers: Called about the progress, in this process.
@@ -121,114 +115,113 @@ def record(  # noqa: PLR0913
     )
     executor = executor_for(job, workers)
     with locked(data.path), closing(executor):
-        run = executor.prepare()
-        log = _begin(data, run, plan)
-        for observer in observers:
-            observer.on_run_start(run, list(log.values()))
-        while missing := [
-            Episode(task=task, index=index, split=split)
-            for task in job.suite.tasks
-            for index in _next(task, log, episodes)
-        ]:
-            for result in executor.play(missing):
-                attempt = _write(data, result)
-                log[attempt.task, attempt.episode] = attempt
-                played = Attempts(attempts=tuple(sorted(log.values())), command=command)
-                write(data.path / ATTEMPTS, encode(played, ATTEMPTS_SCHEMA))
-                for observer in observers:
-                    observer.on_episode(attempt)
-            if executor.unplayed:
-                raise UnplayedError.of(
-                    {f"{e.task.id}, episode {e.index}": why for e, why in executor.unplayed.items()}
-                )
-    return sorted(log.values())
+        log = _Log(data, executor.prepare(), plan, command)
+        return log.played_by(executor, observers)
 
 
-Log = dict[tuple[str, int], Attempt]
 _ADVICE = "Record into a folder of its own; data sets can be merged afterwards."
 
 
-def _begin(data: DataSet, run: Run, plan: RecordingPlan) -> Log:
-    """Begin a recording in a data set, or continue the one that is there."""
-    path = data.path / RUN
-    remove_temporary(data.path)
-    begin_or_continue(
-        data.path,
-        path,
-        run,
-        RUN_SCHEMA,
-        what="recording",
-        foreign=f"{EPISODES}/*/*{SUFFIX}",
-        advice=_ADVICE,
-    )
-    write(path, encode(run, RUN_SCHEMA))
-    attempts = data.path / ATTEMPTS
-    listed: tuple[Attempt, ...] = ()
-    if attempts.exists():
-        listed = read(attempts, Attempts, ATTEMPTS_SCHEMA).attempts
-    log = {(each.task, each.episode): each for each in listed if not each.kept}
-    # What is kept is what has a file: one may have been removed by hand, and one that was just
-    # finished when everything was killed is not in the list.
-    for path in data.episodes():
-        attempt = _kept(path, plan)
-        log[attempt.task, attempt.episode] = attempt
-    return log
+class _Log:
+    """What was played for a data set; a recording is begun in it, or the one there continued."""
 
-
-def _kept(path: Path, plan: RecordingPlan) -> Attempt:
-    """The attempt that an episode of the data set comes from, or an `OtherRunError`."""
-    task, index = path.parent.name, int(path.stem) if path.stem.isdecimal() else 0
-    info = Recording.read_info(path)
-    outcome = info.outcome
-    if info.after_success != plan.after_success:
-        raise OtherRunError(
-            f"{path} belongs to another recording; this one has seconds after success "
-            f"{plan.after_success:g} instead of {info.after_success:g}. {_ADVICE}"
+    def __init__(self, data: DataSet, run: Run, plan: RecordingPlan, command: str) -> None:
+        self._data, self._run, self._plan, self._command = data, run, plan, command
+        self._path = data.path / ATTEMPTS
+        remove_temporary(data.path)
+        begin_or_continue(
+            data.path,
+            data.path / RUN,
+            run,
+            RUN_SCHEMA,
+            what="recording",
+            foreign=f"{EPISODES}/*/*{SUFFIX}",
+            advice=_ADVICE,
         )
-    if path.stem != f"{index:05d}" or outcome is None or not plan.is_of(info, task, index):
-        raise OtherRunError(
-            f"{path} was not recorded here under this name: it was renamed, merged, recovered, or "
-            "recorded with other options. Move it away."
-        )
-    return Attempt(
-        task=task,
-        episode=index,
-        success=outcome.success and not outcome.cut,
-        stage=outcome.stage,
-        steps=Recording.read_length(path) if outcome.success_step is None else outcome.success_step,
-        kept=True,
-        error=outcome.reason,
-    )
+        write(data.path / RUN, encode(run, RUN_SCHEMA))
+        listed: tuple[Attempt, ...] = ()
+        if self._path.exists():
+            listed = read(self._path, Attempts, ATTEMPTS_SCHEMA).attempts
+        # What is kept is what has a file: one may have been removed by hand, and one that was just
+        # finished when everything was killed is not in the list.
+        found = [*(each for each in listed if not each.kept), *map(self._kept, data.episodes())]
+        self._attempts = {(each.task, each.episode): each for each in found}
 
-
-def _next(task: TaskInfo, log: Mapping[tuple[str, int], Attempt], wanted: int) -> list[int]:
-    """The episodes to play next: those that are enough if all of them succeed."""
-    missing, kept, index = [], 0, 0
-    while kept < wanted:
-        attempt = log.get((task.id, index))
-        if attempt is None:
-            missing.append(index)
-        kept += attempt is None or attempt.kept
-        index += 1
-        if index > MAX_EPISODES_PER_SUCCESS * wanted:
-            raise TooFewSuccessesError(
-                f"Only {kept - len(missing)} of the first {index - len(missing)} episodes of "
-                f"{task.id} succeeded; {wanted} are wanted. What succeeded is kept."
+    def _kept(self, path: Path) -> Attempt:
+        """The attempt that an episode of the data set comes from, or an `OtherRunError`."""
+        task, index = path.parent.name, int(path.stem) if path.stem.isdecimal() else 0
+        info = Recording.read_info(path)
+        outcome = info.outcome
+        if info.after_success != self._plan.after_success:
+            raise OtherRunError(
+                f"{path} belongs to another recording; this one has seconds after success "
+                f"{self._plan.after_success:g} instead of {info.after_success:g}. {_ADVICE}"
             )
-    return missing
+        if path.stem != f"{index:05d}" or not outcome or not self._plan.is_of(info, task, index):
+            raise OtherRunError(
+                f"{path} was not recorded here under this name: it was renamed, merged, recovered, "
+                "or recorded with other options. Move it away."
+            )
+        return Attempt(
+            task=task,
+            episode=index,
+            success=outcome.success and not outcome.cut,
+            stage=outcome.stage,
+            steps=outcome.success_step
+            if outcome.success_step is not None
+            else Recording.read_length(path),
+            kept=True,
+            error=outcome.reason,
+        )
 
+    def played_by(
+        self, executor: Executor, observers: Sequence[Observer[Attempt]]
+    ) -> list[Attempt]:
+        """Have episodes played until there are enough; all attempts, by task and index."""
+        for observer in observers:
+            observer.on_run_start(self._run, list(self._attempts.values()))
+        while missing := [
+            Episode(task=task, index=index, split=self._plan.split)
+            for task in self._run.suite.tasks
+            for index in self._next(task)
+        ]:
+            for result in executor.play(missing):
+                attempt = self._add(result)
+                for observer in observers:
+                    observer.on_episode(attempt)
+            check_played(executor.unplayed)
+        return sorted(self._attempts.values())
 
-def _write(data: DataSet, result: EpisodeResult) -> Attempt:
-    """Write the recording of an episode, if it is kept."""
-    record, recording = result.record, result.recording
-    if recording is not None:
-        data.add(record.task, f"{record.episode:05d}", recording)
-    return Attempt(
-        task=record.task,
-        episode=record.episode,
-        success=record.success,
-        stage=record.final_stage,
-        steps=record.steps,
-        kept=recording is not None,
-        error=record.reason or None,
-    )
+    def _next(self, task: TaskInfo) -> list[int]:
+        """The episodes to play next: those that are enough if all of them succeed."""
+        missing, kept, index, wanted = list[int](), 0, 0, self._run.suite.episodes
+        while kept < wanted:
+            attempt = self._attempts.get((task.id, index))
+            if attempt is None:
+                missing.append(index)
+            kept += attempt is None or attempt.kept
+            index += 1
+            if index > MAX_EPISODES_PER_SUCCESS * wanted:
+                raise TooFewSuccessesError(
+                    f"Only {kept - len(missing)} of the first {index - len(missing)} episodes of "
+                    f"{task.id} succeeded; {wanted} are wanted. What succeeded is kept."
+                )
+        return missing
+
+    def _add(self, result: EpisodeResult) -> Attempt:
+        record, recording = result.record, result.recording
+        if recording is not None:
+            self._data.add(record.task, f"{record.episode:05d}", recording)
+        attempt = Attempt(
+            task=record.task,
+            episode=record.episode,
+            success=record.success,
+            stage=record.final_stage,
+            steps=record.steps,
+            kept=recording is not None,
+            error=record.reason or None,
+        )
+        self._attempts[attempt.task, attempt.episode] = attempt
+        played = Attempts(attempts=tuple(sorted(self._attempts.values())), command=self._command)
+        write(self._path, encode(played, ATTEMPTS_SCHEMA))
+        return attempt

@@ -6,24 +6,23 @@ the same run into the same folder.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence, Set
 from contextlib import closing
 from itertools import chain
 
-from duobench.errors import EvaluationError, UnplayedError
-from duobench.evaluation.episode import EpisodeResult, Job
+from duobench.errors import EvaluationError
+from duobench.evaluation.episode import Job
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
 from duobench.results.folder import RunFolder
-from duobench.results.journal import Journal
 from duobench.results.limits import TimeLimits
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import EpisodeRecord, Key
 from duobench.results.report import write_report
 from duobench.results.run import Run
 from duobench.results.scores import Results, summarize
 from duobench.results.shard import WHOLE, Shard
-from duobench.results.suite import Episode, Suite
-from duobench.runners.executor import executor_for
+from duobench.results.suite import Suite
+from duobench.runners.executor import check_played, executor_for
 from duobench.runners.ray_process import Cluster
 
 
@@ -105,7 +104,10 @@ def evaluate(  # noqa: PLR0913
             results = chain(results, executor.failures())
         for result in results:
             records[result.record.key] = result.record
-            _write(folder, journal, result, observers)
+            folder.write(result.record, result.video)
+            journal.end(result.record, result.times)
+            for observer in observers:
+                observer.on_episode(result.record)
         unplayed = {
             episode: why
             for episode, why in executor.unplayed.items()
@@ -113,16 +115,17 @@ def evaluate(  # noqa: PLR0913
         }
         for episode, why in unplayed.items():
             journal.give_up(run.key(episode), why)
-        if shard.is_whole or _is_finished(folder):
+        there = folder.finished(described := folder.read_run())
+        if shard.is_whole or len(there) == described.size:
             write_report(folder)
-        _check_complete(folder, run, shard, unplayed)
+        check_played(unplayed, has_shifts=len(suite.shifts) > 1)
+        _check_complete(folder, set(run.episode_keys(shard)), there)
     return summarize(suite.tasks, list(records.values()))
 
 
 def _finished(
     folder: RunFolder, run: Run, shard: Shard, *, retry_broken: bool
 ) -> list[EpisodeRecord]:
-    """The records of a shard that stay, of those that are there."""
     finished = folder.read_records(folder.read_run(), set(run.episode_keys(shard)))
     if retry_broken:
         for record in finished:
@@ -132,41 +135,11 @@ def _finished(
     return finished
 
 
-def _write(
-    folder: RunFolder,
-    journal: Journal,
-    result: EpisodeResult,
-    observers: Sequence[Observer[EpisodeRecord]],
-) -> None:
-    folder.write(result.record, result.video)
-    journal.end(result.record, result.times)
-    for observer in observers:
-        observer.on_episode(result.record)
-
-
-def _is_finished(folder: RunFolder) -> bool:
-    """Whether every episode of the run in a folder has a record, whoever played it."""
-    run = folder.read_run()
-    return len(folder.finished(run)) == run.size
-
-
-def _check_complete(
-    folder: RunFolder, run: Run, shard: Shard, unplayed: Mapping[Episode, str]
-) -> None:
-    """Say which episodes have no record, and why."""
-    if unplayed:
-        raise UnplayedError.of(
-            {
-                f"{each.task.id}, episode {each.index}"
-                + (f", {each.shift}" if len(run.suite.shifts) > 1 else ""): why
-                for each, why in unplayed.items()
-            }
-        )
-    ours = set(run.episode_keys(shard))
-    there = sum(key in ours for key in folder.finished(folder.read_run()))
-    if there < len(ours):
+def _check_complete(folder: RunFolder, ours: Set[Key], there: Sequence[Key]) -> None:
+    """Reject a folder in which records of a shard are missing that were played."""
+    if missing := ours - set(there):
         raise EvaluationError(
-            f"{len(ours) - there} of {len(ours)} records are missing from {folder.path} although "
+            f"{len(missing)} of {len(ours)} records are missing from {folder.path} although "
             "their episodes were played: somebody has removed them. Run the evaluation again: it "
             "plays what is missing."
         )

@@ -1,65 +1,51 @@
-"""Where episodes are played: in this process, or in processes of their own."""
+"""Where episodes are played: in this process, or in processes of their own.
+
+The latter may hang or die without harm, and have simulators apart from policies.
+"""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from typing import Protocol
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from functools import cached_property
 
-from duobench.errors import EvaluationError, MachineryError, RenderingError
+from duobench import errors
+from duobench.errors import (
+    EvaluationError,
+    MachineryError,
+    MessageError,
+    PolicyError,
+    PolicyTimeoutError,
+    RenderingError,
+    UnplayedError,
+)
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
+from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.files import differences
+from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode
-from duobench.runners.process_executor import ProcessExecutor
+from duobench.runners.policy_process import Answering
+from duobench.runners.pool import Launcher, LocalLauncher, RunningPolicy, Worker, WorkerPool
+from duobench.runners.process import DEATH_SEEN_S, ProcessFailed, death_within
 from duobench.runners.ray_cluster import RayLauncher, check_environment
 from duobench.runners.ray_process import Cluster
 from duobench.runners.schedule import Schedule
+from duobench.runners.worker import EpisodeError, EpisodeProgress, Ready, Rehearsed, Report
 from duobench.sim import rendering
 
+_log = logging.getLogger(__name__)
 
-class Executor(Protocol):
-    """Something that plays episodes, in whatever processes, and writes nothing."""
-
-    @property
-    def unplayed(self) -> Mapping[Episode, str]:
-        """Episodes that could not be played because a process died in them each time, and why."""
-        ...
-
-    def prepare(self) -> Run:
-        """Make the policy, and say what is played by what."""
-        ...
-
-    def rehearse(self, episode: Episode) -> None:
-        """Have the policy answer the first observation of an episode, after `prepare`.
-
-        A scripted policy is not asked: it answers whatever it sees.
-
-        Raises:
-            PolicyError: It fails, or its answer is no chunk of actions.
-        """
-        ...
-
-    def play(
-        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = ...
-    ) -> Iterator[EpisodeResult]:
-        """Play episodes in any order, each exactly once; what cannot be played is `unplayed`.
-
-        Whenever an attempt at an episode is going to begin, `begun` is told.
-
-        Raises:
-            MachineryError: What they need is not there.
-            DuoBenchError: The policy does not fit, or an environment cannot be made.
-        """
-        ...
-
-    def failures(self) -> Iterator[EpisodeResult]:
-        """What is `unplayed`, as episodes that failed with an error."""
-        ...
-
-    def close(self) -> None:
-        """End every process, and whatever the policy has started in it."""
-        ...
+HANG_S = 1.0
+"""How long a policy's process may be late, in seconds, before it is ended: one that comes back
+until then says itself that it was too slow."""
+TICK_S = 0.1
+"""How often deaths and time limits are looked after, in seconds."""
+GRACE_S = 60.0
+"""How long an episode may be over its time limit without its policy being busy, in seconds."""
 
 
 class LocalExecutor:
@@ -74,32 +60,36 @@ class LocalExecutor:
     def __init__(self, job: Job) -> None:
         self._job = job
         self._schedule = Schedule()
-        self._runner: EpisodeRunner | None = None
+        self._ending = ExitStack()
         self.unplayed: Mapping[Episode, str] = {}
         """None: a death ends this process too."""
 
+    @cached_property
+    def _runner(self) -> EpisodeRunner:
+        job = self._job
+        runner = EpisodeRunner(find_source(job.policy, job.suite.tasks, job.limits), job)
+        self._ending.callback(runner.close)
+        return runner
+
     def prepare(self) -> Run:
         """Make the policy, and say what is played by what."""
-        job = self._job
-        self._runner = EpisodeRunner(find_source(job.policy, job.suite.tasks, job.limits), job)
         return self._runner.run
 
     def rehearse(self, episode: Episode) -> None:
-        """Have the policy answer a first observation."""
+        """Have the policy answer a first observation; see `ProcessExecutor`."""
         if not self._job.policy.is_scripted:
-            self._prepared.rehearse(episode)
+            self._runner.rehearse(episode)
 
     def play(
         self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = lambda _episode: None
     ) -> Iterator[EpisodeResult]:
-        """Play episodes in their order."""
-        runner = self._prepared
+        """Play episodes in their order; see `ProcessExecutor`."""
         for episode in episodes:
             result = None
             while result is None:
                 begun(episode)
                 try:
-                    result = runner.play(episode)
+                    result = self._runner.play(episode)
                 except MachineryError as fault:
                     self._schedule.note_fault(episode, str(fault))
             yield result
@@ -110,15 +100,291 @@ class LocalExecutor:
 
     def close(self) -> None:
         """Free environment and policy."""
-        if self._runner is not None:
-            self._runner.close()
-            self._runner = None
+        self._ending.close()
+
+
+class ProcessExecutor:
+    """Plays in processes of their own, side by side; one that hangs or dies is replaced.
+
+    A scripted policy plays in its worker. Any other has a process without a simulator: a
+    `BatchPolicy` one for all workers, a plain policy one beside each. They are new processes that
+    import only what they need: a script that calls this needs no `if __name__ == "__main__":`.
+
+    Args:
+        job: What to play.
+        workers: Most workers at a time, which are started when needed.
+        launcher: What starts them; None starts them on this machine.
+    """
+
+    def __init__(self, job: Job, workers: int, launcher: Launcher | None = None) -> None:
+        self._job, self._most = job, workers
+        self._launcher: Launcher = launcher or LocalLauncher()
+        self._schedule = Schedule()
+        self._pool = WorkerPool(job, self._launcher)
+        self._failed_starts = 0
+        self._ready: Ready | None = None
+        self._rehearsing: Worker | None = None
+        self._at_horizon: dict[Episode, EpisodeRecord] = {}
+        self.unplayed = self._schedule.abandoned
+        """Episodes that could not be played because a process died in them each time, and why."""
+
+    def prepare(self) -> Run:
+        """Start a first worker, and say what is played by what."""
+        self._launcher.open()
+        while self._ready is None:
+            self._pool.start(1)
+            for _ in self._poll():
+                pass
+        return self._ready.run
+
+    def rehearse(self, episode: Episode) -> None:
+        """Have the policy answer the first observation of an episode, after `prepare`.
+
+        A scripted policy is not asked: it answers whatever it sees.
+
+        Raises:
+            PolicyError: It fails, or its answer is no chunk of actions.
+        """
+        if self._job.policy.is_scripted:
+            return
+        (self._rehearsing,) = self._pool.workers
+        self._rehearsing.rehearse(episode)
+        while self._rehearsing is not None:
+            for _ in self._poll():
+                pass
+
+    def play(
+        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = lambda _episode: None
+    ) -> Iterator[EpisodeResult]:
+        """Play episodes in any order, each exactly once; what cannot be played is `unplayed`.
+
+        Those of a task go to as few workers as keeps all of them busy. Whenever an attempt at an
+        episode is going to begin, `begun` is told.
+
+        Raises:
+            MachineryError: What they need is not there.
+            DuoBenchError: The policy does not fit, or an environment cannot be made.
+        """
+        self._schedule.add(episodes)
+        while self._schedule.left or self._pool.playing:
+            self._dispatch(begun)
+            yield from self._poll()
+        for episode in self._at_horizon.keys() & self.unplayed.keys():
+            del self.unplayed[episode]
+            yield EpisodeResult(record=self._at_horizon.pop(episode))
+
+    def failures(self) -> Iterator[EpisodeResult]:
+        """What is unplayed, as episodes that failed with an error."""
+        for episode, why in self.unplayed.items():
+            record = self._unknown(episode)
+            yield EpisodeResult(record=record.broken(UnplayedError(f"It was not played: {why}"), 0))
+
+    def close(self) -> None:
+        """Let processes free what they hold, then end them and all that they have started."""
+        self._pool.close()
+        self._launcher.close()
 
     @property
-    def _prepared(self) -> EpisodeRunner:
-        if self._runner is None:
+    def _prepared(self) -> Ready:
+        if self._ready is None:
             raise AssertionError("An executor is prepared before it plays.")
-        return self._runner
+        return self._ready
+
+    def _dispatch(self, begun: Callable[[Episode], None]) -> None:
+        playing = len(self._pool.playing)
+        isolated = self._schedule.has_quarantined
+        if isolated and playing:
+            return
+        self._pool.start(1 if isolated else min(self._schedule.left + playing, self._most))
+        for worker in self._pool.workers:
+            if worker.is_ready and worker.episode is None and self._schedule.left:
+                episode = self._schedule.next(worker.task)
+                begun(episode)
+                worker.play(episode)
+                if isolated:
+                    return
+
+    # --- what processes say, and how they end --------------------------------------------------
+
+    def _poll(self) -> Iterator[EpisodeResult]:
+        members = self._pool.members
+        readable = self._pool.wait(TICK_S)
+        for member in members:
+            if member not in self._pool.members:
+                continue
+            reports, fault = _read(member, is_readable=member in readable)
+            for report in reports:
+                if member in self._pool.members:
+                    yield from self._receive(member, report)
+            if member not in self._pool.members:
+                continue
+            if fault is not None:
+                self._lose(member, fault)
+            elif isinstance(member, Worker):
+                yield from self._check_episode(member)
+            else:
+                yield from self._check_answer(member)
+
+    def _receive(
+        self, member: Worker | RunningPolicy, report: Report | Answering
+    ) -> Iterator[EpisodeResult]:
+        match member, report:
+            case _, ProcessFailed(error=kind, message=text):
+                raise getattr(errors, kind, EvaluationError).from_message(text)
+            case RunningPolicy(), Answering(address=address):
+                self._pool.note_address(member, address)
+            case Worker(), Ready(run=run):
+                self._check_same(run)
+                self._ready = report
+                self._failed_starts = 0
+                member.is_ready = True
+            case Worker(), Rehearsed():
+                self._rehearsing = member.episode = None
+            case Worker(), EpisodeProgress(record=record):
+                self._note_progress(member, record)
+            case Worker(), EpisodeResult():
+                yield from self._accept(member, report)
+            case Worker(), EpisodeError(fault=fault):
+                self._note_fault(member, fault)
+            case _:
+                _log.warning("A message that nobody asked for was dropped.")
+
+    def _note_progress(self, worker: Worker, record: EpisodeRecord) -> None:
+        """Note how far the episode of a worker is, and the end of one that is played on."""
+        if worker.episode and self._prepared.run.objection(record, worker.episode) is None:
+            worker.progress = record
+            if record.end is not None:
+                self._at_horizon.setdefault(worker.episode, record)
+
+    def _check_same(self, run: Run) -> None:
+        """Workers may differ in processor and renderer, as records say, and in nothing else."""
+        if self._ready is None or self._ready.run == run:
+            return
+        first = self._ready.run
+        found = first.differences(run) or differences(first.versions, run.versions)
+        raise EvaluationError(
+            f"Workers do not play the same: one of them has {'; '.join(found) or 'other details'}. "
+            "The policy has changed while the run was going on, or nodes of a cluster have other "
+            "software: install the same on all."
+        )
+
+    def _accept(self, worker: Worker, result: EpisodeResult) -> Iterator[EpisodeResult]:
+        """Pass on what was asked for, and drop anything else."""
+        if worker.episode is None:
+            _log.warning("A result that nobody asked for was dropped.")
+            return
+        objection = result.objection(worker.episode, self._prepared.run, self._job.recording)
+        if objection is None:
+            kept = self._at_horizon.pop(worker.episode, None)
+            worker.episode = None
+            if kept and kept != replace(result.record, late_success=None):
+                result = EpisodeResult(record=kept)  # a second attempt cannot improve on it
+            yield result
+        else:
+            self._lose(worker, f"its result was dropped: {objection}")
+
+    def _note_fault(self, worker: Worker, fault: str) -> None:
+        """Act on an episode that its worker could not play, most often for the policy's death."""
+        policy = worker.policy
+        if policy is not None and (death := death_within(policy.process, DEATH_SEEN_S)):
+            self._lose(policy, death)
+        elif worker.episode is not None and worker is self._rehearsing:
+            self._schedule.note_fault(worker.episode, fault)
+            worker.rehearse(worker.episode)
+        elif worker.episode is not None:
+            self._schedule.retry(worker.episode, fault)
+            worker.episode = None
+
+    def _lose(self, member: Worker | RunningPolicy, fault: str) -> None:
+        """Let go of a process that is of no more use, and have what it played be played again."""
+        if not member.is_ready:
+            self._failed_starts += 1
+            if self._failed_starts == self._launcher.max_failed_starts:
+                raise MachineryError(
+                    f"{self._failed_starts} workers in a row failed while they were starting, the "
+                    f"last one like this: {fault}"
+                )
+        for worker in self._pool.wait(0):  # what they said before their policy died
+            if isinstance(worker, Worker) and worker.policy is member:
+                for report in _read(worker, is_readable=True)[0]:
+                    if isinstance(report, EpisodeProgress):
+                        self._note_progress(worker, report.record)
+        played = self._remove(member)
+        if len(played) > 1:
+            self._schedule.quarantine(played)
+        elif isinstance(member, Worker):
+            self._schedule.replay(played, fault)
+        else:
+            self._schedule.replay(played, f"of the policy, {fault}", isolated=True)
+
+    def _remove(self, member: Worker | RunningPolicy) -> list[Episode]:
+        """End a process, with the workers that need it; what they were playing."""
+        removed = self._pool.remove(member)
+        if self._rehearsing in removed:
+            raise PolicyError(
+                "The policy does not answer a first observation: its process ended, or did not "
+                "come back. Nothing was played."
+            )
+        return [worker.episode for worker in removed if worker.episode is not None]
+
+    # --- time limits ---------------------------------------------------------------------------
+
+    def _check_answer(self, policy: RunningPolicy) -> Iterator[EpisodeResult]:
+        """End a policy that hangs; alone with an episode, it has failed it."""
+        act_s = self._job.limits.act_timeout
+        if policy.process.clock().answer_s <= act_s + HANG_S:
+            return
+        mates = [worker for worker in self._pool.playing if worker.policy is policy]
+        played = self._remove(policy)
+        if len(played) == 1:
+            yield self._failed(mates[0], played[0], PolicyTimeoutError.of_answer(act_s))
+        else:
+            self._schedule.quarantine(played)
+
+    def _check_episode(self, worker: Worker) -> Iterator[EpisodeResult]:
+        """Fail the episode of a policy that takes too long; its worker cannot be used again."""
+        if worker.episode is None:
+            return
+        limits = self._job.limits
+        if worker.policy is not None:
+            limits = replace(limits, act_timeout=float("inf"))
+        clock = worker.process.clock()
+        if late := clock.late(limits):
+            (episode,) = self._remove(worker)
+            yield self._failed(worker, episode, late)
+        elif clock.episode_s > limits.episode_timeout + GRACE_S:
+            self._lose(worker, "the simulation did not come back within the time limit.")
+
+    def _failed(self, worker: Worker, episode: Episode, late: PolicyTimeoutError) -> EpisodeResult:
+        if record := self._at_horizon.pop(episode, None):
+            return EpisodeResult(record=record)
+        record = worker.progress or self._unknown(episode)
+        # The clock is shared memory, and nonsense in it must not end the run.
+        steps = min(max(worker.process.clock().steps, record.steps), record.horizon)
+        return EpisodeResult(record=record.broken(late, steps))
+
+    def _unknown(self, episode: Episode) -> EpisodeRecord:
+        ready = self._prepared
+        return EpisodeRecorder(episode).record(ready.run, ready.versions)
+
+
+def _read(
+    member: Worker | RunningPolicy, *, is_readable: bool
+) -> tuple[Sequence[Report | Answering], str | None]:
+    """What a process has said, and what has become of it if it is of no more use."""
+    process = member.process
+    try:
+        if is_readable:
+            return process.receive(), None
+        return (), process.death()
+    except EOFError:
+        return (), death_within(process, DEATH_SEEN_S) or "its process closed the connection."
+    except MessageError as error:
+        return (), f"its result cannot be read ({error})."
+
+
+Executor = LocalExecutor | ProcessExecutor
+"""Something that plays episodes, in whatever processes, and writes nothing."""
 
 
 def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Executor:
@@ -147,3 +413,14 @@ def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Exec
         with suppress(RenderingError):
             rendering.choose(processes=workers)
     return ProcessExecutor(job, workers)
+
+
+def check_played(unplayed: Mapping[Episode, str], *, has_shifts: bool = False) -> None:
+    """Raise an `UnplayedError` that names episodes which could not be played, if there are any."""
+    if unplayed:
+        raise UnplayedError.of(
+            {
+                f"{each.task.id}, episode {each.index}" + f", {each.shift}" * has_shifts: why
+                for each, why in unplayed.items()
+            }
+        )

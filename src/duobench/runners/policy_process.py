@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import threading
+from functools import partial
 
 import msgspec
 
@@ -23,7 +24,6 @@ class MakePolicy(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     batching: Batching | None
     """How many observations a `BatchPolicy` answers together; None takes the default."""
     limits: TimeLimits
-    """How long it may take."""
 
 
 class Answering(msgspec.Struct, tag=True, frozen=True):
@@ -37,17 +37,12 @@ def main(connection: int, clock: int, host: str = LOOPBACK) -> None:
 
     It listens at `host`; that of another interface is reached by other machines.
     """
-
-    def answer(parent: Parent, requests: Requests) -> None:
-        job = requests.get()
-        if isinstance(job, MakePolicy):
-            _answer(job, parent, requests, EpisodeClock(clock), host)
-
+    answer = partial(_answer, clock=EpisodeClock(clock), host=host)
     run_child(connection, MakePolicy | Stop, answer)
 
 
 def _answer(
-    job: MakePolicy, parent: Parent, requests: Requests, clock: EpisodeClock, host: str
+    job: MakePolicy, parent: Parent, requests: Requests, *, clock: EpisodeClock, host: str
 ) -> None:
     made, metadata, batching = make_batched(job.name, job.batching)
     key = secrets.token_urlsafe()

@@ -19,13 +19,11 @@ from duobench.runners.process import ProcessFailed, Stop, Transport, WorkerProce
 from duobench.runners.worker import PlayEpisode, Rehearse, Report
 
 MAX_FAILED_STARTS = 3
-"""Processes that die one after the other while they start, until the run gives up."""
 SHUTDOWN_TIMEOUT_S = 10.0
 """How long processes may take to free everything before they are killed, in seconds."""
 _LOOK_S = 0.01
 """How often is looked whether they have ended, in seconds."""
 WORKER, POLICY = "duobench.runners.worker", "duobench.runners.policy_process"
-"""Modules that processes run."""
 
 
 class Launcher(Protocol):
@@ -67,6 +65,9 @@ class LocalLauncher:
     def open(self) -> None:
         """Do nothing."""
 
+    def close(self) -> None:
+        """Do nothing."""
+
     def start_policy(self) -> Transport:
         """Start a process that makes a policy."""
         return WorkerProcess(POLICY, Answering | ProcessFailed)
@@ -79,9 +80,6 @@ class LocalLauncher:
         """Wait until processes have said something, or the time is over; those that have."""
         return wait(processes, seconds)
 
-    def close(self) -> None:
-        """Do nothing."""
-
 
 class RunningPolicy:
     """A policy in a process of its own."""
@@ -89,7 +87,6 @@ class RunningPolicy:
     def __init__(self, process: Transport) -> None:
         self.process = process
         self.address: PolicyAddress | None = None
-        """Where it answers, once it does."""
 
     @property
     def is_ready(self) -> bool:
@@ -106,15 +103,11 @@ class Worker:
     """
 
     def __init__(self, process: Transport, policy: RunningPolicy | None) -> None:
-        self.process, self.policy = process, policy
-        self.is_ready = False
-        """Whether it can play."""
+        self.process, self.policy, self.is_ready = process, policy, False
         self.episode: Episode | None = None
-        """What it is playing."""
         self.progress: EpisodeRecord | None = None
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
-        """The task whose environment it has."""
 
     def begin(self, job: Job) -> None:
         """Have it make the policy, or connect to it."""
@@ -141,7 +134,6 @@ class WorkerPool:
         self._job, self._launcher = job, launcher
         self._policies: list[RunningPolicy] = []
         self.workers: list[Worker] = []
-        """All workers, in the order in which they were started."""
         self._is_shared: bool | None = None  # not known before the policy is made
 
     @property
@@ -156,13 +148,10 @@ class WorkerPool:
 
     def start(self, wanted: int) -> None:
         """Start processes until so many workers are there, or will be."""
-        if not self._job.policy.has_process:
+        if not self._job.policy.has_process or (self._is_shared and self._policies):
+            shared = self._policies[0] if self._policies else None
             for _ in range(wanted - len(self.workers)):
-                self._start_worker(None)
-            return
-        if self._is_shared and self._policies:
-            for _ in range(wanted - len(self.workers)):
-                self._start_worker(self._policies[0])
+                self._start_worker(shared)
             return
         for policy in self._policies:  # of workers that died
             has_worker = any(worker.policy is policy for worker in self.workers)
@@ -214,11 +203,12 @@ class WorkerPool:
         return [member for member in self.members if member.process in said]
 
     def _start_policy(self) -> RunningPolicy:
-        choice = self._job.policy
+        job = self._job
         policy = RunningPolicy(self._launcher.start_policy())
         self._policies.append(policy)
-        limits = self._job.limits
-        policy.process.send(MakePolicy(name=choice.name, batching=choice.batching, limits=limits))
+        policy.process.send(
+            MakePolicy(name=job.policy.name, batching=job.policy.batching, limits=job.limits)
+        )
         return policy
 
     def _start_worker(self, policy: RunningPolicy | None) -> None:

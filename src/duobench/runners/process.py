@@ -44,7 +44,6 @@ DEATH_S = 10.0
 DEATH_SEEN_S = 1.0
 """How long after a lost connection the end of a process may be seen, in seconds."""
 _PIECE = 1 << 20
-"""Bytes that are read at a time."""
 _START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from {module} import main; main(int(sys.argv[2]), int(sys.argv[3]), *sys.argv[4:])"
@@ -92,7 +91,6 @@ class ProcessFailed(msgspec.Struct, tag=True, frozen=True):
     """From a process: what it is for cannot be done by any of its kind."""
 
     error: str
-    """Name of the class of the error."""
     message: str
 
 
@@ -110,7 +108,6 @@ class Channel(Generic[T]):
 
     def __init__(self, connection: socket.socket, kind: Any) -> None:
         self.socket = connection
-        """The socket, to wait for, and to close."""
         self._decoder = msgspec.json.Decoder(kind)
         self._rest = bytearray()
 
@@ -256,15 +253,22 @@ class Parent(Channel[Any]):
             end_group()
 
 
-def run_child(connection: int, kind: Any, do: Callable[[Parent, Requests], None]) -> NoReturn:
-    """Do what a process is for until it is done, or its parent is gone; see `WorkerProcess`."""
+def run_child(connection: int, kind: Any, do: Callable[[Any, Parent, Requests], None]) -> NoReturn:
+    """Do what a process is for until it is done, or its parent is gone; see `WorkerProcess`.
+
+    Args:
+        connection: Descriptor of the socket to the parent.
+        kind: Type of the requests of the parent, or a union of such types.
+        do: Does the first request, unless that is to stop; it gets the queue of the others.
+    """
     signal.signal(signal.SIGINT, lambda _number, _frame: None)  # the parent's to handle
     parent = Parent(socket.socket(fileno=connection), kind)
     requests: Requests = queue.SimpleQueue()
     watch_parent(os.getppid(), end_group)
     threading.Thread(target=_listen, args=(parent, requests), daemon=True).start()
     try:
-        do(parent, requests)
+        if not isinstance(job := requests.get(), Stop):
+            do(job, parent, requests)
     except DuoBenchError as error:
         parent.report(ProcessFailed(error=type(error).__name__, message=escaped(str(error))))
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it

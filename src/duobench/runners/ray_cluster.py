@@ -206,7 +206,6 @@ def _actor(**options: Any) -> Any:
 
 
 def _first_line(error: BaseException) -> str:
-    """What an error of Ray says, in short."""
     lines = [line.strip() for line in escaped(str(error)).splitlines()]
     cause = next(
         (line for line in reversed(lines) if line.endswith("Error") or "Error:" in line), ""

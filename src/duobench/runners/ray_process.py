@@ -46,7 +46,6 @@ class Cluster:
     """Graphics cards that each actor of a policy asks for; a part of one, or several."""
 
     def __post_init__(self) -> None:
-        """Reject what no cluster has."""
         if not 0.0 <= self.policy_gpus < float("inf"):
             raise EvaluationError(f"A number of graphics cards is 0 or more: {self.policy_gpus}.")
         if self.address.startswith("ray://") or not self.address.strip():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import msgspec
 
 from duobench.errors import MachineryError, escaped
@@ -30,7 +32,6 @@ class Ready(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the policy is made."""
 
     run: Run
-    """What is played, and by what."""
     versions: dict[str, str | None]
     """Versions of everything that a result may depend on."""
 
@@ -43,7 +44,6 @@ class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the episode has begun, reached a new stage, or is played on."""
 
     record: EpisodeRecord
-    """Its record so far."""
 
 
 class EpisodeError(msgspec.Struct, tag=True, frozen=True):
@@ -55,21 +55,14 @@ class EpisodeError(msgspec.Struct, tag=True, frozen=True):
 Request = Job | PlayEpisode | Rehearse | Stop
 """To a worker; a job comes first, which has it make the policy."""
 Report = Ready | Rehearsed | EpisodeProgress | EpisodeResult | EpisodeError | ProcessFailed
-"""From a worker."""
 
 
 def main(connection: int, clock: int) -> None:
     """Play episodes until asked to stop; see `WorkerProcess`."""
-
-    def play(parent: Parent, requests: Requests) -> None:
-        job = requests.get()
-        if isinstance(job, Job):
-            _play(job, parent, requests, EpisodeClock(clock))
-
-    run_child(connection, Request, play)
+    run_child(connection, Request, partial(_play, clock=EpisodeClock(clock)))
 
 
-def _play(job: Job, parent: Parent, requests: Requests, clock: EpisodeClock) -> None:
+def _play(job: Job, parent: Parent, requests: Requests, *, clock: EpisodeClock) -> None:
     """Make the policy, then play one episode after the other."""
     runner = EpisodeRunner(
         find_source(job.policy, job.suite.tasks, job.limits),

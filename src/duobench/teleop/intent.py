@@ -28,20 +28,13 @@ class Device(Protocol):
     """Name of what the numbers of its actions mean."""
 
     def begin(self, command: DuoCommand) -> None:
-        """A new episode waits for the operator.
-
-        Args:
-            command: Where the arms are.
-        """
-        ...
+        """A new episode waits for the operator, with the arms where they are commanded to be."""
 
     def take(self, message: Message, arrival_s: float) -> None:
         """A message of the operator has arrived; the device may have no use for it."""
-        ...
 
     def lose(self) -> None:
         """The operator has gone: everything is let go."""
-        ...
 
     def is_away(self, now_s: float) -> bool:
         """Whether nobody leads for so long that the recording has to wait."""
@@ -52,13 +45,7 @@ class Device(Protocol):
         ...
 
     def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
-        """The next action.
-
-        Args:
-            now_s: The time on the clock of `take`, in seconds.
-            state: Where the arms are.
-            command: Where they were commanded to be last.
-        """
+        """The next action, from where the arms are and where they were commanded to be last."""
         ...
 
     @property

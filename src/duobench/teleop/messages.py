@@ -1,8 +1,4 @@
-"""What a page sends: where the operator's hands are, and what the operator asks for.
-
-Text as JSON. Nothing in it is trusted: a message that is not exactly of its kind is refused with a
-sentence, and changes nothing.
-"""
+"""What a page sends: where the operator's hands are, and what the operator asks for."""
 
 from __future__ import annotations
 
@@ -14,8 +10,9 @@ from typing import Annotated
 
 import msgspec
 
-from duobench.errors import MessageError, escaped
+from duobench.errors import escaped
 from duobench.spatial import SE3, length
+from duobench.web.messages import PageMessage
 
 FARTHEST = 100.0
 """Largest coordinate of a hand in metres; only differences of poses matter."""
@@ -23,8 +20,6 @@ NORM_TOLERANCE = 1e-3
 """How far the length of a quaternion may be from one."""
 LONGEST_INSTRUCTION = 300
 """Characters of an instruction that an operator types."""
-LONGEST_MESSAGE = 4096
-"""Bytes of a message."""
 LONGEST_QUEUE = 1024
 """Messages that may wait; beyond, the oldest are forgotten."""
 
@@ -69,10 +64,7 @@ class Hand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         return SE3.from_wxyz(self.pose[3:], self.pose[:3])
 
 
-class Hands(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind",
-    tag="hands",
-):  # fmt: skip
+class Hands(PageMessage, frozen=True):
     """Both hands at one moment."""
 
     sent: float
@@ -82,32 +74,25 @@ class Hands(
     left: Hand | None
     """The left hand; None where the device has none."""
     right: Hand | None
-    """The right hand; None where the device has none."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sent) and self.sent >= 0.0):
             raise ValueError(f"`sent` is a time in ms from 0 on, got {self.sent}")
 
 
-class Keep(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="keep"):
+class Keep(PageMessage, frozen=True):
     """Keep the episode."""
 
 
-class Discard(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="discard"
-):
+class Discard(PageMessage, frozen=True):
     """Discard the episode, and begin the next one."""
 
 
-class Recentre(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="recentre"
-):
+class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
 
-class Instruction(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="instruction"
-):
+class Instruction(PageMessage, frozen=True):
     """What the operator says that the arms will do; empty for the task's own words."""
 
     text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)]
@@ -120,25 +105,6 @@ class Instruction(
 
 Message = Hands | Keep | Discard | Recentre | Instruction
 """Everything that an operator may send."""
-
-_decoder = msgspec.json.Decoder(Message)
-
-
-def read(data: bytes | str) -> Message:
-    """A message from what anybody may have sent.
-
-    Raises:
-        MessageError: It is none: no JSON, too long, of no known kind, with a field too many or too
-            few, of a wrong type, or out of range.
-    """
-    if len(data) > LONGEST_MESSAGE:
-        raise MessageError(
-            f"A message has at most {LONGEST_MESSAGE} bytes, this one has {len(data)}."
-        )
-    try:
-        return _decoder.decode(data)
-    except (msgspec.MsgspecError, UnicodeError, RecursionError) as error:
-        raise MessageError(f"This message is refused: {error}.".replace("`$.", "`")) from error
 
 
 class Inbox:

@@ -78,14 +78,8 @@ class Shaped:
 class Shaper:
     """Shapes where a hand leads one tool."""
 
-    def __init__(self, side: Side, leash: float = LEASH) -> None:
-        """Begin without a past.
-
-        Args:
-            side: Which arm.
-            leash: Largest distance in metres from where the tool is.
-        """
-        self._side, self._leash = side, leash
+    def __init__(self, side: Side) -> None:
+        self._side = side
         self._filter = OneEuro()
 
     def reset(self) -> None:
@@ -93,14 +87,9 @@ class Shaper:
         self._filter.reset()
 
     def __call__(self, wanted: SE3, measured: SE3) -> Shaped:
-        """Where the tool is led.
-
-        Args:
-            wanted: Where the hand leads it, in the table frame.
-            measured: Where it is.
-        """
+        """Where a tool is led that the hand wants elsewhere, both in the table frame."""
         smooth = self._filter(wanted)
-        near = within(measured.translation, smooth.translation, self._leash)
+        near = within(measured.translation, smooth.translation, LEASH)
         inside = SE3(smooth.rotation, np.clip(near, *BOX))
         pose = within_reach(self._side, inside)
         is_limited = length(pose.translation - smooth.translation) > 0.0

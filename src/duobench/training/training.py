@@ -7,11 +7,11 @@ import os
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 from duobench.envs import action_labels
 from duobench.envs.spaces import JOINT_NAMES
@@ -45,24 +45,18 @@ PLUGIN = "lerobot_env_duobench"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Training:
-    """A training that can begin."""
+    """A training that can begin; tasks, names and version are what the data set says."""
 
     settings: tuple[Setting, ...]
     """Options of `lerobot-train`, each with where its value comes from."""
     folder: Path
     tasks: tuple[str, ...]
-    """Ids of the tasks that it learns, as far as the data set says."""
-    names: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """What the numbers of its features are, as far as the data set says."""
-    suite_version: str | None = None
-    """Version of the suite that it learns from, as far as the data set says."""
+    names: Mapping[str, Sequence[str]]
+    """What the numbers of its features are."""
+    suite_version: str | None
 
     def command(self, more: Sequence[str] = ()) -> list[str]:
-        """The command.
-
-        Args:
-            more: More options, `--name=value`, which take the place of those of the same name.
-        """
+        """The command; more options, `--name=value`, take the place of those of the same name."""
         replaced = {word.partition("=")[0] for word in more}
         kept = [one.argument for one in self.settings if f"--{one.option}" not in replaced]
         return [PROGRAM, *kept, *more]
@@ -82,22 +76,10 @@ class Training:
             return False
 
     def name_features(self) -> None:
-        """Write beside every checkpoint what its numbers are, which LeRobot does not keep.
-
-        Raises:
-            OutputError: A file cannot be written.
-        """
+        """Write beside every checkpoint what its numbers are, which LeRobot does not keep."""
         text = json.dumps({**self.names, SUITE: self.suite_version}, indent=2) + "\n"
         for folder in self.checkpoint.parent.parent.glob(f"*/{self.checkpoint.name}"):
             write(folder / FEATURE_NAMES, text)
-
-
-class TrainingOptions(TypedDict, total=False):
-    """What can be chosen about a training; see `plan`."""
-
-    steps: int | None
-    small: bool
-    domain_ids: bool
 
 
 def plan_all(
@@ -106,18 +88,23 @@ def plan_all(
     out: Path,
     *,
     tasks: Sequence[str] = (),
-    **options: Unpack[TrainingOptions],
+    steps: int | None = None,
+    small: bool = False,
+    domain_ids: bool = False,
 ) -> tuple[Training, ...]:
     """Prepare one training, or one for each task where a policy learns one task.
 
     Args:
         kind: Name of a recipe.
         data: Folder of a data set in LeRobot's format v3.0, or of one for each task.
-        out: Folder of the training; with several, that of their folders, which are named as their
-            tasks.
+        out: Folder of the training, new or with one that goes on; with several, that of their
+            folders, which are named as their tasks.
         tasks: Ids of the tasks to learn, or `ALL`. A policy that takes no instruction learns each
             in a training of its own, unless only one is named.
-        options: As `plan` takes them.
+        steps: Steps of the optimizer; None takes the recipe's.
+        small: Whether to take the recipe for a processor.
+        domain_ids: Whether the policy is told which episodes are simulated and which are real; an
+            evaluation says domain 0, simulation, wherever it is played.
 
     Raises:
         UnknownNameError: There is no such recipe, or no such task in the data set.
@@ -126,50 +113,37 @@ def plan_all(
     """
     data = data.absolute()
     wanted = () if ALL in tasks else tuple(tasks)
-    one = partial(plan, kind, **options)
-    small = options.get("small", False)
+    one = partial(_plan, kind, steps=steps, small=small, domain_ids=domain_ids)
     folders = {path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")}
     if folders:  # of an export with a data set for each task
         for task in wanted:
             check_known(f"task in {data}", task, folders)
-        chosen = wanted or tuple(sorted(folders))
-        if not all(_recipe(kind, small, LearningData(folders[task])).one_task for task in chosen):
+        sources = [(task, LearningData(folders[task])) for task in wanted or sorted(folders)]
+        if not all(_recipe(kind, small, source).one_task for _, source in sources):
             raise DataError(
                 f"{kind} learns several tasks from one data set, and {data} holds one for each "
                 "task: export all tasks into one."
             )
-        return tuple(one(folders[task], out / task) for task in chosen)
+        return tuple(one(source, out / task) for task, source in sources)
     source = LearningData(data)
     is_alone = ALL not in tasks and len(set(tasks)) <= 1
     if is_alone or not _recipe(kind, small, source).one_task:
-        return (one(data, out, tasks=wanted),)
+        return (one(source, out, tasks=wanted),)
     learned = _tasks(source, wanted, needed=True)
-    return tuple(one(data, out / task, tasks=[task]) for task in learned)
+    return tuple(one(source, out / task, tasks=[task]) for task in learned)
 
 
-def plan(
+def _plan(
     kind: str,
-    data: Path,
+    source: LearningData,
     out: Path,
     *,
     tasks: Sequence[str] = (),
-    steps: int | None = None,
-    small: bool = False,
-    domain_ids: bool = False,
+    steps: int | None,
+    small: bool,
+    domain_ids: bool,
 ) -> Training:
-    """Prepare a training; errors are those of `plan_all`.
-
-    Args:
-        kind: Name of a recipe.
-        data: Folder of a data set in LeRobot's format v3.0.
-        out: Folder of the training, which does not exist, or holds one that goes on.
-        tasks: Ids of the tasks to learn; all that are in the data set if none is named.
-        steps: Steps of the optimizer; None takes the recipe's.
-        small: Whether to take the recipe for a processor.
-        domain_ids: Whether the policy is told which episodes are simulated and which are real; an
-            evaluation says domain 0, simulation, wherever it is played.
-    """
-    source = LearningData(data.absolute())
+    """One training, of all tasks of one data set if none is named."""
     recipe = _recipe(kind, small, source)
     learned = _tasks(source, tasks)
     if recipe.one_task and len(learned) > 1:
@@ -177,25 +151,28 @@ def plan(
             f"{kind} takes no instruction and learns one task; name one of: {', '.join(learned)}; "
             f"or several, or {ALL}, for a training each."
         )
+    settings = [
+        Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
+        Setting("dataset.root", str(source.path), "given"),
+        Setting("dataset.video_backend", "pyav", "ours: needs no FFmpeg on the machine"),
+    ]
     rows = None
     if tasks:
         rows = [row for row, task in enumerate(source.episodes() or []) if task in learned]
-    settings = _data_settings(source, rows)
+        listed = ",".join(map(str, rows))
+        settings.append(Setting("dataset.episodes", f"[{listed}]", "given: their tasks"))
     if domain_ids:
         settings.append(_domain_setting(kind, recipe, source))
     out = out.absolute()
-    last = out / LAST
     if out.exists():
-        _check_same(out, kind, source, rows)
+        config = _check_same(out, kind, source, rows)
         why = "the training in this folder goes on, with its own settings"
-        settings = [
-            Setting("config_path", str(last / "train_config.json"), why),
-            Setting("resume", "true", why),
-        ]
+        settings = [Setting("config_path", str(config), why), Setting("resume", "true", why)]
     else:
+        free = max((os.cpu_count() or 1) - 1, 0)
         settings += [
             *recipe.settings,
-            Setting("num_workers", str(_workers(recipe)), "ours: free cores"),
+            Setting("num_workers", str(min(recipe.workers, free)), "ours: free cores"),
             Setting("policy.push_to_hub", "false", "ours: it stays here"),
             Setting("output_dir", str(out), "given"),
         ]
@@ -210,11 +187,7 @@ def plan(
 
 
 def program() -> Path:
-    """Where `lerobot-train` is.
-
-    Raises:
-        PolicyError: LeRobot is not installed here.
-    """
+    """Where `lerobot-train` is; a `PolicyError` where LeRobot is not installed."""
     beside = Path(sys.executable).with_name(PROGRAM)
     command = str(beside) if beside.exists() else shutil.which(PROGRAM)
     if command is None:
@@ -248,18 +221,6 @@ def _tasks(source: LearningData, wanted: Sequence[str], *, needed: bool = False)
     return tuple(dict.fromkeys(wanted)) or there
 
 
-def _data_settings(source: LearningData, rows: list[int] | None) -> list[Setting]:
-    settings = [
-        Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
-        Setting("dataset.root", str(source.path), "given"),
-        Setting("dataset.video_backend", "pyav", "ours: needs no FFmpeg on the machine"),
-    ]
-    if rows:
-        listed = ",".join(map(str, rows))
-        settings.append(Setting("dataset.episodes", f"[{listed}]", "given: their tasks"))
-    return settings
-
-
 def _domain_setting(kind: str, recipe: Recipe, source: LearningData) -> Setting:
     """The option that tells a policy which episodes are simulated."""
     if not recipe.takes_domains:
@@ -278,8 +239,8 @@ def _domain_setting(kind: str, recipe: Recipe, source: LearningData) -> Setting:
     return Setting("policy.domain_feature_key", DOMAIN, why)
 
 
-def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | None) -> None:
-    """Reject a folder that holds something else than an earlier part of this training."""
+def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | None) -> Path:
+    """The settings in a folder that holds an earlier part of this training."""
     path = out / LAST / "train_config.json"
     try:
         before = json.loads(path.read_bytes())
@@ -304,11 +265,7 @@ def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | No
         raise OtherRunError(
             f"{out} holds another training; this one differs in {'; '.join(changed)}."
         )
-
-
-def _workers(recipe: Recipe) -> int:
-    """Processes that decode images: as many as there are cores to spare."""
-    return min(recipe.workers, max((os.cpu_count() or 1) - 1, 0))
+    return path
 
 
 class LearningData:
@@ -377,18 +334,15 @@ class LearningData:
     @property
     def holds_objects_alone(self) -> bool:
         """Whether there are object states, and no images."""
-        return OBJECT_STATE in self._features and not any(
-            key.startswith(IMAGE_PREFIX) for key in self._features
-        )
+        has_images = any(key.startswith(IMAGE_PREFIX) for key in self._features)
+        return OBJECT_STATE in self._features and not has_images
 
     def mixes_domains(self) -> bool:
         """Whether there are simulated and real episodes."""
         domains = (self._read("meta/stats.json") or {}).get(DOMAIN)
-        return (
-            DOMAIN in self._features
-            and isinstance(domains, dict)
-            and domains.get("min") != domains.get("max")
-        )
+        if DOMAIN not in self._features or not isinstance(domains, dict):
+            return False
+        return domains.get("min") != domains.get("max")
 
 
 def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:

@@ -1,13 +1,17 @@
 """What a page and its server say to each other, as far as every use of the page has it in common.
 
-Text is JSON with a `kind`. A frame is binary, little-endian: float64 time of the server in seconds,
-uint32 control step, uint32 number of bodies, then seven float32 a body.
+Text is JSON with a `kind`. Nothing that a page sends is trusted: a message that is not exactly of
+its kind is refused with a sentence, and changes nothing. A frame is binary, little-endian: float64
+time of the server in seconds, uint32 control step, uint32 number of bodies, then seven float32 a
+body.
 """
 
 from __future__ import annotations
 
+import re
 import struct
-from typing import Annotated, Any
+from collections.abc import Callable
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -22,33 +26,52 @@ FRAMES_HZ = 30.0
 _FRAME = struct.Struct("<dII")
 
 
-class PageMessage(msgspec.Struct, frozen=True):
-    """What every message from a page holds; what else it holds is for those who act on it."""
+def _kind(name: str) -> str:
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
 
-    kind: Annotated[str, msgspec.Meta(min_length=1, max_length=32)]
-    """What it is about."""
+
+class PageMessage(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag=_kind
+):
+    """A message from a page; the `kind` of a class `TakeOver` below this one is "take_over"."""
+
+
+class Ping(PageMessage, frozen=True):
+    """The page asks whether the server is there."""
+
     sent: float | None = None
     """When it was sent, in milliseconds of the page's clock."""
 
 
-_decoder = msgspec.json.Decoder(PageMessage)
+class Drive(PageMessage, frozen=True):
+    """Its visitor wants to drive, if nobody does."""
 
 
-def read_message(data: str | bytes) -> PageMessage:
-    """Read what every message from a page holds.
+class TakeOver(PageMessage, frozen=True):
+    """Its visitor wants to drive in the place of whoever does."""
+
+
+def reader(kinds: Any) -> Callable[[str | bytes], Any]:
+    """What reads messages that a page may have sent.
 
     Args:
-        data: A message as it arrived.
+        kinds: The classes below `PageMessage` that are understood, as one or a union of them.
 
-    Raises:
-        MessageError: It is binary, no JSON, or no object with a kind.
+    Returns:
+        Gives the message in a text. It raises a `MessageError` where that is binary, no JSON, of no
+        known kind, with a field too many or too few, of a wrong type, or out of range.
     """
-    if isinstance(data, bytes):
-        raise MessageError("A message from a page is text.")
-    try:
-        return _decoder.decode(data)
-    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
-        raise MessageError(f"A message cannot be read: {error}.") from error
+    decoder = msgspec.json.Decoder(kinds)
+
+    def read(data: str | bytes) -> Any:
+        if isinstance(data, bytes):
+            raise MessageError("A message from a page is text.")
+        try:
+            return decoder.decode(data)
+        except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
+            raise MessageError(f"This message is refused: {error}.".replace("`$.", "`")) from error
+
+    return read
 
 
 def pack_frame(poses: NDArray[np.float32], step: int, time_s: float) -> bytes:

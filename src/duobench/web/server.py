@@ -20,10 +20,19 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from duobench.errors import DuoBenchError, MessageError, ServingError
+from duobench.errors import DuoBenchError, ServingError
 from duobench.serving_thread import ServingThread
 from duobench.web.access import Admission, Certificate, check_address
-from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, encode, read_message
+from duobench.web.messages import (
+    FRAMES_HZ,
+    MAX_MESSAGE,
+    Drive,
+    PageMessage,
+    Ping,
+    TakeOver,
+    encode,
+    reader,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -62,12 +71,17 @@ _SECURITY = {
 }
 
 
+_Content = tuple[str, tuple[bytes, str | None]]
+"""Content type, and the content with its encoding."""
+_Shelf = dict[str, _Content]
+"""What is given out, by its path."""
+
+
 class Peer:
     """One browser. Of everything the newest waits for it, so that a slow one skips the rest."""
 
     def __init__(self, connection: ServerConnection) -> None:
-        self.connection = connection
-        """The connection."""
+        self._connection = connection
         self._waiting: dict[str, str | bytes] = {}
         self._changed = asyncio.Event()
         self._next_frame = 0.0
@@ -89,10 +103,6 @@ class Peer:
         """Drop the frame that waits: it belongs to another scene."""
         self._waiting.pop(FRAME, None)
 
-    def refuse(self, reason: str) -> None:
-        """Say why a message was refused."""
-        self.put("refused", encode(kind="refused", reason=reason))
-
     async def send_all(self) -> None:
         """Send what waits, text first, as fast as it is read, until the connection ends."""
         loop = asyncio.get_running_loop()
@@ -103,7 +113,7 @@ class Peer:
                 while (text := next((each for each in self._waiting if each != FRAME), None)) or (
                     FRAME in self._waiting and loop.time() >= self._next_frame
                 ):
-                    await self.connection.send(self._waiting.pop(text or FRAME))
+                    await self._connection.send(self._waiting.pop(text or FRAME))
                     if text is None:
                         period = 1 / FRAMES_HZ
                         self._next_frame = max(self._next_frame + period, loop.time() - period / 2)
@@ -139,19 +149,17 @@ class PageServer:
         check_address(host, certificate)
         names = () if certificate is None else certificate.hosts
         self._admission = Admission(token, names)
-        self._files = {path: (kind, _compressed(body)) for path, (kind, body) in assets.items()}
-        self._scenes: dict[str, bytes] = {}
-        self._images: dict[str, tuple[str, bytes]] = {}
+        self._files: _Shelf = {
+            path: (kind, (gzip.compress(body, mtime=0), "gzip"))
+            for path, (kind, body) in assets.items()
+        }
+        self._scenes: _Shelf = {}
+        self._images: _Shelf = {}
         self._folder: Path | None = None
         self._latest: dict[str, str | bytes] = {}
         self._peers: dict[Peer, None] = {}  # in the order in which they came
         self._driver: Peer | None = None
-        self.on_message: Callable[[bool, bytes], str | None] = lambda _is_driver, _data: None
-        """Called in the server's thread with every message that is not the server's own affair:
-        whether its sender drives, and the message, JSON with a `kind`. It must return soon. What it
-        returns, or the text of a `DuoBenchError` that it raises, is why the message is refused."""
-        self.on_driver_lost: Callable[[], None] = lambda: None
-        """Called in the server's thread when the driver has left, or had to give way."""
+        self.listen(None, lambda _message: None)
         self._server = ServingThread(
             self._serve_peer,
             host,
@@ -172,6 +180,29 @@ class PageServer:
         self.url = f"{scheme}://{name}:{self._server.port}/?token={self._admission.token}"
         """Address of the page, with the token."""
 
+    def listen(
+        self,
+        kinds: Any,
+        on_message: Callable[[Any], str | None],
+        on_driver_lost: Callable[[], None] = lambda: None,
+        watching: str = "",
+    ) -> None:
+        """Say what becomes of the messages that are not the server's own affair.
+
+        Args:
+            kinds: Classes of the messages that the page may send, below `PageMessage`: one, a union
+                of them, or None. All others are refused.
+            on_message: Called with each message in the server's thread, and must return soon. What
+                it returns, or the text of a `DuoBenchError` that it raises, is why the message is
+                refused.
+            on_driver_lost: Called in the server's thread when the driver has left, or had to give
+                way.
+            watching: Why messages of those who do not drive are refused; empty takes them too.
+        """
+        own = Ping | Drive | TakeOver
+        self._read = reader(own if kinds is None else own | kinds)
+        self.on_message, self.on_driver_lost, self._watching = on_message, on_driver_lost, watching
+
     # --- what is shown; from any thread ----------------------------------------------------------
 
     @property
@@ -191,11 +222,9 @@ class PageServer:
         """
         if not re.fullmatch(_NAME, name, re.ASCII):
             raise ServingError(f"A scene cannot be named {name!r}: letters, digits, '_', '-', '.'.")
-        self._scenes.pop(name, None)
-        self._scenes[name] = data
-        while len(self._scenes) > MAX_SCENES:
-            del self._scenes[next(iter(self._scenes))]
-        url = f"/scene/{name}.bin?token={self._admission.token}"
+        path = f"/scene/{name}.bin"
+        self._scenes = _with(self._scenes, path, "application/octet-stream", data)
+        url = f"{path}?token={self._admission.token}"
         self._server.call(self._show_scene, encode(kind="scene", name=name, url=url))
 
     def publish_image(self, name: str, data: bytes) -> str:
@@ -216,10 +245,9 @@ class PageServer:
             raise ServingError(
                 f"A page shows JPEG, PNG, WebM or PDF by a plain name, got {name!r}."
             )
-        kept = {other: self._images[other] for other in self._images if other != name}
-        names = list(kept)[-(MAX_SCENES - 1) :]
-        self._images = {other: kept[other] for other in names} | {name: (kind, data)}
-        return f"/image/{name}?token={self._admission.token}"
+        path = f"/image/{name}"
+        self._images = _with(self._images, path, kind, data)
+        return f"{path}?token={self._admission.token}"
 
     def publish_folder(self, folder: Path) -> str:
         """Give the files of a folder out from now on, to those with the token.
@@ -314,23 +342,18 @@ class PageServer:
             return _found(*found, request)
         return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")
 
-    def _shown(self, path: str) -> tuple[str, tuple[bytes, str | None]] | None:
-        """Content type, content and encoding of what only those with the token may see."""
-        if path in self._files:
-            return self._files[path]
-        if scene := re.fullmatch(rf"/scene/({_NAME})\.bin", path, re.ASCII):
-            data = self._scenes.get(scene[1])
-            return None if data is None else ("application/octet-stream", (data, None))
+    def _shown(self, path: str) -> _Content | None:
+        """What only those with the token may see."""
+        for shelf in (self._files, self._scenes, self._images):
+            if path in shelf:
+                return shelf[path]
         if self._folder and (name := re.fullmatch(r"/folder/[^/]+/(.+)", path)):
             file = (self._folder / unquote(name[1])).resolve()
             if not (file.is_relative_to(self._folder) and file.is_file()):
                 return None
             kind = mimetypes.guess_type(file.name)[0] or "application/octet-stream"
             return kind, (file.read_bytes(), None)
-        if (image := re.fullmatch(rf"/image/({_NAME})", path, re.ASCII)) is None:
-            return None
-        kind, data = self._images.get(image[1], ("", None))
-        return None if data is None else (kind, (data, None))
+        return None
 
     def _rejection(self, connection: ServerConnection, request: Request) -> Response | None:
         """Why a page may not connect; None if it may."""
@@ -367,39 +390,36 @@ class PageServer:
     def _receive(self, peer: Peer, data: str | bytes) -> None:
         """Act on a message, or say why not."""
         try:
-            message = read_message(data)
-        except MessageError as error:
-            peer.refuse(str(error))
-            return
-        match message.kind:
-            case "ping":
-                peer.put("pong", encode(kind="pong", sent=message.sent))
-            case "drive" if self._driver not in (None, peer):
-                peer.refuse("Somebody else drives. Watch, or take over.")
-            case "drive" | "take_over":
-                if self._driver not in (None, peer):
-                    self._lose_driver()
-                self._let_drive(peer)
-            case _:
-                self._pass_on(peer, data)
-
-    def _lose_driver(self) -> None:
-        try:
-            self.on_driver_lost()
-        except Exception:  # noqa: BLE001 - the session goes on
-            _log.exception("The loss of the driver made something fail; the session goes on.")
-
-    def _pass_on(self, peer: Peer, data: str | bytes) -> None:
-        content = data.encode() if isinstance(data, str) else data
-        try:
-            reason = self.on_message(peer is self._driver, content)
+            reason = self._act(peer, self._read(data))
         except DuoBenchError as error:
             reason = str(error)
         except Exception:  # noqa: BLE001 - the session goes on
             _log.exception("A message from a page made something fail; the session goes on.")
             reason = "Something failed here."
         if reason is not None:
-            peer.refuse(reason)
+            peer.put("refused", encode(kind="refused", reason=reason))
+
+    def _act(self, peer: Peer, message: PageMessage) -> str | None:
+        match message:
+            case Ping(sent=sent):
+                peer.put("pong", encode(kind="pong", sent=sent))
+            case Drive() if self._driver not in (None, peer):
+                return "Somebody else drives. Watch, or take over."
+            case Drive() | TakeOver():
+                if self._driver not in (None, peer):
+                    self._lose_driver()
+                self._let_drive(peer)
+            case _ if self._watching and peer is not self._driver:
+                return self._watching
+            case _:
+                return self.on_message(message)
+        return None
+
+    def _lose_driver(self) -> None:
+        try:
+            self.on_driver_lost()
+        except Exception:  # noqa: BLE001 - the session goes on
+            _log.exception("The loss of the driver made something fail; the session goes on.")
 
 
 _NO_TOKEN = (
@@ -408,9 +428,10 @@ _NO_TOKEN = (
 )
 
 
-def _compressed(body: bytes) -> tuple[bytes, str | None]:
-    """Content as it is sent, and its encoding."""
-    return gzip.compress(body, mtime=0), "gzip"
+def _with(shelf: _Shelf, path: str, kind: str, data: bytes) -> _Shelf:
+    """A shelf on which something is the newest."""
+    others = [other for other in shelf if other != path][-(MAX_SCENES - 1) :]
+    return {other: shelf[other] for other in others} | {path: (kind, (data, None))}
 
 
 def _found(kind: str, content: tuple[bytes, str | None], request: Request) -> Response:

@@ -11,7 +11,7 @@ def shown(*, terminal: bool, records: list, finished: int) -> str:
     out = io.StringIO()
     console = Console(file=out, force_terminal=terminal, width=100, color_system=None)
     run = sample_run(episodes=len(records) // 3)
-    with display(console, "episode") as live:
+    with display("episode", console) as live:
         played = EpisodesPlayed(live)
         played.on_run_start(run, records[:finished])
         for record in records[finished:]:
@@ -50,7 +50,7 @@ def test_broken_episode_is_told_with_its_reason() -> None:
 def test_one_is_not_told_as_several() -> None:
     out = io.StringIO()
     run = sample_run(tasks=(SORT,), episodes=1)
-    with display(Console(file=out, width=100), "episode") as live:
+    with display("episode", Console(file=out, width=100)) as live:
         EpisodesPlayed(live).on_run_start(run, [])
     assert out.getvalue() == "Policy mine: 1 task, 1 episode\n"
 
@@ -67,7 +67,7 @@ def test_terminal_gets_a_bar_a_task() -> None:
 def test_things_are_counted_from_where_an_earlier_call_stopped(terminal: bool) -> None:
     out = io.StringIO()
     console = Console(file=out, force_terminal=terminal, width=100, color_system=None)
-    with display(console, "frame") as live:
+    with display("frame", console) as live:
         for done in range(40, 101):
             live.tell(done, 100)
     if terminal:

@@ -3,7 +3,7 @@ import re
 
 from rich.console import Console
 
-from duobench.cli.shared.table import results_table
+from duobench.cli.shared.console import results_table
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.scores import RunPart, summarize

@@ -1,19 +1,18 @@
 """A model server as those of vla-eval 0.8 behave, written from its protocol alone."""
 
 import http
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
 from typing import Any
 
 import msgpack
 import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
-from websockets.sync.server import ServerConnection, serve
+from websockets.sync.server import ServerConnection
 
-TIMEOUT_S = 30
+from tests.policy.serving.serving import listening
 
 Message = dict[str, Any]
 Answer = Callable[[Message], bytes | str | None]
@@ -38,13 +37,8 @@ def packed(value: object) -> bytes:
 
 
 def _encoded(value: np.ndarray) -> dict[str, Any]:
-    shape = list(value.shape)
-    return {
-        "__ndarray__": True,
-        "data": value.tobytes(),
-        "dtype": value.dtype.str,
-        "shape": shape,
-    }
+    array = {"__ndarray__": True, "data": value.tobytes(), "dtype": value.dtype.str}
+    return {**array, "shape": list(value.shape)}
 
 
 def _decoded(value: dict[str, Any]) -> Any:
@@ -75,8 +69,7 @@ class ModelServer:
                 if message["type"] == "hello":
                     connection.send(frame("hello", self.hello, message["seq"]))
                 elif message["type"] == "observation":
-                    reply = self.answer(message)
-                    if reply is None:
+                    if (reply := self.answer(message)) is None:
                         return
                     connection.send(reply)
 
@@ -86,22 +79,9 @@ class ModelServer:
         status = http.HTTPStatus.OK if self.lives else http.HTTPStatus.SERVICE_UNAVAILABLE
         return connection.respond(status, '{"status": "ok"}\n')
 
-    @contextmanager
-    def running(self, port: int = 0) -> Iterator[int]:
+    def running(self, port: int = 0) -> AbstractContextManager[int]:
         """Listen as long as the block lasts; the port."""
-        with serve(
-            self.converse,
-            "127.0.0.1",
-            port,
-            compression=None,
-            max_size=None,
-            process_request=self.admit,
-        ) as server:
-            thread = threading.Thread(target=server.serve_forever, daemon=True)
-            thread.start()
-            yield server.socket.getsockname()[1]
-            server.shutdown()
-            thread.join(TIMEOUT_S)
+        return listening(self.converse, port, max_size=None, process_request=self.admit)
 
 
 def acting(actions: object) -> Answer:

@@ -3,7 +3,7 @@
 import socket
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any
 
 from websockets.exceptions import ConnectionClosed
@@ -47,9 +47,21 @@ def free_port() -> int:
 
 
 @contextmanager
+def listening(
+    handler: Callable[[ServerConnection], None], port: int = 0, **options: Any
+) -> Iterator[int]:
+    """Serve connections in a thread as long as the block lasts; the port."""
+    with serve_websocket(handler, "127.0.0.1", port, compression=None, **options) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield server.socket.getsockname()[1]
+        server.shutdown()
+        thread.join(TIMEOUT_S)
+
+
 def foreign_server(
     handshake: dict[str, Any], answer: Callable[[bytes], bytes | str | None]
-) -> Iterator[int]:
+) -> AbstractContextManager[int]:
     """Serve as others do: one message at a time, answered by a function; None leaves."""
 
     def serve_client(connection: ServerConnection) -> None:
@@ -57,14 +69,8 @@ def foreign_server(
             connection.send(pack(handshake))
             for message in connection:
                 assert isinstance(message, bytes)
-                reply = answer(message)
-                if reply is None:
+                if (reply := answer(message)) is None:
                     return
                 connection.send(reply)
 
-    with serve_websocket(serve_client, "127.0.0.1", 0, compression=None) as server:
-        thread = threading.Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        yield server.socket.getsockname()[1]
-        server.shutdown()
-        thread.join(TIMEOUT_S)
+    return listening(serve_client)

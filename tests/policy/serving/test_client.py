@@ -3,7 +3,8 @@
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -72,13 +73,19 @@ def test_part_of_a_chunk_may_be_executed_which_is_another_version(
     assert policy.metadata.version == "None, first 1 actions of a chunk"
 
 
-def test_connection_that_was_lost_between_episodes_is_made_again(
-    serve: Serve, remote: Connect
-) -> None:
+@pytest.fixture
+def lost(serve: Serve, remote: Connect) -> tuple[int, OpenpiPolicy, bytes]:
+    """A port that nothing serves any more, its client, and what the policy answered to seed 3."""
     port = serve(Network())
     policy = remote(port)
     expected = played(policy, 3)
+    policy.reset("Do it.", 3)
     serve.close()
+    return port, policy, expected
+
+
+def test_connection_that_was_lost_between_episodes_is_made_again(serve: Serve, lost: Any) -> None:
+    port, policy, expected = lost
     with pytest.raises(MachineryError, match="cannot be reached"):
         policy.reset("Do it.", 3)
     serve(Network(), port=port)
@@ -86,13 +93,9 @@ def test_connection_that_was_lost_between_episodes_is_made_again(
 
 
 def test_connection_that_is_lost_within_an_episode_is_no_fault_of_the_policy(
-    serve: Serve, remote: Connect
+    serve: Serve, lost: Any
 ) -> None:
-    port = serve(Network())
-    policy = remote(port)
-    expected = played(policy, 3)
-    policy.reset("Do it.", 3)
-    serve.close()
+    port, policy, expected = lost
     serve(Network(), port=port)
     for _ in range(2):  # it does not go on in the middle of an episode that the server forgot
         with pytest.raises(MachineryError, match="is lost"):
@@ -100,10 +103,9 @@ def test_connection_that_is_lost_within_an_episode_is_no_fault_of_the_policy(
     assert played(policy, 3) == expected
 
 
-def test_other_policy_at_the_same_address_does_not_go_on(serve: Serve, remote: Connect) -> None:
-    port = serve(Network())
-    policy, other = remote(port), Network()
-    serve.close()
+def test_other_policy_at_the_same_address_does_not_go_on(serve: Serve, lost: Any) -> None:
+    port, policy, _ = lost
+    other = Network()
     other.metadata = PolicyMetadata(name="other")
     serve(other, port=port)
     with pytest.raises(MachineryError, match="another policy now"):
@@ -137,13 +139,8 @@ def test_late_answer_is_never_taken_for_the_next_one(serve: Serve, remote: Conne
 
 
 def test_server_that_is_stuck_is_no_fault_of_the_policy(remote: Connect) -> None:
-    held = threading.Event()
-
-    def answer(message: bytes) -> bytes | None:
-        held.wait(TIMEOUT_S)
-        return message
-
-    with foreign_server({}, answer) as port:  # as openpi's own, which does nothing else meanwhile
+    held = threading.Event()  # openpi's own does nothing else meanwhile
+    with foreign_server({}, lambda _message: held.wait(TIMEOUT_S) and None) as port:
         policy = remote(port, answer_s=0.5)
         policy.reset("Do it.", 0)
         with pytest.raises(MachineryError, match="nor does it say"):
@@ -165,22 +162,16 @@ def test_wrong_key_is_told_without_it(serve: Serve, remote: Connect, key: str | 
     assert "s3cret" not in repr(RemoteServer(url="ws://x:1", key="s3cret"))
 
 
+URLS = ("http://x:80", "127.0.0.1:80", "ws://", "ws://a:b@x:80", "ws://x:80/?key=1", "ws://x:port")
+
+
 @pytest.mark.parametrize(
     "fields",
     [
-        {"url": "http://x:80"},
-        {"url": "127.0.0.1:80"},
-        {"url": "ws://"},
-        {"url": "ws://a:b@x:80"},
-        {"url": "ws://x:80/?key=1"},
-        {"url": "ws://x:port"},
-        {"url": f"ws://{'x' * 64}:1"},
-        {"url": "ws://a b:1"},
+        *({"url": url} for url in (*URLS, f"ws://{'x' * 64}:1", "ws://a b:1")),
         {"execute": 0},
-        {"answer_s": float("inf")},
         {"wait_s": float("inf")},
-        {"answer_s": float("nan")},
-        {"answer_s": 0.0},
+        *({"answer_s": seconds} for seconds in (float("inf"), float("nan"), 0.0)),
     ],
     ids=str,
 )
@@ -207,23 +198,37 @@ def test_server_that_describes_itself_wrongly_is_refused_and_left(
     left: list[object] = []
     drop = OpenpiPolicy._drop
     monkeypatch.setattr(OpenpiPolicy, "_drop", lambda self: (left.append(self), drop(self)))
-    with foreign_server({"duobench": told}, lambda _message: None) as port:
-        with pytest.raises(ServingError, match=r"version|wrongly"):
-            remote(port)
-        assert len(left) == 1
+    refused = pytest.raises(ServingError, match=r"version|wrongly")
+    with foreign_server({"duobench": told}, lambda _message: None) as port, refused:
+        remote(port)
+    assert len(left) == 1
+
+
+Answering = Callable[[dict[str, Any]], Any]
+
+
+@contextmanager
+def foreign(
+    remote: Connect, handshake: dict[str, Any], answer: Answering, path: str = "", **options: Any
+) -> Iterator[tuple[OpenpiPolicy, list[dict[str, Any]]]]:
+    """A client of a server that answers requests, and the requests."""
+    seen: list[dict[str, Any]] = []
+
+    def reply(message: bytes) -> bytes | str:
+        seen.append(unpack(message))
+        given = answer(seen[-1])
+        return pack(given) if isinstance(given, dict) else given
+
+    with foreign_server(handshake, reply) as port:
+        yield remote(port, path, **options), seen
 
 
 def test_plain_openpi_gets_a_connection_for_each_episode_and_its_own_keys(
     remote: Connect,
 ) -> None:
-    seen: list[dict[str, Any]] = []
-
-    def answer(message: bytes) -> bytes:
-        seen.append(unpack(message))
-        return pack({"actions": CHUNK, "state": np.zeros(16)})
-
-    with foreign_server({}, answer) as port:
-        policy = remote(port, message_format=read_format("aloha"), execute=3)
+    chunk = {"actions": CHUNK, "state": np.zeros(16)}
+    options = {"message_format": read_format("aloha"), "execute": 3}
+    with foreign(remote, {}, lambda _request: chunk, **options) as (policy, seen):
         assert not policy.metadata.seeded
         assert policy.metadata.cameras == ("head", "left_wrist", "right_wrist")
         policy.reset("Do it.", 5)
@@ -238,16 +243,12 @@ def test_plain_openpi_gets_a_connection_for_each_episode_and_its_own_keys(
 
 
 def test_roboarena_is_told_what_each_message_is(remote: Connect) -> None:
-    seen: list[dict[str, Any]] = []
-
-    def answer(message: bytes) -> bytes | str:
-        seen.append(unpack(message))
-        is_reset = seen[-1]["endpoint"] == "reset"
-        return "reset successful" if is_reset else pack({"actions": CHUNK})
+    def answer(request: dict[str, Any]) -> Any:
+        return "reset successful" if request["endpoint"] == "reset" else {"actions": CHUNK}
 
     handshake = {"needs_session_id": True, "n_external_cameras": 1, "needs_wrist_camera": True}
-    with foreign_server(handshake, answer) as port:
-        policy = remote(port, message_format=read_format("droid"))
+    droid = read_format("droid")
+    with foreign(remote, handshake, answer, message_format=droid) as (policy, seen):
         for seed in (1, 2):
             policy.reset("Do it.", seed)
             assert np.shape(policy.act(observation())) == (5, 16)
@@ -257,24 +258,18 @@ def test_roboarena_is_told_what_each_message_is(remote: Connect) -> None:
 
 
 def test_vllm_gives_bare_arrays_and_takes_seeds(remote: Connect) -> None:
-    seen: list[dict[str, Any]] = []
-
-    def answer(message: bytes) -> bytes:
-        seen.append(unpack(message))
-        if seen[-1].get("endpoint") == "reset":
-            return pack({"status": "reset successful"})
-        if len(seen) > 3:
-            return pack({"type": "error", "message": "no such camera"})
-        array = pack({"a": CHUNK[None]})
-        return array[array.index(b"\x84") :]
-
-    with foreign_server({}, answer) as port:
-        policy = remote(port, VLLM_PATH, message_format=MessageFormat())
+    array = pack({"a": CHUNK[None]})
+    bare = array[array.index(b"\x84") :]
+    error = {"type": "error", "message": "no such camera"}
+    answers = iter([{"status": "reset successful"}, bare, bare, error])
+    options = {"path": VLLM_PATH, "message_format": MessageFormat()}
+    with foreign(remote, {}, lambda _request: next(answers), **options) as (policy, seen):
         assert policy.metadata.seeded
         policy.reset("Do it.", 9)
         for _ in range(2):
             np.testing.assert_array_equal(policy.act(observation()), CHUNK)
         with pytest.raises(PolicyError, match="no such camera"):
             policy.act(observation())
+    assert [request.get("endpoint") for request in seen] == ["reset", None, None, None]
     assert {request["seed"] for request in seen} == {9}
     assert len({request["session_id"] for request in seen}) == 1

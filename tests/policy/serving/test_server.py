@@ -151,7 +151,7 @@ def test_who_leaves_gives_the_place_back(serve: Serve) -> None:
         leaves.send(pack(first))
         wait_until(lambda: len(waiting) == 1, "a request waits")
         leaves.close()
-        wait_until(waiting[0].future.cancelled, "it is taken back")
+        wait_until(waiting[0].cancelled, "it is taken back")
         also.send(pack(second))
         wait_until(lambda: len(waiting) == 2, "another one waits")
         policy.may.set()

@@ -9,7 +9,7 @@ from duobench.kinematics.inverse import Kinematics
 from duobench.robot.joints import HOME_JOINTS
 from duobench.spatial import SE3
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses, HandDevice
-from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, read
+from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message
 from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, DuoCommand, DuoState
 
 OPEN_HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES)))
@@ -43,17 +43,16 @@ class HandArms:
 
     # --- from any thread ---------------------------------------------------------------------
 
-    def receive(self, data: bytes | str, now_s: float) -> None:
+    def receive(self, message: Message, now_s: float) -> None:
         """Take a message of the operator.
 
         Args:
-            data: The message, as it came.
+            message: The message.
             now_s: When it arrived, on the clock of `advance`.
 
         Raises:
             MessageError: It is refused; everything goes on as if it had not come.
         """
-        message = read(data)
         if isinstance(message, Instruction):
             raise MessageError(NO_WORDING)
         self._inbox.put(message, now_s)

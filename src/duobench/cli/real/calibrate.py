@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from duobench.cli.real.rigs import rig_file
 from duobench.cli.shared.advice import AdvisedError
-from duobench.cli.shared.console import console
+from duobench.cli.shared.console import say
+from duobench.hardware.calibration.board import RULER_MM, Board, Detector, write_board
 from duobench.hardware.canonical import nominal_pose
+from duobench.hardware.clock import SystemClock
 from duobench.hardware.rig import CameraCalibration, Rig
+from duobench.sheets import Paper
+from duobench.spatial import SE3
 from duobench.types import HEAD, Side, wrist_name
 
 if TYPE_CHECKING:
-    from duobench.hardware.calibration.board import Board
     from duobench.hardware.calibration.places import Measured
     from duobench.hardware.calibration.views import ViewFolder
 
-Paper = Literal["a4", "a3"]
+PaperName = Literal["a4", "a3"]
 _AT_REST = 0.01
 """Speed of a joint in rad/s under which an arm is at rest."""
 
@@ -31,18 +35,15 @@ def calibrate() -> None:
     """Measure lenses and places of cameras with a printed board; not yet tried on a camera."""
 
 
-def board(out: Path, paper: Paper = "a4") -> None:
+def board(out: Path, paper: PaperName = "a4") -> None:
     """Write the board as a PDF, to print at 100 %.
 
     Args:
         out: The PDF.
         paper: Size of the sheet.
     """
-    from duobench.hardware.calibration.board import RULER_MM, Board, write_board
-    from duobench.sheets import Paper
-
     write_board(Board(paper=paper), out)
-    console().print(
+    say(
         f"{out}: print it at 100 %, glue it flat onto a plate, and measure its ruler, which should "
         f"be {RULER_MM[Paper(paper)]:g} mm long."
     )
@@ -52,7 +53,7 @@ def lens(
     camera: tyro.conf.Positional[Literal["head", "left_wrist", "right_wrist"]],
     rig: Path,
     views: Path,
-    paper: Paper = "a4",
+    paper: PaperName = "a4",
 ) -> None:
     """Measure the lens of a camera from 20 or more images of the board, held by hand.
 
@@ -62,16 +63,15 @@ def lens(
         views: Folder of images; if there are none in it, they are taken now, one at each Enter.
         paper: Sheet of the board.
     """
-    from duobench.hardware.calibration.board import Board
     from duobench.hardware.calibration.places import calibrate_lens
 
-    known, sheet = _rig(rig), Board(paper=paper)
+    known, sheet = Rig.read(rig_file(rig)), Board(paper=paper)
     folder = _folder(known, views, camera, None, sheet)
     found = calibrate_lens(folder.images(), sheet)
     pose = tuple(float(each) for each in nominal_pose(camera).tquat)
     note = "lens from a board; place as in the simulation"
     _write(rig, known, camera, replace(found, pose=pose, method=note, views=len(folder)))
-    console().print(
+    say(
         f"{camera}: {found.fx:.1f} x {found.fy:.1f} px, middle {found.cx:.1f}, {found.cy:.1f}, "
         f"distortion {', '.join(f'{each:.4f}' for each in found.distortion)}"
     )
@@ -82,7 +82,7 @@ def head(
     views: Path,
     ruler: float | None = None,
     at: tuple[float, float, float] = (400.0, 120.0, -90.0),
-    paper: Paper = "a4",
+    paper: PaperName = "a4",
 ) -> None:
     """Measure where the head camera is, from a board that lies at a known place on the table.
 
@@ -96,9 +96,8 @@ def head(
         paper: Sheet of the board.
     """
     from duobench.hardware.calibration.places import locate_head
-    from duobench.spatial import SE3
 
-    known, sheet = _rig(rig), _measured(paper, ruler)
+    known, sheet = Rig.read(rig_file(rig)), _measured(paper, ruler)
     seen = _lens(known, HEAD)
     folder = _folder(known, views, HEAD, None, sheet)
     x, y, angle = at
@@ -111,7 +110,7 @@ def wrist(
     rig: Path,
     views: Path,
     ruler: float | None = None,
-    paper: Paper = "a4",
+    paper: PaperName = "a4",
 ) -> None:
     """Measure where a wrist camera is, from 15 to 25 poses of its arm over a board that lies still.
 
@@ -128,7 +127,7 @@ def wrist(
     """
     from duobench.hardware.calibration.places import calibrate_wrist
 
-    known, sheet, arm = _rig(rig), _measured(paper, ruler), Side(side)
+    known, sheet, arm = Rig.read(rig_file(rig)), _measured(paper, ruler), Side(side)
     name = wrist_name(arm)
     folder = _folder(known, views, name, arm, sheet)
     found = calibrate_wrist(folder.views(), arm, sheet, _lens(known, name))
@@ -142,15 +141,13 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
-    from duobench.hardware.clock import SystemClock
     from duobench.hardware.drivers.robotiq import measure_ends
     from duobench.hardware.rig import GripperDriver
 
-    known, arm = _rig(rig), Side(side)
+    known, arm = Rig.read(rig_file(rig)), Side(side)
     if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
         raise AdvisedError(f"The {side} gripper of this rig has no positions to measure.")
-    screen = console()
-    screen.print(
+    say(
         f"The {side} gripper will open and close, with nothing between its fingers. Press Enter to "
         "go on, or Ctrl-C to leave."
     )
@@ -158,19 +155,10 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         raise AdvisedError("Nobody said that the gripper may move.")
     found = measure_ends(known.grippers[arm], SystemClock())
     replace(known, grippers={**known.grippers, arm: found}).write(rig)
-    screen.print(f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}.")
-
-
-def _rig(path: Path) -> Rig:
-    if not path.is_file():
-        raise AdvisedError(f"There is no file {path}. --rig takes a rig.json.")
-    return Rig.read(path)
+    say(f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}.")
 
 
 def _measured(paper: str, ruler: float | None) -> Board:
-    from duobench.hardware.calibration.board import RULER_MM, Board
-    from duobench.sheets import Paper
-
     if ruler is None:
         wanted = RULER_MM[Paper(paper)]
         raise AdvisedError(
@@ -182,7 +170,6 @@ def _measured(paper: str, ruler: float | None) -> Board:
 
 def _lens(rig: Rig, camera: str) -> CameraCalibration:
     """The lens in the rig, or that which the camera itself tells."""
-    from duobench.hardware.clock import SystemClock
     from duobench.hardware.opening import open_rig
 
     config = rig.cameras.get(camera)
@@ -216,55 +203,47 @@ def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) 
 
 def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet: Board) -> None:
     """Take an image at each Enter; nothing moves by itself."""
-    from duobench.hardware.calibration.board import Detector
-    from duobench.hardware.clock import SystemClock
     from duobench.hardware.opening import open_rig
 
     if camera not in rig.cameras:
         raise AdvisedError(f"The rig has no camera {camera}.")
-    detector, screen = Detector(sheet), console()
+    detector = Detector(sheet)
     duo = open_rig(rig, SystemClock(), guard=False)
     device, arm = duo.cameras[camera], None if side is None else duo.arms[side]
-    closing: list[Callable[[], None]] = []
-    try:
-        closing.append(device.close)
-        device.connect()
-        if arm is not None:
-            closing.append(arm.close)
-            arm.connect()
-        screen.print("Enter takes an image, d and Enter ends. The arm has to be at rest.")
+    with ExitStack() as ending:
+        for each in (device, arm):
+            if each is not None:
+                ending.callback(each.close)
+                each.connect()
+        say("Enter takes an image, d and Enter ends. The arm has to be at rest.")
         while (line := sys.stdin.readline()) and line.strip() != "d":
             frame = device.latest()
             reading = None if arm is None else arm.read()
             found = None if frame is None else detector.find(frame.image)
             if frame is None or device.fault is not None:
-                screen.print("The camera gives no image.")
+                say("The camera gives no image.")
             elif reading is not None and abs(reading.velocities).max() > _AT_REST:
-                screen.print("The arm moves; not taken.")
+                say("The arm moves; not taken.")
             elif found is None:
-                screen.print("The board is not seen; not taken.")
+                say("The board is not seen; not taken.")
             else:
                 folder.add(frame.image, None if reading is None else reading.joints)
-                screen.print(f"{len(folder)}: {len(found.points)} of 28 corners")
-    finally:
-        for close in closing:
-            close()
+                say(f"{len(folder)}: {len(found.points)} of 28 corners")
 
 
 def _finish(path: Path, rig: Rig, camera: str, found: Measured) -> None:
     _write(path, rig, camera, found.calibration)
     x, y, z = (1000.0 * each for each in found.calibration.pose[:3])
-    screen = console()
-    screen.print(
+    say(
         f"{camera}: at {x:.1f}, {y:.1f}, {z:.1f} mm, from {found.calibration.views} images; what "
         f"was held out is off by {found.calibration.error_px:.2f} px"
         + ("" if found.error_mm is None else f" and {found.error_mm:.2f} mm")
     )
     for note in found.notes:
-        screen.print(note, style="yellow")
+        say(note, style="yellow")
 
 
 def _write(path: Path, rig: Rig, camera: str, calibration: CameraCalibration) -> None:
     changed = replace(rig.cameras[camera], calibration=calibration)
     replace(rig, cameras={**rig.cameras, camera: changed}).write(path)
-    console().print(f"Written to {path}; the rig has a new hash.")
+    say(f"Written to {path}; the rig has a new hash.")

@@ -1,15 +1,34 @@
-"""The rig that a command line names."""
+"""The rig that a command line names, and the operator's terminal beside it."""
 
 from __future__ import annotations
 
+import os
+import queue
+import sys
+import termios
+import threading
+import tty
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from duobench.cli.shared.advice import AdvisedError
+from duobench.hardware.clock import VirtualClock
 
 if TYPE_CHECKING:
     from duobench.hardware.duo import FrankaDuo
+
+
+def rig_file(path: str | Path, also: str = "") -> Path:
+    """The file of a rig, which is there.
+
+    Raises:
+        AdvisedError: It is not.
+    """
+    if not Path(path).is_file():
+        raise AdvisedError(f"There is no file {path}. --rig takes a rig.json{also}.")
+    return Path(path)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -31,14 +50,74 @@ class RigOptions:
             FileError: The file cannot be read, or is no rig.
         """
         from duobench.data.rig import drivers_of
-        from duobench.hardware.clock import VirtualClock
         from duobench.hardware.opening import SIMULATED, open_rig
 
-        if self.rig != SIMULATED and not Path(self.rig).exists():
-            raise AdvisedError(
-                f"There is no file {self.rig}. --rig takes a rig.json, or {SIMULATED}."
-            )
+        if self.rig != SIMULATED:
+            rig_file(self.rig, f", or {SIMULATED}")
         duo = open_rig(self.rig, VirtualClock() if self.fast else None, guard=self.guard)
         if self.fast and set(drivers_of(duo.rig)) != {SIMULATED}:
             raise AdvisedError("Hardware has a clock of its own: leave out --fast.")
         return duo
+
+
+class KeyTerminal:
+    """Reads keys in a thread of its own, as `operator.Operator` asks for them.
+
+    Args:
+        handle: What keys are read from; standard input where nothing is given. A terminal is
+            restored at the end.
+    """
+
+    def __init__(self, handle: int | None = None) -> None:
+        self._handle = sys.stdin.fileno() if handle is None else handle
+        self._keys: queue.Queue[str] = queue.Queue()
+        self._call: Callable[[str], None] | None = None
+        self._before: list[Any] | None = None
+        if os.isatty(self._handle):
+            self._before = termios.tcgetattr(self._handle)
+            tty.setcbreak(self._handle)
+        threading.Thread(target=self._read, name="keys", daemon=True).start()
+
+    def say(self, text: str) -> None:
+        """Print some lines."""
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
+
+    def ask(self, text: str, keys: str) -> str:
+        """Ask for a key, and wait for it; keys that were pressed before do not count."""
+        from duobench.rig_sessions.operator import QUIT
+
+        while not self._keys.empty():
+            if not self._keys.get():
+                self._keys.put("")
+                return QUIT
+        self.say(text)
+        while True:
+            key = self._keys.get()
+            if not key:
+                self._keys.put("")  # and for whatever is asked later
+                return QUIT
+            if key in keys:
+                return key
+
+    def listen(self, call: Callable[[str], None] | None) -> None:
+        """Have every key given to a call at once, whatever is asked."""
+        self._call = call
+
+    def close(self) -> None:
+        """Restore the terminal."""
+        before, self._before = self._before, None
+        if before is not None:
+            termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
+
+    def _read(self) -> None:
+        while True:
+            try:
+                key = os.read(self._handle, 1).decode(errors="replace")
+            except OSError:
+                key = ""
+            if (call := self._call) is not None:
+                call(key)
+            self._keys.put(key)
+            if not key:
+                return

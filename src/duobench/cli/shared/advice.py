@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from duobench.cli.shared.console import say
 from duobench.errors import (
     DuoBenchError,
     LockedError,
@@ -16,9 +16,8 @@ from duobench.errors import (
     RenderingError,
     TooFewSuccessesError,
 )
-
-if TYPE_CHECKING:
-    from duobench.results.folder import RunFolder
+from duobench.results.folder import RunFolder
+from duobench.tasks import catalog
 
 
 class AdvisedError(DuoBenchError):
@@ -35,11 +34,7 @@ KINDS = {
 
 
 def find_folder(folder: Path, sign: str) -> None:
-    """Find out that a folder is of the kind that a verb takes.
-
-    Args:
-        folder: The folder.
-        sign: The file that such a folder has, a key of `KINDS`.
+    """Reject a folder without the file that such folders have, a key of `KINDS`.
 
     Raises:
         AdvisedError: There is no such folder, or it is of another kind; it says what would do.
@@ -59,13 +54,15 @@ def find_folder(folder: Path, sign: str) -> None:
 
 
 def find_run(path: Path) -> None:
-    """Find out that there is a run or a bundle at a path.
-
-    Raises:
-        AdvisedError: There is none; it says what would do.
-    """
+    """Reject a path at which there is neither a run nor a bundle, as `find_folder` does."""
     if not path.is_file():
         find_folder(path, "run.json")
+
+
+def offer_to_import(tasks: Set[str], *, import_tasks: bool) -> None:
+    """Say what would help where tasks are not of the benchmark, and not imported."""
+    if tasks - set(catalog.names()) and not import_tasks:
+        say("With --import-tasks its tasks are imported; that runs the code of others.")
 
 
 def relative(path: Path) -> Path:
@@ -74,12 +71,23 @@ def relative(path: Path) -> Path:
     return path.relative_to(here) if path.is_relative_to(here) else path
 
 
-@contextmanager
-def advising(advice: Callable[[DuoBenchError], str | None]) -> Iterator[None]:
-    """Add advice to what the library raises in a block.
+Advice = Mapping[type[DuoBenchError], str | Callable[[], str]]
+"""What to say after an error of a class; the first class that fits counts."""
 
-    Args:
-        advice: What to say after an error, if there is anything.
+OTHER_RUN: Advice = {OtherRunError: "Give --out another folder."}
+OTHER_OUT: Advice = {**OTHER_RUN, LockedError: "Give --out another folder."}
+FOR_RECORDING: Advice = {
+    **OTHER_OUT,
+    **dict.fromkeys(
+        (OutputError, MachineryError), "The same command goes on with what is missing."
+    ),
+    TooFewSuccessesError: "With --keep-failures every episode is kept, and counts.",
+}
+
+
+@contextmanager
+def advising(advice: Advice) -> Iterator[None]:
+    """Add advice to what the library raises in a block.
 
     Raises:
         AdvisedError: In place of an error about which there is advice.
@@ -87,41 +95,29 @@ def advising(advice: Callable[[DuoBenchError], str | None]) -> Iterator[None]:
     try:
         yield
     except DuoBenchError as error:
-        if (text := advice(error)) is None:
+        text = next((text for kind, text in advice.items() if isinstance(error, kind)), None)
+        if text is None:
             raise
-        raise AdvisedError(f"{error} {text}") from error
+        raise AdvisedError(f"{error} {text() if callable(text) else text}") from error
 
 
-def for_recording(error: DuoBenchError) -> str | None:
-    """What would help after an error of recording."""
-    match error:
-        case OtherRunError() | LockedError():
-            return "Give --out another folder."
-        case OutputError() | MachineryError():
-            return "The same command goes on with what is missing."
-        case TooFewSuccessesError():
-            return "With --keep-failures every episode is kept, and counts."
-    return None
-
-
-def for_evaluation(folder: RunFolder, policy: str, error: DuoBenchError) -> str | None:
+def for_evaluation(folder: RunFolder, policy: str) -> Advice:
     """What would help after an error of an evaluation of a policy in a folder."""
-    match error:
-        case OtherRunError() if folder.description.exists():
-            command = next(iter(folder.commands()), "")
-            other = folder.path.with_name(policy.partition(":")[0])
-            such = "" if other.exists() else f", such as {relative(other)}"
-            known = f"; its own command is: {command}" if command else "."
-            return f"Give --out another folder{such}, or delete this one{known}"
-        case OtherRunError() | LockedError():
+
+    def other_run() -> str:
+        if not folder.description.exists():
             return "Give --out another folder."
-        case OutputError():
-            return "Make room, or give --out another folder; the same command goes on."
-        case RenderingError():
-            return "A policy without cameras needs no images: try --videos 0."
-        case MachineryError():
-            return (
-                "The same command goes on with what is missing; with --workers 0 everything "
-                "happens in one process, which shows more."
-            )
-    return None
+        command = next(iter(folder.commands()), "")
+        other = folder.path.with_name(policy.partition(":")[0])
+        such = "" if other.exists() else f", such as {relative(other)}"
+        known = f"; its own command is: {command}" if command else "."
+        return f"Give --out another folder{such}, or delete this one{known}"
+
+    return {
+        **OTHER_OUT,
+        OtherRunError: other_run,
+        OutputError: "Make room, or give --out another folder; the same command goes on.",
+        RenderingError: "A policy without cameras needs no images: try --videos 0.",
+        MachineryError: "The same command goes on with what is missing; with --workers 0 "
+        "everything happens in one process, which shows more.",
+    }

@@ -1,8 +1,22 @@
-"""Where the verbs print."""
+"""What the verbs print."""
 
 from __future__ import annotations
 
+from typing import Any
+
+from rich import box
 from rich.console import Console
+from rich.table import Column, Table
+from rich.text import Text
+
+from duobench.results.scores import (
+    RunPart,
+    Score,
+    TaskResult,
+    interval_percent,
+    percent,
+    progress_text,
+)
 
 PLAIN_WIDTH = 130
 """Columns when the output goes to a file or another program, which never wraps."""
@@ -20,6 +34,78 @@ def console() -> Console:
     return out
 
 
+def say(*what: object, **options: Any) -> None:
+    """Print to it."""
+    console().print(*what, **options)
+
+
+def table(*columns: Column | str, **options: Any) -> Table:
+    """A table without a frame."""
+    return Table(*columns, box=box.SIMPLE_HEAD, pad_edge=False, **options)
+
+
+def whole(heading: str, **options: Any) -> Column:
+    """A column whose cells are never broken into lines."""
+    return Column(heading, no_wrap=True, **options)
+
+
 def counted(count: int, noun: str) -> str:
     """A number and what it counts, such as "1 task" and "2 tasks"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def results_table(part: RunPart) -> Table:
+    """One row a task, grouped by category, with a row a category and one for everything.
+
+    The policy is named above the table.
+    """
+    results, expected = part.results, part.suite.episodes
+    errors = ("Errors",) if results.overall.errors else ()
+    overtime = part.suite.overtime
+    late = (f"Within {overtime:g}\nhorizons %",) if overtime > 1 else ()
+    headings = ("Episodes", *errors, "Success\n%", "95 %\ninterval", "Final\nprogress", *late)
+    rows = table(
+        whole("Task"),
+        *(whole(heading, justify="right") for heading in headings),
+        "Episodes by\nlast stage",
+        title=Text(part.candidate.title),
+        title_justify="left",
+    )
+    if late:
+        rows.caption = f"Within {overtime:g} horizons is no score: scores end at the horizon."
+
+    def cells(name: str, score: Score, wanted: int) -> list[str]:
+        """What every row has; a run that is not finished says how far it is."""
+        episodes = str(score.episodes) if score.episodes == wanted else f"{score.episodes}/{wanted}"
+        broken = [str(score.errors)] if errors else []
+        rate = percent(score.success_rate)
+        later = [percent(score.late_rate)] if late else []
+        return [
+            name,
+            episodes,
+            *broken,
+            rate,
+            interval_percent(score),
+            progress_text(score),
+            *later,
+        ]
+
+    for category in results.categories:
+        members = [one for one in results.tasks if one.task.category == category.label]
+        for one in members:
+            rows.add_row(*cells(one.task.id, one.score, expected), _stages(one))
+        if len(members) > 1:
+            rows.add_row(*cells(category.label, category, expected * len(members)), style="italic")
+        rows.add_section()
+    rows.add_row(*cells(results.overall.label, results.overall, part.size), style="bold")
+    return rows
+
+
+def _stages(result: TaskResult) -> Text:
+    """Counts by last stage, `stage:count`, the last stage bold."""
+    text = Text()
+    for stage, count in enumerate(result.last_stage_counts):
+        style = "dim" if count == 0 else "bold" if stage == result.task.max_stage else ""
+        text.append(f"{stage}:{count}  ", style=style)
+    text.rstrip()
+    return text

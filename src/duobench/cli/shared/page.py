@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from threading import Thread
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rich.console import Console
+from duobench.cli.shared.console import say
+from duobench.results.folder import RunFolder
 
-    from duobench.results.folder import RunFolder
+if TYPE_CHECKING:
     from duobench.web.server import PageServer
 
 
@@ -25,41 +25,31 @@ class PageOptions:
     """Let other machines in the network open the page, which is encrypted then."""
 
     def serve(self, page: str = "live_page.html") -> PageServer:
-        """Serve a page of the package; `web.page.assets` says which there are.
+        """Serve a page; `web.page.assets` says which there are.
 
         Raises:
             ServingError: The port cannot be had, or there is no certificate for the network.
         """
-        return serve_page(self.port, self.lan, page)
+        from duobench.web.access import make_certificate
+        from duobench.web.page import assets
+        from duobench.web.server import PageServer
 
-
-def serve_page(port: int, lan: bool, page: str = "live_page.html") -> PageServer:
-    """Serve a page, to this machine or to the network; `web.page.assets` says which there are.
-
-    Raises:
-        ServingError: The port cannot be had, or there is no certificate for the network.
-    """
-    from duobench.web.access import make_certificate
-    from duobench.web.page import assets
-    from duobench.web.server import PageServer
-
-    if not lan:
-        return PageServer(assets(page), port=port)
-    return PageServer(assets(page), host="0.0.0.0", port=port, certificate=make_certificate())
+        network = {"host": "0.0.0.0", "certificate": make_certificate()} if self.lan else {}
+        return PageServer(assets(page), port=self.port, **network)
 
 
 @contextmanager
-def followed(folder: RunFolder, screen: Console, port: int) -> Iterator[None]:
+def followed(folder: RunFolder, port: int) -> Iterator[None]:
     """Show a run on a page while the block plays it; at its end, the page shows the report."""
-    from duobench.replay.follow import FollowedRun
+    from duobench.replay.sources import FollowedRun
     from duobench.replay.viewer import Viewer
 
-    with closing(serve_page(port, lan=False)) as server:
+    with closing(PageOptions(port=port).serve()) as server:
         source = FollowedRun(folder, server, import_tasks=True)  # which the run itself imports
         viewer = Viewer(source, server, source.refresh)
         thread = Thread(target=viewer.run, name="follower", daemon=True)
         thread.start()
-        screen.print(f"Watch at {server.url}")
+        say(f"Watch at {server.url}")
         try:
             yield
         finally:

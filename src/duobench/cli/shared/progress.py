@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import (
@@ -17,11 +18,13 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from duobench.cli.shared.console import counted
+from duobench.cli.shared.console import console, counted
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.shard import WHOLE, Shard
-from duobench.runners.demonstrations import Attempt
+
+if TYPE_CHECKING:
+    from duobench.runners.demonstrations import Attempt
 
 PLAIN_LINES = 10
 """About how many lines of progress are printed where nothing can be overwritten."""
@@ -31,7 +34,6 @@ class Display:
     """Bars that are updated in place, one for each name, or a line for each tenth of everything."""
 
     def __init__(self, console: Console, noun: str, progress: Progress) -> None:
-        """Show what is done in bars, which are live, or in lines if the bars are disabled."""
         self._console, self._noun, self._progress = console, noun, progress
         self._bars: dict[str, TaskID] = {}
         self._successes: Counter[str] = Counter()
@@ -82,13 +84,9 @@ class Display:
 
 
 @contextmanager
-def display(console: Console, noun: str) -> Iterator[Display]:
-    """What suits a console, live as long as the block lasts.
-
-    Args:
-        console: Where to show it.
-        noun: What is counted, as of one.
-    """
+def display(noun: str, screen: Console | None = None) -> Iterator[Display]:
+    """What suits a console, live as long as the block lasts; `noun` is what is counted, as of 1."""
+    screen = screen or console()
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -97,20 +95,14 @@ def display(console: Console, noun: str) -> Iterator[Display]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        yield Display(console, noun, progress)
+    with Progress(*columns, console=screen, disable=not screen.is_terminal) as progress:
+        yield Display(screen, noun, progress)
 
 
 class EpisodesPlayed:
-    """The progress of an evaluation."""
+    """The progress of an evaluation, or of a shard of it."""
 
     def __init__(self, shown: Display, shard: Shard = WHOLE) -> None:
-        """Show it in a display.
-
-        Args:
-            shown: The display.
-            shard: Which part of the run is played.
-        """
         self._shown, self._shard = shown, shard
 
     def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
@@ -137,7 +129,6 @@ class EpisodesKept:
     """The progress of recording: episodes that are kept."""
 
     def __init__(self, shown: Display) -> None:
-        """Show it in a display."""
         self._shown = shown
 
     def on_run_start(self, run: Run, finished: Sequence[Attempt]) -> None:

@@ -1,1 +1,1 @@
-"""What each verb does, a file a verb; those on real arms lie in `duobench.cli.real`."""
+"""What verbs do, by what they are about; those that move real arms are in `cli.real`."""

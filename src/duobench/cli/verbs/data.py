@@ -1,4 +1,4 @@
-"""`duobench data`: look at data sets, check them, put them together and take them apart."""
+"""`duobench data` and `duobench export`: data sets, and the formats that policies learn from."""
 
 from __future__ import annotations
 
@@ -8,25 +8,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import tyro
+from rich.table import Table
 
-from duobench.cli.shared.advice import AdvisedError, advising, find_folder
-from duobench.cli.shared.console import console, counted
-from duobench.cli.shared.engine import load_engine
-from duobench.errors import DataError, DuoBenchError, NamesTakenError, OutputError
+from duobench.cli.shared.advice import Advice, AdvisedError, advising, find_folder
+from duobench.cli.shared.console import counted, say, table, whole
+from duobench.cli.shared.process import load_engine, raising
+from duobench.cli.shared.progress import display
+from duobench.data.lerobot.options import ExportOptions
+from duobench.errors import DataError, NamesTakenError, OutputError, SeveralTasksError
+from duobench.files import locked
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from duobench.data import DataSet
     from duobench.data.summary import Summary, TaskSummary
 
 
 def opened(folder: Path) -> DataSet:
-    """The data set in a folder.
-
-    Raises:
-        DuoBenchError: There is none, or MuJoCo cannot be loaded.
-    """
+    """The data set in a folder; an error if there is none, or MuJoCo cannot be loaded."""
     find_folder(folder, "dataset.json")
     load_engine()
     from duobench.data import DataSet
@@ -34,7 +32,7 @@ def opened(folder: Path) -> DataSet:
     return DataSet.open(folder, create=False)
 
 
-def verbs() -> None:
+def data() -> None:
     """Look at data sets, check them, put them together and take them apart."""
 
 
@@ -46,32 +44,26 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
         images: Show images of each task on the page, which takes a moment.
     """
     source = opened(data)
-    from rich import box
-    from rich.table import Table
-
     from duobench.data import summarize, write_page
 
     summary = summarize(source)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("Task", no_wrap=True)
-    for heading in ("Episodes", "Successes", "Frames", "Median", "99 %", "Horizon"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    headings = ("Episodes", "Successes", "Frames", "Median", "99 %", "Horizon")
+    rows = table(whole("Task"), *(whole(heading, justify="right") for heading in headings))
     for task in summary.tasks:
         middle, long = f"{task.median_length:g}", f"{task.long_length:.0f}"
         numbers = (task.episodes, task.successes, task.frames, middle, long, task.horizon)
-        table.add_row(task.task, *map(str, numbers))
-    table.add_section()
-    whole = (summary.episodes, summary.successes, summary.frames)
-    table.add_row("All tasks", *map(str, whole), style="bold")
-    screen = console()
-    screen.print(table)
-    screen.print(_smoothness(summary))
-    screen.print(f"Episodes: {summary.domains}")
+        rows.add_row(task.task, *map(str, numbers))
+    rows.add_section()
+    overall = (summary.episodes, summary.successes, summary.frames)
+    rows.add_row("All tasks", *map(str, overall), style="bold")
+    say(rows)
+    say(_smoothness(summary))
+    say(f"Episodes: {summary.domains}")
     if summary.left_out:
-        screen.print(f"Frames missing in videos, left out by a late encoder: {summary.left_out}")
+        say(f"Frames missing in videos, left out by a late encoder: {summary.left_out}")
     for line in _actors(summary):
-        screen.print(line)
-    screen.print(f"Page: {write_page(source, summary, images=images)}")
+        say(line)
+    say(f"Page: {write_page(source, summary, images=images)}")
 
 
 def _actors(summary: Summary) -> Iterator[str]:
@@ -90,18 +82,14 @@ def _actors(summary: Summary) -> Iterator[str]:
 
 def _smoothness(summary: Summary) -> Table:
     """What joint targets do that is hard to learn, task by task."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("Task", no_wrap=True)
+    rows = table(whole("Task"))
     for heading in ("Steps at a joint limit", "Reversals an episode", "Steps with a jump"):
-        table.add_column(heading, justify="right")
+        rows.add_column(heading, justify="right")
     for task in summary.tasks:
         found = task.smoothness
         shares = f"{found.at_limit:.1%}", f"{found.reversals:.1f}", f"{found.jumps:.1%}"
-        table.add_row(task.task, *shares)
-    return table
+        rows.add_row(task.task, *shares)
+    return rows
 
 
 def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
@@ -112,16 +100,14 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
         workers: Processes that check side by side.
     """
     source = opened(data)
-    from duobench.cli.shared.progress import display
     from duobench.data import find_problems
 
-    screen = console()
-    with display(screen, "episode") as shown:
+    with display("episode") as shown:
         problems = find_problems(source, workers=workers, progress=shown.tell)
     for problem in problems:
-        screen.print(f"{problem.path}: {problem.what}")
+        say(f"{problem.path}: {problem.what}")
     episodes = counted(len(source.episodes()), "episode")
-    screen.print(f"{episodes}, {counted(len(problems), 'problem')}")
+    say(f"{episodes}, {counted(len(problems), 'problem')}")
     if problems:
         sys.exit(1)
 
@@ -135,21 +121,19 @@ def recover(data: tyro.conf.Positional[Path]) -> None:
         data: Folder of the data set.
     """
     source = opened(data)
-    from duobench.files import locked
-
-    screen, found, lost = console(), 0, 0
+    found = lost = 0
     with locked(source.path):
         for partial in source.partials():
             try:
-                screen.print(str(source.recover(partial)))
+                say(str(source.recover(partial)))
                 found += 1
             except (DataError, OutputError) as error:
                 lost += 1
-                screen.print(str(error))
+                say(str(error))
     if found:
-        screen.print(f"{counted(found, 'episode')} recovered.")
+        say(f"{counted(found, 'episode')} recovered.")
     elif not lost:
-        screen.print("There is nothing to recover.")
+        say("There is nothing to recover.")
     if lost:
         sys.exit(1)
 
@@ -165,15 +149,9 @@ def merge(data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool 
     sources = [opened(each) for each in data]
     from duobench.data.arrange import merge as merge_into
 
-    with advising(_for_merging):
+    with advising({NamesTakenError: "With --rename they get the next free numbers."}):
         count = merge_into(sources, out, rename=rename)
-    console().print(f"{counted(count, 'episode')} in {out}")
-
-
-def _for_merging(error: DuoBenchError) -> str | None:
-    if isinstance(error, NamesTakenError):
-        return "With --rename they get the next free numbers."
-    return None
+    say(f"{counted(count, 'episode')} in {out}")
 
 
 def split(
@@ -202,4 +180,59 @@ def split(
 
     counts = split_into(source, *out, fraction=fraction, tasks=tasks, seed=seed)
     for folder, count in zip(out, counts, strict=True):
-        console().print(f"{counted(count, 'episode')} in {folder}")
+        say(f"{counted(count, 'episode')} in {folder}")
+
+
+_DEFAULTS = ExportOptions()
+_ADVICE: Advice = {SeveralTasksError: "With --per-task one command does that."}
+
+
+def export() -> None:
+    """Write data sets in the formats that policies are trained on."""
+
+
+def lerobot(
+    data: tyro.conf.Positional[tuple[Path, ...]],
+    out: Path,
+    export: tyro.conf.OmitArgPrefixes[ExportOptions] = _DEFAULTS,
+    per_task: bool = False,
+    workers: int = 1,
+) -> None:
+    """Export data sets to LeRobot's format v3.0; images are rendered from the recorded states.
+
+    Images of real episodes are those that were recorded. The same command in the same folder goes
+    on where it was stopped.
+
+    Args:
+        data: Folder of the data set, or of several, simulated and real ones too.
+        out: Folder of the export.
+        export: What is exported, and how.
+        per_task: Write one data set a task, each in a folder of its name; object states of several
+            tasks need it.
+        workers: Processes that render and encode side by side.
+    """
+    if not data:
+        raise AdvisedError("Name the folder of a data set, such as duobench record makes.")
+    sources = [opened(each) for each in data]
+    from duobench.data import export_lerobot
+    from duobench.rig_sessions.cameras import view_of
+
+    with raising(), advising(_ADVICE), display("frame") as shown:
+        done = export_lerobot(
+            sources,
+            out,
+            export,
+            per_task=per_task,
+            workers=workers,
+            progress=shown.tell,
+            view_of=view_of,
+        )
+    megabytes = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
+    say(
+        f"{counted(done.episodes, 'episode')}, {counted(done.frames, 'frame')}, "
+        f"{megabytes:.1f} MB in {out}",
+    )
+    if done.left_out:
+        say(f"Left out: {counted(done.left_out, 'episode')}, discarded or not wanted.")
+    if done.residual is not None:
+        say(f"Tool poses are missed by inverse kinematics: {done.residual}.")

@@ -1,15 +1,38 @@
-"""`duobench doctor`: whether everything that DuoBench needs works on this machine."""
+"""`duobench doctor` and `duobench real doctor`: whether a machine and a rig are fit."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
 from statistics import median
 from timeit import repeat
+from typing import TYPE_CHECKING
 
-from duobench.cli.shared.console import console
-from duobench.cli.shared.engine import load_engine
-from duobench.errors import DuoBenchError
+import numpy as np
+from PIL import Image as Pictures
+from rich.text import Text
+
+from duobench.backend import Image
+from duobench.cli.real.rigs import rig_file
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import counted, say, table
+from duobench.cli.shared.process import load_engine
+from duobench.envs.config import IMAGE_SIZE
+from duobench.errors import BackendError, DuoBenchError
+from duobench.hardware.canonical import NATIVE
+from duobench.hardware.clock import SystemClock, VirtualClock
+from duobench.hardware.rig import Rig
+from duobench.randomness import SUITE_VERSION
+from duobench.tasks import catalog
+from duobench.types import HEAD, POLICY_CAMERAS
+from duobench.versions import record_versions
+
+if TYPE_CHECKING:
+    from duobench.hardware.doctor.checks import Check
+    from duobench.hardware.duo import FrankaDuo
+
 
 FRAMES = 20
 """Images that are timed; their median is shown."""
@@ -17,36 +40,28 @@ FRAMES = 20
 
 def doctor() -> None:
     """Show versions and graphics, with the time of an image; exit code 1 if one fails."""
-    screen = console()
     is_well = True
-    for heading, examine in (("Versions", _versions), ("Graphics", _graphics)):
-        screen.print(heading, style="bold")
+    for heading, look in (("Versions", _versions), ("Graphics", _graphics)):
+        say(heading, style="bold")
         try:
-            for name, value in examine().items():
-                screen.print(f"  {name:<16}{value}")
+            for name, value in look().items():
+                say(f"  {name:<16}{value}")
         except DuoBenchError as error:
             is_well = False
-            screen.print(f"  does not work: {error}", style="red")
+            say(f"  does not work: {error}", style="red")
     if not is_well:
         sys.exit(1)
 
 
 def _versions() -> dict[str, str]:
-    from duobench.randomness import SUITE_VERSION
-    from duobench.versions import record_versions
-
     versions = {name: version for name, version in record_versions(None).items() if version}
     return {**versions, "suite version": SUITE_VERSION}
 
 
 def _graphics() -> dict[str, str]:
-    """What renders, and how long an image takes."""
     load_engine()
-    from duobench.envs.config import IMAGE_SIZE
     from duobench.envs.sim_env import SimEnv
     from duobench.sim.rendering import Renderer
-    from duobench.tasks import catalog
-    from duobench.types import HEAD, POLICY_CAMERAS
 
     base = SimEnv(catalog.get(catalog.names()[0]))
     base.reset()
@@ -71,3 +86,88 @@ def _milliseconds(work: Callable[[], object]) -> float:
     """Median time of a call, after a first one that does not count."""
     work()
     return 1000 * median(repeat(work, number=1, repeat=FRAMES))
+
+
+_STYLES = {"ok": "green", "note": "yellow", "failed": "bold red", "skipped": "dim"}
+
+
+def examine_rig(
+    rig: str,
+    out: Path,
+    seconds: float = 10.0,
+    hold: bool = True,
+    store_reference: bool = False,
+) -> None:
+    """Look at computer, arms, grippers and cameras of a rig; exit code 1 if a check fails.
+
+    Arms hold where they are for a while, once you have said that they may. Not yet tried on an arm.
+
+    Args:
+        rig: The rig's file, or simulated.
+        out: Folder of the run, into which doctor.json is written.
+        seconds: How long the arms hold, while cameras and commands are counted.
+        hold: Let the arms hold; without it nothing is told about control commands.
+        store_reference: Store the image of the head camera beside the rig's file: later, doctors
+            compare with it whether the camera was moved. Clear the table and bring the arms home
+            before.
+    """
+    if seconds <= 0.0:
+        raise AdvisedError("--seconds is more than 0.")
+    from duobench.hardware.doctor.checks import write_checks
+    from duobench.hardware.doctor.examine import examine
+    from duobench.hardware.opening import SIMULATED, open_rig
+
+    path = None if rig == SIMULATED else rig_file(rig, f", or {SIMULATED}")
+    reference = path and path.with_suffix(".head.png")
+    if store_reference and reference is None:
+        raise AdvisedError("The simulated rig has no file beside which a reference could be kept.")
+    known = Rig.simulated() if path is None else Rig.read(path)
+    # Where nothing is hardware, time is computed as well: nobody has to wait.
+    clock = VirtualClock() if known.is_computed else SystemClock()
+    with closing(open_rig(known, clock, guard=False)) as duo:
+        if hold:
+            _ask(duo, is_simulated=known.is_computed)
+        if store_reference and reference is not None:
+            duo.start()
+            Pictures.fromarray(duo.images([HEAD], NATIVE)[HEAD]).save(reference)
+            say(f"Reference: {reference}")
+        checks = examine(duo, seconds=seconds, reference=_read(reference))
+    written = write_checks(out, duo.rig.name, duo.rig.hash, checks)
+    _show(checks)
+    say(f"Written to {written}")
+    if failed := sum(check.outcome == "failed" for check in checks):
+        say(f"{counted(failed, 'check')} failed.", style="bold red")
+        sys.exit(1)
+
+
+def _ask(duo: FrankaDuo, *, is_simulated: bool) -> None:
+    """Have the operator allow that the arms hold; errors of connecting are found again later."""
+    try:
+        duo.start()
+    except BackendError:
+        return
+    if not is_simulated:
+        say(
+            "Both arms will be held where they are. Nobody within reach, a hand on the emergency "
+            "stop. Press Enter to go on, or Ctrl-C to leave."
+        )
+        if not sys.stdin.readline():
+            return
+    duo.supervisor.confirm()
+
+
+def _read(path: Path | None) -> Image | None:
+    if path is None or not path.exists():
+        return None
+    with Pictures.open(path) as picture:
+        return np.array(picture.convert("RGB"))
+
+
+def _show(checks: tuple[Check, ...]) -> None:
+    rows = table("Check", "", "Found")
+    for check in checks:
+        found = Text(check.value)
+        if check.advice:
+            found.append(f"\n{check.advice}", style="italic")
+        rows.add_row(check.name, Text(check.outcome, style=_STYLES[check.outcome]), found)
+    say(rows)

@@ -5,29 +5,32 @@ from __future__ import annotations
 import sys
 from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
 
-from duobench.cli.shared.console import console, counted
-from duobench.cli.shared.engine import load_engine
-from duobench.cli.shared.interrupt import raising
+from duobench.cli.shared.advice import advising, for_evaluation, relative
+from duobench.cli.shared.console import counted, results_table, say
 from duobench.cli.shared.options import command_line
+from duobench.cli.shared.page import followed
+from duobench.cli.shared.process import load_engine, raising
+from duobench.cli.shared.progress import EpisodesPlayed, display
 from duobench.envs.execution import ChunkExecution
 from duobench.errors import EvaluationError, PolicyError
+from duobench.policy.batch import MAX_BATCH, Batching
+from duobench.policy.serving.access import read_key
+from duobench.policy.serving.address import SERVED, RemoteServer
+from duobench.policy.serving.message_format import read_format
+from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
-from duobench.results.suites import PAPER_EXECUTE, SuiteChoice
+from duobench.results.scores import Results
+from duobench.results.shard import WHOLE, Shard
+from duobench.results.suite import PAPER_EXECUTE, SuiteChoice
 from duobench.runners.ray_process import Cluster
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from duobench.evaluation.policies import PolicyChoice
-    from duobench.results.folder import RunFolder
-    from duobench.results.scores import Results
-    from duobench.results.shard import Shard
 
 _SUITE, _EXECUTION, _LIMITS, _CLUSTER = SuiteChoice(), ChunkExecution(), TimeLimits(), Cluster()
 
@@ -58,10 +61,6 @@ class PolicyOptions:
     def choose(self, execute: int) -> PolicyChoice:
         """The policy, of whose chunks so many actions are executed if it is served."""
         from duobench.evaluation.policies import PolicyChoice
-        from duobench.policy.batch import MAX_BATCH, Batching
-        from duobench.policy.serving.access import read_key
-        from duobench.policy.serving.address import SERVED, RemoteServer
-        from duobench.policy.serving.message_format import read_format
 
         batching = None
         if self.batch is not None or self.max_batch is not None:
@@ -135,11 +134,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
-    from duobench.cli.shared.advice import advising, for_evaluation
-    from duobench.cli.shared.page import followed
-    from duobench.cli.shared.progress import EpisodesPlayed, display
-    from duobench.results.folder import RunFolder
-    from duobench.results.shard import WHOLE, Shard
     from duobench.runners.evaluate import evaluate as play
 
     if executor != "ray" and cluster != _CLUSTER:
@@ -147,13 +141,16 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     played = suite.make(execution)
     choice = policy.choose(played.execution.execute or PAPER_EXECUTE)
     part = WHOLE if shard is None else Shard.parse(shard)
-    screen = console()
     if workers == 0 and not choice.is_scripted:
-        screen.print("The policy plays in the process of the simulator, which it can see and move.")
+        say("The policy plays in the process of the simulator, which it can see and move.")
     folder = RunFolder(out)
-    advised = advising(partial(for_evaluation, folder, policy.policy))
-    watched = followed(folder, screen, watch_port) if watch else nullcontext()
-    with advised, watched, raising(screen), display(screen, "episode") as shown:
+    watched = followed(folder, watch_port) if watch else nullcontext()
+    with (
+        advising(for_evaluation(folder, policy.policy)),
+        watched,
+        raising(),
+        display("episode") as shown,
+    ):
         results = play(
             choice,
             played,
@@ -169,29 +166,27 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             shard=part,
             cluster=cluster if executor == "ray" else None,
         )
-    _show(folder, part, results, screen)
+    _show(folder, part, results)
 
 
-def _show(folder: RunFolder, shard: Shard, results: Results, screen: Console) -> None:
+def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
     """Print the results; the exit code is 1 if an episode failed with an error."""
-    from duobench.cli.shared.advice import relative
-    from duobench.cli.shared.table import results_table
     from duobench.results.report import read_parts
 
     parts = read_parts(folder)
     run, overall = parts[0].run, results.overall
     if shard.is_whole and len(parts) == 1:
-        screen.print(results_table(parts[0]))
+        say(results_table(parts[0]))
     if shard.is_whole or sum(part.results.overall.episodes for part in parts) == run.size:
-        screen.print(f"Report: {relative(folder.page)}")
+        say(f"Report: {relative(folder.page)}")
     else:
         whole = f"duobench report {relative(folder.path)}"
-        screen.print(f"Shard {shard} is finished; {whole} shows all together.")
+        say(f"Shard {shard} is finished; {whole} shows all together.")
     if overall.errors:
         changed = "a policy that was changed needs another --out, or --fresh"
         if overall.errors == overall.episodes:
             changed = "without it they are played again too, once the policy was changed"
-        screen.print(
+        say(
             f"{counted(overall.errors, 'episode')} failed with an error; the report has "
             "the tracebacks. To play them again, give the same command with --retry-broken; "
             f"{changed}.",

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
-from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
@@ -29,8 +28,8 @@ from duobench.data.lerobot.folder import (
     SourceEpisode,
     schema,
 )
-from duobench.data.lerobot.metadata import finish
-from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
+from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
+from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
@@ -47,29 +46,20 @@ from duobench.types import CONTROL_HZ, Array
 from duobench.versions import package_versions
 from duobench.video import AV1, VideoWriter
 
+_Job = tuple[ExportFolder, int]
+"""An episode to export: the folder, and its number there."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Exported:
     """What an export came to."""
 
     episodes: int
-    """How many episodes are in it."""
     frames: int
     """How many rows they have together."""
     left_out: int
     """Episodes of the data set that are not in it."""
     residual: Residual | None
-    """What inverse kinematics left, if it was used."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Plan:
-    """One data set of LeRobot that is written."""
-
-    folder: ExportFolder
-    export: Export
-    left_out: int
-    """Episodes that are not in it."""
 
 
 def export_lerobot(
@@ -118,19 +108,19 @@ def export_lerobot(
     if per_task:
         tasks = sorted({path.parent.name for _, path in paths})
         parts = {out / task: [one for one in paths if one[1].parent.name == task] for task in tasks}
-    plans = [_plan(sources, part, folder, options) for folder, part in parts.items()]
+    plans = {ExportFolder(folder): _plan(sources, part, options) for folder, part in parts.items()}
     with ExitStack() as locks:
-        for plan in plans:
-            locks.enter_context(locked(plan.folder.path))
-            plan.folder.begin(plan.export)
+        for folder, export in plans.items():
+            locks.enter_context(locked(folder.path))
+            folder.begin(export)
         _export_all(partial(_exporter, sources, plans, view_of), plans, workers, progress)
-        residuals = [finish(plan.folder, plan.export) for plan in plans]
-    known = [residual for residual in residuals if residual is not None]
+        residuals = [one for folder, export in plans.items() for one in finish(folder, export)]
+    episodes = sum(len(export.episodes) for export in plans.values())
     return Exported(
-        episodes=sum(len(plan.export.episodes) for plan in plans),
-        frames=sum(plan.export.frames for plan in plans),
-        left_out=sum(plan.left_out for plan in plans),
-        residual=sum(known, Residual()) if known else None,
+        episodes=episodes,
+        frames=sum(export.frames for export in plans.values()),
+        left_out=len(paths) - episodes,
+        residual=sum(residuals, Residual()) if residuals else None,
     )
 
 
@@ -151,12 +141,9 @@ def _episodes(sources: Sequence[DataSet], tasks: Collection[str]) -> list[tuple[
 
 
 def _plan(
-    sources: Sequence[DataSet],
-    paths: Sequence[tuple[int, Path]],
-    out: Path,
-    options: ExportOptions,
-) -> _Plan:
-    """What to export; every recording is read to the end."""
+    sources: Sequence[DataSet], paths: Sequence[tuple[int, Path]], options: ExportOptions
+) -> Export:
+    """What to export into one folder; every recording is read to the end."""
     episodes, tasks = [], set()
     for number, path in paths:
         recording = Recording.read(path)
@@ -181,7 +168,7 @@ def _plan(
             f"{names} {holds} no episode to export, of {len(paths)} that were read"
             f"{f' ({where})' if where else ''}."
         )
-    export = Export(
+    return Export(
         options=options,
         suite_version=SUITE_VERSION,
         versions=package_versions(),
@@ -189,11 +176,9 @@ def _plan(
         object_state_names=_object_state_names(tasks) if options.object_state else (),
         cameras=describe_cameras(),
     )
-    return _Plan(folder=ExportFolder(out), export=export, left_out=len(paths) - len(episodes))
 
 
 def _object_state_names(tasks: Collection[str]) -> tuple[str, ...]:
-    """What the numbers of the object state are in all of some tasks."""
     names = {catalog.get(task).object_state.names for task in tasks}
     if len(names) > 1:
         raise SeveralTasksError(
@@ -204,42 +189,37 @@ def _object_state_names(tasks: Collection[str]) -> tuple[str, ...]:
 
 
 def _export_all(
-    make: Callable[[], Callable[[tuple[int, int]], tuple[int, int]]],
-    plans: Sequence[_Plan],
+    make: Callable[[], Callable[[_Job], _Job]],
+    plans: Mapping[ExportFolder, Export],
     workers: int,
     progress: Progress,
 ) -> None:
-    """Export every episode that is missing in its folder."""
-    jobs = [
-        (number, index)
-        for number, plan in enumerate(plans)
-        for index in range(len(plan.export.episodes))
-        if not plan.folder.is_finished(index, plan.export.options.cameras)
-    ]
-    lengths = {job: plans[job[0]].export.episodes[job[1]].length for job in jobs}
-    total = sum(plan.export.frames for plan in plans)
-    done = total - sum(lengths.values())
+    jobs = {
+        (folder, index): episode
+        for folder, export in plans.items()
+        for index, episode in enumerate(export.episodes)
+        if not folder.is_finished(index, export.options.cameras)
+    }
+    total = sum(export.frames for export in plans.values())
+    done = total - sum(episode.length for episode in jobs.values())
     progress(done, total)
     if any(
-        plans[number].export.options.cameras
-        and plans[number].export.episodes[index].domain is Domain.SIM
-        for number, index in jobs
+        plans[folder].options.cameras and episode.domain is Domain.SIM
+        for (folder, _), episode in jobs.items()
     ):
         rendering.choose(processes=max(1, workers))
-    with closing(run_all(make, jobs, workers)) as finished:
+    with closing(run_all(make, list(jobs), workers)) as finished:
         for job in finished:
-            done += lengths[job]
+            done += jobs[job].length
             progress(done, total)
 
 
 def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
     """Whether an episode is exported: it is finished, was kept, and has actions."""
     outcome = recording.info.outcome
-    if outcome is None or not outcome.kept or not len(recording):
+    if outcome is None or (options.only_successes and not outcome.success):
         return False
-    if recording.info.domain not in options.domains:
-        return False
-    return outcome.success or not options.only_successes
+    return outcome.kept and len(recording) > 0 and recording.info.domain in options.domains
 
 
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
@@ -264,17 +244,17 @@ def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
 
 
 def _exporter(
-    sources: Sequence[DataSet], plans: Sequence[_Plan], view_of: ViewOf
-) -> Callable[[tuple[int, int]], tuple[int, int]]:
-    """What exports one episode after the other, by plan and index; it keeps the model of a task."""
-    options = plans[0].export.options
+    sources: Sequence[DataSet], plans: Mapping[ExportFolder, Export], view_of: ViewOf
+) -> Callable[[_Job], _Job]:
+    """What exports one episode after the other; it keeps the model of a task."""
+    options = next(iter(plans.values())).options
     source_of = lru_cache(maxsize=1)(
         partial(ImageSource, cameras=options.cameras, size=options.size, look=options.look)
     )
 
-    def export_one(job: tuple[int, int]) -> tuple[int, int]:
-        number, index = job
-        export, folder = plans[number].export, plans[number].folder
+    def export_one(job: _Job) -> _Job:
+        folder, index = job
+        export = plans[folder]
         episode = export.episodes[index]
         path = sources[episode.data_set].path / episode.file
         recording = Recording.read(path)
@@ -282,8 +262,8 @@ def _exporter(
             raise DataError(f"{path} has changed since the export began; begin it anew.")
         actions, residual = labels_of(recording, options.action, options.action_source)
         columns = _rows(recording, actions, export, index)
-        counts = {camera: statistics.no_counts() for camera in options.cameras}
-        shown = range(_offset(options), _offset(options) + len(recording))
+        counts = {camera: no_counts() for camera in options.cameras}
+        shown = range(options.pairing.offset, options.pairing.offset + len(recording))
         if options.cameras:
             paths = {camera: folder.video(camera, index) for camera in options.cameras}
             with ExitStack() as ending:
@@ -312,23 +292,18 @@ def _exporter(
 def _frames(
     images_of: Callable[[int], dict[str, Image]],
     rows: Iterable[int],
-    counts: dict[str, statistics.Counts],
+    counts: dict[str, Counts],
 ) -> Iterator[dict[str, Image]]:
     """The images of rows, whose values are counted."""
     for row in rows:
         images = images_of(row)
         for camera, image in images.items():
-            statistics.count_values(counts[camera], image)
+            count_values(counts[camera], image)
         yield images
 
 
 def write_videos(frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path]) -> None:
-    """Encode one video a camera side by side; each is whole or absent after a kill.
-
-    Args:
-        frames: Images (height, width, 3), both even, by camera, frame by frame.
-        paths: Where the video of each camera will be.
-    """
+    """Encode one video a camera side by side; each is whole or absent after a kill."""
     with ExitStack() as stack:
         writers = {}
         for camera, path in paths.items():
@@ -347,7 +322,7 @@ def _rows(
     recording: Recording, actions: Array, export: Export, index: int
 ) -> dict[str, NDArray[Any]]:
     """The columns of an episode, one row an action."""
-    length, offset = len(recording), _offset(export.options)
+    length, offset = len(recording), export.options.pairing.offset
     number = np.arange(length)
     return {
         STATE: recording.agent_pos[offset : offset + length],
@@ -363,8 +338,3 @@ def _rows(
         "index": export.first_row(index) + number,
         "task_index": np.full(length, export.tasks.index(recording.info.instruction)),
     }
-
-
-def _offset(options: ExportOptions) -> int:
-    """How many rows after its action's an observation is."""
-    return int(options.pairing is Pairing.DELAYED)

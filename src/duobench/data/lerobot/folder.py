@@ -53,15 +53,12 @@ class SourceEpisode:
     file: str
     """Its file, from the folder of its data set."""
     sha256: str
-    """Hash of its file."""
     length: int
     """Number of its actions, and of its rows in the export."""
     instruction: str
-    """Instruction of the policy."""
     data_set: int = 0
     """Which of the data sets it is from, in the order in which they were given."""
     domain: Domain = Domain.SIM
-    """Where it was played."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,17 +66,14 @@ class Export:
     """Everything that the exported files follow from."""
 
     options: ExportOptions
-    """What was chosen."""
     suite_version: str
-    """Version of the benchmark's episodes."""
     versions: dict[str, str]
-    """Versions of the packages that the images depend on."""
+    """Of the packages that the images depend on."""
     episodes: tuple[SourceEpisode, ...]
     """What is exported, in the order of the export."""
     object_state_names: tuple[str, ...] = ()
     """What the numbers of the object state are; none where it is not exported."""
     cameras: dict[str, Any] = field(default_factory=dict)
-    """Intrinsics and mounts of the cameras, by name."""
     domains: tuple[str, ...] = DOMAINS
     """What the numbers 0, 1 of the column `domain` stand for."""
 
@@ -133,7 +127,6 @@ class Residual:
     max_rotation: float = 0.0
 
     def __add__(self, other: Residual) -> Residual:
-        """The residual of both together."""
         return Residual(
             targets=self.targets + other.targets,
             sum_position=self.sum_position + other.sum_position,
@@ -159,7 +152,6 @@ class EpisodeFacts:
     counts: dict[str, list[list[int]]]
     """How often each value occurs in each channel (3, 256), by camera."""
     residual: Residual | None
-    """What inverse kinematics left, if it was used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,25 +159,14 @@ class ExportFolder:
     """Names in the folder of an export."""
 
     path: Path
-    """The folder, absolute."""
 
     @property
     def meta(self) -> Path:
         """Folder of everything that describes the data set."""
         return self.path / "meta"
 
-    @property
-    def description(self) -> Path:
-        """What is exported: our own file, unknown to LeRobot."""
-        return self.meta / "duobench.json"
-
-    @property
-    def info(self) -> Path:
-        """LeRobot's description; written last, so that it says that the export is whole."""
-        return self.meta / "info.json"
-
     def facts(self, index: int) -> Path:
-        """What was noted about a finished episode."""
+        """What is noted about a finished episode."""
         return self.meta / "duobench" / f"{index:06d}.json"
 
     def data(self, index: int) -> Path:
@@ -203,14 +184,9 @@ class ExportFolder:
 
     def begin(self, export: Export) -> None:
         """Begin an export in this folder, or continue the one that is there."""
-        begin_or_continue(
-            self.path,
-            self.description,
-            export,
-            SCHEMA,
-            what="export",
-            advice="Export into another folder.",
-        )
+        ours = self.meta / "duobench.json"  # unknown to LeRobot
+        advice = "Export into another folder."
+        begin_or_continue(self.path, ours, export, SCHEMA, what="export", advice=advice)
         remove_temporary(self.path)
 
     def read_facts(self, index: int) -> EpisodeFacts:
@@ -286,12 +262,9 @@ def schema(vectors: Vectors) -> pa.Schema:
     """The Arrow schema of the Parquet files, with the types that Hugging Face reads."""
     fields = [pa.field(name, pa.list_(pa.float32(), len(n))) for name, n in vectors.items()]
     fields += [pa.field(name, pa.from_numpy_dtype(dtype)) for name, dtype in _SCALARS.items()]
+    number = {"dtype": "float32", "_type": "Value"}
     types: dict[str, Any] = {
-        name: {
-            "feature": {"dtype": "float32", "_type": "Value"},
-            "length": len(names),
-            "_type": "List",
-        }
+        name: {"feature": number, "length": len(names), "_type": "List"}
         for name, names in vectors.items()
     }
     types |= {name: {"dtype": dtype, "_type": "Value"} for name, dtype in _SCALARS.items()}

@@ -23,6 +23,11 @@ class Pairing(StrEnum):
     DELAYED = "delayed"
     """What was seen after it, o_{t+1} [paper, data sets]."""
 
+    @property
+    def offset(self) -> int:
+        """How many rows after its action's an observation is."""
+        return int(self is Pairing.DELAYED)
+
 
 class ActionSource(StrEnum):
     """Which of the recorded numbers become `action`."""
@@ -66,7 +71,6 @@ class ExportOptions:
     """Export episodes from there: the simulation, real arms, or both."""
 
     def __post_init__(self) -> None:
-        """Reject invalid values."""
         if self.cameras == ("none",):
             object.__setattr__(self, "cameras", ())
         for camera in self.cameras:

@@ -38,18 +38,12 @@ class Dialect:
     """What one kind of server understands beside plain observations."""
 
     name: str
-    """What the kind is called."""
     reset: tuple[str, ...] | None = None
     """Fields of the message that begins an episode; None if a new connection does."""
     is_reset_answered_in_text: bool = False
     """Whether that message is answered by text, which otherwise is an error."""
     added: tuple[str, ...] = ()
     """Fields that are added to every observation."""
-
-    @property
-    def has_seed(self) -> bool:
-        """Whether a seed is understood, so that the noise follows from it."""
-        return "seed" in (self.reset or ())
 
     def messages(self, instruction: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """The message that begins an episode, and what is added to each observation of it."""
@@ -71,12 +65,7 @@ _VLLM = Dialect(
 
 
 def dialect_of(handshake: Mapping[str, Any], path: str) -> Dialect:
-    """The dialect of a server.
-
-    Args:
-        handshake: Its first message.
-        path: Path of its address.
-    """
+    """The dialect of a server, by its first message and the path of its address."""
     if "duobench" in handshake:
         return OURS
     if path.rstrip("/") == VLLM_PATH:
@@ -107,16 +96,13 @@ class OpenpiPolicy(ConnectedPolicy):
             self._request(connection, message, is_text=is_text)
 
     def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
-        message_format = self._server.message_format
-        if message_format is not None:
+        if (message_format := self._server.message_format) is not None:
             request = message_format.request(observation, self._instruction)
-        else:
-            prompt = {} if self._dialect is OURS else {"prompt": self._instruction}
-            request = {**observation, **prompt}
-        answer = self._request(connection, {**request, **self._added})
-        if message_format is None:
-            return as_chunk(actions_of(answer, "actions"), width=None)
-        return message_format.chunk(actions_of(answer, message_format.actions.key))
+            answer = self._request(connection, {**request, **self._added})
+            return message_format.chunk(actions_of(answer, message_format.actions.key))
+        prompt = {} if self._dialect is OURS else {"prompt": self._instruction}
+        answer = self._request(connection, {**observation, **prompt, **self._added})
+        return as_chunk(actions_of(answer, "actions"), width=None)
 
     def _request(
         self, connection: ClientConnection, message: dict[str, Any], *, is_text: bool = False
@@ -131,7 +117,6 @@ class OpenpiPolicy(ConnectedPolicy):
         return {}
 
     def _failure(self, words: str) -> PolicyError:
-        """The error that the server reports in words."""
         return reported(words)
 
     def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
@@ -150,8 +135,9 @@ class OpenpiPolicy(ConnectedPolicy):
                     "place. A server of DuoBench needs no format."
                 )
             return metadata, batching
-        name, facts = dialect.name, server.message_format
-        return self._metadata_from_format(name, name, facts, seeded=dialect.has_seed), None
+        name, is_seeded = dialect.name, "seed" in (dialect.reset or ())
+        facts = server.message_format
+        return self._metadata_from_format(name, name, facts, seeded=is_seeded), None
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:
@@ -183,16 +169,11 @@ class OwnPolicy(OpenpiPolicy):
     busy_s: float = 0.0
     """Seconds that it took for its answers, without those for which they waited."""
 
-    def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode."""
-        self.intended_action = None
-        super().reset(instruction, seed)
-
     def _request(self, *words: Any, **options: Any) -> Any:
         answer = super()._request(*words, **options)
-        if isinstance(answer, dict) and "server_timing" in answer:
-            self.busy_s += answer["server_timing"]["policy_ms"] / _MILLI
-        self.intended_action = answer.get("intended") if isinstance(answer, dict) else None
+        said = answer if isinstance(answer, dict) else {}
+        self.busy_s += said.get("server_timing", {}).get("policy_ms", 0.0) / _MILLI
+        self.intended_action = said.get("intended")
         return answer
 
     def _failure(self, words: str) -> PolicyError:

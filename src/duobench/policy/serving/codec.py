@@ -2,8 +2,7 @@
 
 An array is a map of `__ndarray__`, `data`, `dtype` and `shape`, and a NumPy scalar a map of
 `__npgeneric__`, `data` and `dtype`, with keys of type bin. Keys of type str are read as well, and
-written for servers that read no others. How much a message would hold is found out before any of it
-is made.
+written for servers that read no others.
 """
 
 from __future__ import annotations
@@ -25,24 +24,23 @@ _DATA, _DTYPE, _SHAPE = "data", "dtype", "shape"
 _PLAIN = (type(None), bool, int, float, str, bytes)
 _DTYPE_TEXT = re.compile(rf"[<>|=]?[{limits.DTYPE_KINDS}]\d+")
 
-_FIXED: Mapping[int, int] = {
-    **dict.fromkeys((0xC0, 0xC2, 0xC3), 0),
-    **dict.fromkeys((0xCC, 0xD0), 1),
-    **dict.fromkeys((0xCD, 0xD1), 2),
-    **dict.fromkeys((0xCA, 0xCE, 0xD2), 4),
-    **dict.fromkeys((0xCB, 0xCF, 0xD3), 8),
-}
-"""Bytes after the first one of values of a fixed length [MessagePack specification]."""
 _BINARY, _TEXT, _LIST, _MAP = "binary", "text", "array", "map"
-_SIZED: Mapping[int, tuple[str, int]] = {
-    **{0xC4 + power: (_BINARY, 1 << power) for power in range(3)},
-    **{0xD9 + power: (_TEXT, 1 << power) for power in range(3)},
-    **{0xDC + power: (_LIST, 2 << power) for power in range(2)},
-    **{0xDE + power: (_MAP, 2 << power) for power in range(2)},
+_HEADS: Mapping[int, tuple[str, int, int]] = {
+    **dict.fromkeys((*range(0x80), 0xC0, 0xC2, 0xC3, *range(0xE0, 0x100)), ("", 0, 0)),
+    **{0x80 + length: (_MAP, 0, length) for length in range(0x10)},
+    **{0x90 + length: (_LIST, 0, length) for length in range(0x10)},
+    **{0xA0 + length: (_TEXT, 0, length) for length in range(0x20)},
+    **{0xC4 + power: (_BINARY, 1 << power, 0) for power in range(3)},
+    **dict.fromkeys((0xCC, 0xD0), ("", 0, 1)),
+    **dict.fromkeys((0xCD, 0xD1), ("", 0, 2)),
+    **dict.fromkeys((0xCA, 0xCE, 0xD2), ("", 0, 4)),
+    **dict.fromkeys((0xCB, 0xCF, 0xD3), ("", 0, 8)),
+    **{0xD9 + power: (_TEXT, 1 << power, 0) for power in range(3)},
+    **{0xDC + power: (_LIST, 2 << power, 0) for power in range(2)},
+    **{0xDE + power: (_MAP, 2 << power, 0) for power in range(2)},
 }
-"""What begins with a byte, and how many bytes its length takes."""
-_SHORT = ((0x80, 0x0F, _MAP), (0x90, 0x0F, _LIST), (0xA0, 0x1F, _TEXT))
-"""First byte, mask of the length in it, and kind of short ones."""
+"""By the first byte of a value: its kind, how many bytes after that say its length, and the length
+where none do [MessagePack specification]."""
 _MOST: Mapping[str, int] = {
     _BINARY: limits.MAX_REPLY,
     _TEXT: limits.MAX_TEXT,
@@ -52,14 +50,9 @@ _MOST: Mapping[str, int] = {
 
 
 def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
-    """A message as bytes.
+    """A message of plain values and arrays, in maps and lists, as bytes; else a `MessageError`.
 
-    Args:
-        message: Plain values and arrays, in maps and lists.
-        is_text_keyed: Whether the keys of an array are of type str, not bin.
-
-    Raises:
-        MessageError: If it holds something that cannot be sent.
+    The keys of an array are of type str if the message is text-keyed, else bin.
     """
     try:
         return msgspec.msgpack.encode(_packed(message, is_text_keyed=is_text_keyed))
@@ -68,11 +61,7 @@ def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
 
 
 def unpack(data: bytes) -> dict[str, Any]:
-    """A map from bytes that anybody may have sent; its arrays are copies, and writable.
-
-    Raises:
-        MessageError: If it is no map of texts to plain values and arrays, or beyond the limits.
-    """
+    """A map of texts from bytes that anybody may have sent; its arrays are copies, and writable."""
     message = read(data)
     if not isinstance(message, dict):
         raise MessageError(
@@ -85,7 +74,7 @@ def read(data: bytes) -> Any:
     """A message of any type from bytes that anybody may have sent.
 
     Raises:
-        MessageError: If it is none, or beyond the limits.
+        MessageError: If it is none, or beyond the limits, before any of it is made.
     """
     _check_size(data)
     try:
@@ -203,7 +192,11 @@ def _check_size(data: bytes) -> None:
         position += 1
         expected -= 1
         items += 1
-        kind, length, position = _length(data, first, position)
+        if first not in _HEADS:
+            raise MessageError(f"A message cannot be read: it holds a value of type {first:#04x}.")
+        kind, size, length = _HEADS[first]
+        length += int.from_bytes(data[position : position + size])
+        position += size
         if length > _MOST.get(kind, length):
             raise MessageError(
                 f"A message cannot be read: a {kind} has at most {_MOST[kind]} items."
@@ -214,18 +207,3 @@ def _check_size(data: bytes) -> None:
             position += length
         if items + expected > limits.MAX_ITEMS:
             raise MessageError(f"A message holds at most {limits.MAX_ITEMS} items.")
-
-
-def _length(data: bytes, first: int, position: int) -> tuple[str, int, int]:
-    """Kind and length of a value, and where what belongs to it begins."""
-    if first < 0x80 or first >= 0xE0:  # noqa: PLR2004 - small numbers [MessagePack specification]
-        return "", 0, position
-    if first in _FIXED:
-        return "", _FIXED[first], position
-    if first in _SIZED:
-        kind, size = _SIZED[first]
-        return kind, int.from_bytes(data[position : position + size]), position + size
-    for start, mask, kind in _SHORT:
-        if first & ~mask == start:
-            return kind, first & mask, position
-    raise MessageError(f"A message cannot be read: it holds a value of type {first:#04x}.")

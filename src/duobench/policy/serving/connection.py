@@ -52,9 +52,6 @@ _LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
 class ConnectedPolicy(ABC):
     """A policy at a server; a subclass knows what is said there.
 
-    Args:
-        server: Where the policy is served.
-
     Raises:
         ServingError: If the server asks for another key, cannot be understood, or contradicts
             the format.
@@ -74,7 +71,7 @@ class ConnectedPolicy(ABC):
         self._server = server
         default = self._default_format
         self._format = server.message_format or (
-            MessageFormat() if default is None else read_format(default)
+            read_format(default) if default else MessageFormat()
         )
         self._ending = ExitStack()
         self._connection: ClientConnection | None = None
@@ -84,29 +81,20 @@ class ConnectedPolicy(ABC):
         self._connect()
 
     def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode, once more if the connection was lost since the last request.
-
-        Raises:
-            PolicyError: If the policy fails, or is too slow.
-            MachineryError: If the server cannot be reached.
-        """
+        """Begin an episode, once more if the connection was lost since the last request."""
         self._deadline = time.monotonic() + self._server.answer_s
         self._instruction = instruction
-        is_fresh = self._connection is None
-        try:
-            self._start(seed)
-        except MachineryError:
-            if is_fresh:
-                raise
-            self._start(seed)
+        for is_last in (self._connection is None, True):
+            try:
+                with self._exchange() as connection:
+                    self._begin(connection, seed)
+                return
+            except MachineryError:
+                if is_last:
+                    raise
 
     def act(self, observation: Observation) -> Chunk:
-        """The next actions (H, n).
-
-        Raises:
-            PolicyError: If the policy fails, is too slow, or gives no chunk of actions.
-            MachineryError: If the connection is lost, or what comes cannot be read.
-        """
+        """The next actions (H, n)."""
         self._deadline = time.monotonic() + self._server.answer_s
         if self._connection is None:
             raise MachineryError("The connection to the policy's server is lost.")
@@ -117,16 +105,15 @@ class ConnectedPolicy(ABC):
         """Close the connection."""
         self._drop()
 
+    def _drop(self) -> None:
+        self._connection = None
+        self._ending.close()
+
     @abstractmethod
     def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
         """Say and read what comes first on every connection.
 
-        Returns:
-            What the policy expects, and how many observations are answered together, if known.
-
-        Raises:
-            ServingError: If the server speaks otherwise, or contradicts the format.
-            MachineryError: If what answers is no such server.
+        Returns what the policy expects, and how many observations are answered together, if known.
         """
 
     @abstractmethod
@@ -144,10 +131,6 @@ class ConnectedPolicy(ABC):
         digest = hashlib.sha256(repr(facts).encode(errors="replace")).hexdigest()[:16]
         version = f"{version}, format {digest}, {self._server.executed}"
         return self._format.metadata(name, version, seeded=seeded)
-
-    def _start(self, seed: int) -> None:
-        with self._exchange() as connection:
-            self._begin(connection, seed)
 
     def _left(self) -> float:
         """Seconds that the answer may still take."""
@@ -174,9 +157,8 @@ class ConnectedPolicy(ABC):
             if isinstance(error, TimeoutError):
                 raise self._late() from error
             if isinstance(error, _LOST):
-                raise MachineryError(
-                    f"The connection to the policy's server is lost: {escaped(str(error))}."
-                ) from error
+                fault = f"is lost: {escaped(str(error))}."
+                raise MachineryError(f"The connection to the policy's server {fault}") from error
             if isinstance(error, MessageError):
                 raise MachineryError(
                     f"The policy's server cannot be understood: {error}"
@@ -190,17 +172,16 @@ class ConnectedPolicy(ABC):
             try:
                 connection = self._ending.enter_context(self._opened())
                 self._recognize(connection)
-            except _LOST as error:
+            except BaseException as error:
                 self._drop()
+                if not isinstance(error, _LOST):
+                    raise
                 if time.monotonic() + _RETRY_S >= give_up:
                     fault = escaped(str(error) or type(error).__name__)
                     raise MachineryError(
                         f"The policy's server cannot be reached: {fault}."
                     ) from error
                 time.sleep(_RETRY_S)
-            except BaseException:
-                self._drop()
-                raise
             else:
                 self._connection = connection
                 return connection
@@ -243,11 +224,6 @@ class ConnectedPolicy(ABC):
         self._served = served
         self.metadata, self.batching = served
 
-    def _drop(self) -> None:
-        """Close the connection, if there is one."""
-        self._connection = None
-        self._ending.close()
-
 
 def reported(words: str) -> PolicyError:
     """The error of a policy whose server says in words what went wrong."""
@@ -255,11 +231,7 @@ def reported(words: str) -> PolicyError:
 
 
 def actions_of(answer: Any, key: str) -> Any:
-    """The actions in an answer, which may also be nothing but them.
-
-    Raises:
-        PolicyError: If there are none, or the server reports an error in its answer.
-    """
+    """The actions in an answer, which may also be nothing but them; an error if there are none."""
     if isinstance(answer, np.ndarray):
         return answer
     if not isinstance(answer, dict):
@@ -273,12 +245,7 @@ def actions_of(answer: Any, key: str) -> Any:
 
 
 def is_healthy(server: RemoteServer, path: str = limits.HEALTH_PATH) -> bool:
-    """Whether a server says that it lives.
-
-    Args:
-        server: The server.
-        path: Where it says so; that of `duobench serve`, if not given.
-    """
+    """Whether a server says at a path that it lives."""
     parts = server.parts
     kind = http.client.HTTPSConnection if parts.scheme == "wss" else http.client.HTTPConnection
     connection = kind(parts.hostname or "", parts.port, timeout=limits.HEALTH_S)

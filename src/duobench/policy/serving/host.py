@@ -1,8 +1,7 @@
 """A policy at a server that speaks openpi's protocol: WebSocket, and MessagePack in it.
 
 Inference happens in another thread than the server's, so that pings, `/healthz` and other clients
-are answered meanwhile. A client that says `reset` with prompt and seed gets answers that follow
-from these.
+are answered meanwhile.
 """
 
 from __future__ import annotations
@@ -50,14 +49,11 @@ class PolicyHost:
         policy: The policy.
         metadata: What clients get to know about it.
         batching: How many observations are answered together.
-        host: Address to listen at.
+        host: Address to listen at; that of other machines needs a key.
         port: Port to listen at; 0 takes a free one.
-        key: What clients must have; without one, `host` must be of this machine only.
+        key: What clients must have.
         busy: Surrounds everything that the policy does.
         answer_s: Seconds for one answer, waiting included.
-
-    Raises:
-        ServingError: If the address cannot be had, or needs a key.
     """
 
     def __init__(
@@ -153,8 +149,10 @@ class PolicyHost:
             reason = str(error).encode()[:_LONGEST_REASON].decode(errors="ignore")
             await connection.close(_TRY_AGAIN, reason)
         except DuoBenchError as error:
+            is_late = isinstance(error, PolicyTimeoutError)
+            words = f"{PolicyTimeoutError.__name__}: {error}" if is_late else str(error)
             with suppress(TimeoutError, websockets.ConnectionClosed):
-                await _send(connection, _words(error))
+                await _send(connection, words)
             reason = "Internal server error. Traceback included in previous frame."
             await connection.close(_INTERNAL_ERROR, reason)
         finally:
@@ -171,11 +169,7 @@ class _RequestedEpisode:
     session_id: object = None
 
     def changed_by(self, request: dict[str, Any]) -> _RequestedEpisode:
-        """The episode that a request belongs to; takes what only says that out of it.
-
-        Raises:
-            MessageError: If the prompt is no text or the seed no whole number.
-        """
+        """The episode that a request belongs to; takes what only says that out of it."""
         prompt, seed = request.get("prompt", self.prompt), request.pop("seed", self.seed)
         session_id = request.pop("session_id", self.session_id)
         if not isinstance(prompt, str):
@@ -200,13 +194,7 @@ class ClientSession:
         self._timing: dict[str, float] = {}
 
     async def reply(self, frame: str | bytes) -> bytes:
-        """The answer to a request.
-
-        Raises:
-            MessageError: If the request cannot be understood.
-            PolicyError: If the policy fails.
-            BusyError: If too many requests wait.
-        """
+        """The answer to a request; an error if that cannot be understood, or the policy fails."""
         self._received = time.monotonic()
         if isinstance(frame, str):
             raise MessageError("A request is a binary message, got text.")
@@ -231,7 +219,7 @@ class ClientSession:
         self._timing = {"prev_total_ms": (time.monotonic() - self._received) * _MILLI}
 
     def close(self) -> None:
-        """The connection is over."""
+        """End the episode, if there is one."""
         if self._session is not None:
             self._loop.end(self._session)
             self._session = None
@@ -280,13 +268,6 @@ class ClientSession:
             raise BusyError("The policy's server has ended.") from None
 
 
-def _words(error: DuoBenchError) -> str:
-    """The text of an error for a client: a traceback of the policy, or what went wrong."""
-    if isinstance(error, PolicyTimeoutError):
-        return f"{PolicyTimeoutError.__name__}: {error}"
-    return str(error)
-
-
 async def _unless_gone(
     connection: ServerConnection, answering: Coroutine[Any, Any, bytes]
 ) -> bytes | None:
@@ -302,25 +283,15 @@ async def _unless_gone(
 
 
 async def _send(connection: ServerConnection, message: str | bytes) -> None:
-    """Send a message to a client that reads it."""
     async with asyncio.timeout(limits.SEND_S):
         await connection.send(message)
 
 
 def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetadata, Batching]:
-    """Make a policy of either kind for many episodes at a time.
+    """Make a policy of either kind, what it says about itself, and how it is asked.
 
-    Args:
-        name: A baseline's name, or `module:attribute`.
-        batching: How many observations are answered together. A plain policy answers one after
-            the other, with an object for each episode and as many as this has places.
-
-    Returns:
-        The policy, what it says about itself, and how it is asked.
-
-    Raises:
-        UnknownNameError: If there is no baseline of that name.
-        PolicyError: If it cannot be made.
+    A plain policy answers one observation after the other, with an object for each episode and as
+    many as `batching` has places; errors are those of `duobench.policy.make`.
     """
     objects = batching.size
     made, metadata, together = make_batched(PolicyName.parse(name), batching, objects=objects)

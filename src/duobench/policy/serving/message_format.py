@@ -137,18 +137,13 @@ class MessageFormat:
         }
 
     def chunk(self, actions: Any) -> Chunk:
-        """Actions of the server (H, n) as ours.
-
-        Raises:
-            PolicyError: If they are no chunk of as many numbers as the format says.
-        """
+        """Actions of the server (H, n) as ours; an error if they are none of this format."""
         sizes = self.action_sizes
         if dimensions(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
             actions = actions[0]
-        chunk = as_chunk(actions, sum(sizes.values()))
-        ends = np.cumsum([*sizes.values()])
-        parts = dict(zip(sizes, np.split(chunk, ends[:-1], axis=1), strict=True))
-        self._flip(parts)
+        *ends, width = np.cumsum([*sizes.values()])
+        columns = np.split(as_chunk(actions, width), ends, axis=1)
+        parts = self._flipped(dict(zip(sizes, columns, strict=True)))
         return np.concatenate([parts[part] for part in _PARTS], axis=1)
 
     def measured_action(self, observation: Observation) -> NDArray[np.float32]:
@@ -169,23 +164,20 @@ class MessageFormat:
 
     def _state_parts(self, observation: Observation) -> dict[str, NDArray[np.float32]]:
         flat = np.asarray(observation["agent_pos"], dtype=np.float32)
-        ends = [ARM_JOINTS, SIDE_SIZE, SIDE_SIZE + ARM_JOINTS]
-        parts = dict(zip(_PARTS, np.split(flat, ends), strict=True))
+        numbers = np.split(flat, [ARM_JOINTS, SIDE_SIZE, SIDE_SIZE + ARM_JOINTS])
         poses = np.split(np.asarray(observation["tcp_pose"], dtype=np.float32), 2)
-        self._flip(parts)
-        return parts | dict(zip(_POSES, poses, strict=True))
+        parts = zip((*_PARTS, *_POSES), (*numbers, *poses), strict=True)
+        return self._flipped(dict(parts))
 
-    def _flip(self, parts: dict[str, NDArray[np.float32]]) -> None:
-        if self.gripper == "closed_is_one":
-            for part in ("left_gripper", "right_gripper"):
-                parts[part] = 1 - parts[part]
+    def _flipped(self, parts: dict[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float32]]:
+        """Parts with the server's openings from ours, or the other way round."""
+        if self.gripper == "open_is_one":
+            return parts
+        return parts | {name: 1 - parts[name] for name in ("left_gripper", "right_gripper")}
 
 
 def read_format(name: str) -> MessageFormat:
-    """A format by its name, or from a TOML file.
-
-    Args:
-        name: One of `FORMATS`, or the path of a file that ends in `.toml`.
+    """One of `FORMATS`, or a format from a file that ends in `.toml`.
 
     Raises:
         UnknownNameError: If there is no such format, or it has a key that no format has.

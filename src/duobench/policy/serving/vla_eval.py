@@ -1,12 +1,9 @@
 """A policy at a model server of vla-eval 0.8, which is used without vla-eval.
 
-Every message is a map of `type`, `payload`, `seq` and `timestamp`. The client says `hello` first;
-`episode_start` and `episode_end` are not answered; an `observation` is answered by an `action` or
-an `error` with its `seq`. Images are sent as they are rendered.
-
-A specification, by which both sides say what they show and take, is a map of component names to
-`name`, `dims`, `format` and more. The formats are those that vla-eval 0.8 has names for; others are
-not compared.
+Every message is a map of `type`, `payload`, `seq` and `timestamp`; only `hello` and `observation`
+are answered. A specification, by which both sides say what they show and take, is a map of
+component names to `name`, `dims`, `format` and more; formats without a name in vla-eval 0.8 are not
+compared.
 """
 
 from __future__ import annotations
@@ -69,27 +66,21 @@ _CAMERAS = ("head", "left_wrist", "right_wrist")
 
 
 class DeclaredSpec(msgspec.Struct, frozen=True):
-    """What a server says about one component."""
+    """What a server says about one component: what its numbers mean, and how many they are."""
 
     format: str = ""
-    """What its numbers mean."""
     dims: int = 0
-    """How many they are; 0 if that is not said."""
+    """0 if that is not said."""
 
 
 class Declared(msgspec.Struct, frozen=True):
-    """What a server says about itself, and what of it can contradict a format."""
+    """What a server says about itself, what it wants of a benchmark, gives and expects."""
 
     model_server: str = ""
-    """Name of its class."""
     harness_version: str = ""
-    """Its version of vla-eval."""
     observation_params: dict[str, Any] = {}
-    """Parameters that it wants a benchmark to have."""
     action_spec: dict[str, DeclaredSpec] = {}
-    """What it gives."""
     observation_spec: dict[str, DeclaredSpec] = {}
-    """What it expects."""
 
 
 class VlaEvalPolicy(ConnectedPolicy):
@@ -109,7 +100,7 @@ class VlaEvalPolicy(ConnectedPolicy):
         self._drop()
 
     def _begin(self, connection: ClientConnection, seed: int) -> None:
-        """Begin an episode, and end the one before; the server does not answer to it."""
+        """Begin an episode, and end the one before; the server answers to neither."""
         self._end_episode(connection)
         task = {"name": self._instruction, "seed": seed}
         self._start_seq = self._send(connection, "episode_start", {"task": task})
@@ -142,7 +133,6 @@ class VlaEvalPolicy(ConnectedPolicy):
         return self._seq
 
     def _receive(self, connection: ClientConnection) -> tuple[str, dict[str, Any], int]:
-        """Type, payload and number of the next message."""
         frame = connection.recv(self._left())
         if isinstance(frame, str):
             raise MessageError("A message is binary, got text.")
@@ -172,7 +162,7 @@ class VlaEvalPolicy(ConnectedPolicy):
             declared = msgspec.convert(hello, Declared)
         except msgspec.ValidationError as error:
             raise ServingError(f"The server describes its policy wrongly: {error}.") from error
-        if problems := list(contradictions(declared, self._format)):
+        if problems := [*contradictions(declared, self._format)]:
             raise ServingError(
                 f"The server and the format contradict each other: {'; '.join(problems)}. Use a "
                 "format that says what this server does, or a server that was made for this one."
@@ -269,19 +259,13 @@ def _of_parameters(wanted: Mapping[str, Any], message_format: MessageFormat) -> 
         yield "it asks for wrist images (send_wrist_image), and the format shows none"
     if wanted.get("binary_gripper"):
         yield "it asks for grippers that are rounded (binary_gripper), which an evaluation does not"
-    control, relative = (wanted.get(name) for name in ("control_mode", "relative_to"))
-    modes = [
-        mode
-        for (theirs, frame), mode in MODES.items()
-        if _is_one(control, theirs) and _is_one(relative, frame)
-    ]
-    if not (control is None and relative is None) and message_format.actions.mode not in modes:
+    asked = wanted.get("control_mode"), wanted.get("relative_to")
+    mode = message_format.actions.mode
+    ours = next((names for names, own in MODES.items() if own == mode), ("", ""))
+    given = [(value, own) for value, own in zip(asked, ours, strict=True) if value is not None]
+    if any(str(value).lower() != own for value, own in given):
+        control, relative = asked
         yield (
             f"its actions have control_mode {control!r:.40} and relative_to {relative!r:.40}, and "
-            f"the format's are {message_format.actions.mode}"
+            f"the format's are {mode}"
         )
-
-
-def _is_one(wanted: object, value: str) -> bool:
-    """Whether a parameter has a value, or leaves it open."""
-    return wanted is None or str(wanted).lower() == value

@@ -35,20 +35,15 @@ class JointSource(Protocol):
         Raises:
             LeaderError: They cannot be reached, or do not give what two arms of ours need.
         """
-        ...
 
     def read(self) -> Array | None:
         """Where they are now: joints in radians and openings (16,), in the order of a command.
 
-        Returns:
-            The newest numbers; None where there are none that are younger than a quarter of a
-            second.
+        None where there are no numbers that are younger than a quarter of a second.
         """
-        ...
 
     def close(self) -> None:
         """Let go of them; closing twice is harmless."""
-        ...
 
 
 class LeaderDevice:

@@ -9,7 +9,7 @@ import math
 import threading
 import time
 import tomllib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,8 @@ import numpy as np
 
 from duobench.errors import LeaderError, check_known
 from duobench.robot.joints import JOINT_RANGES
-from duobench.teleop.freshness import MAX_AGE_S
-from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand, Side
+from duobench.teleop.hands import MAX_AGE_S
+from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
 
 BAUD = 57_600
 """Bits a second, as the servos are delivered."""
@@ -89,7 +89,6 @@ class GelloConfig:
     left: GelloArm
     """The arm that leads the robot's left one."""
     right: GelloArm
-    """The arm that leads the robot's right one."""
     baud: int = BAUD
     """Bits a second on both ports."""
 
@@ -109,19 +108,14 @@ class GelloConfig:
             document = tomllib.loads(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise LeaderError(f"Cannot read {path}: {error}") from error
-        for name in document:
-            check_known("key of a GELLO file", name, _names(GelloConfig))
-        for side in SIDES:
-            for name in document.get(side, {}) if isinstance(document.get(side), dict) else ():
-                check_known(f"key of the {side} GELLO arm", name, _names(GelloArm))
+        for name, arm in document.items():
+            check_known("key of a GELLO file", name, GelloConfig.__dataclass_fields__)
+            for key in arm if isinstance(arm, dict) else ():
+                check_known(f"key of the {name} GELLO arm", key, GelloArm.__dataclass_fields__)
         try:
             return msgspec.convert(document, GelloConfig)
         except msgspec.ValidationError as error:
             raise LeaderError(f"{path} is invalid: {error}.".replace("`$.", "`")) from error
-
-
-def _names(kind: type[GelloArm] | type[GelloConfig]) -> list[str]:
-    return [each.name for each in fields(kind)]
 
 
 class _Bus:
@@ -160,7 +154,6 @@ class _Bus:
         self._thread.start()
 
     def read(self) -> Array | None:
-        """Joints in radians and the opening (8,); None without young ones."""
         newest = self._newest
         if newest is None or time.monotonic() - newest[0] > MAX_AGE_S:
             return None
@@ -198,11 +191,10 @@ class GelloSource:
     """Two GELLO arms; Franka's GELLO Duo is such a pair. No port is opened before `connect`."""
 
     device = "gello"
-    """What they are called in recordings."""
 
     def __init__(self, config: GelloConfig) -> None:
         self._config = config
-        self._buses: dict[Side, _Bus] = {}
+        self._buses: list[_Bus] = []
 
     def connect(self) -> None:
         """Open both ports, and begin to read.
@@ -218,17 +210,15 @@ class GelloSource:
                 "GELLO arms need dynamixel-sdk: pip install 'duobench-fr3[teleop]'."
             ) from error
         try:
-            for side in SIDES:
-                arm = self._config.left if side is Side.LEFT else self._config.right
-                if side not in self._buses:
-                    self._buses[side] = _Bus(arm, self._config.baud)
+            for arm in (self._config.left, self._config.right)[len(self._buses) :]:
+                self._buses.append(_Bus(arm, self._config.baud))
         except LeaderError:
             self.close()
             raise
 
     def read(self) -> Array | None:
         """Where they are now (16,); None where one of them has not answered for too long."""
-        rows = [self._buses[side].read() for side in SIDES if side in self._buses]
+        rows = [bus.read() for bus in self._buses]
         if len(rows) < len(SIDES) or any(row is None for row in rows):
             return None
         both = np.array(rows)
@@ -236,7 +226,7 @@ class GelloSource:
 
     def close(self) -> None:
         """Stop reading and close the ports; closing twice is harmless."""
-        for bus in self._buses.values():
+        for bus in self._buses:
             bus.close()
         self._buses.clear()
 
@@ -244,10 +234,7 @@ class GelloSource:
 def joints_of(arm: GelloArm, counts: list[int]) -> Array:
     """Joints in radians and the opening, 0 to 1, (8,) of what the servos show.
 
-    Args:
-        arm: Whose servos.
-        counts: What they show (8,), as numbers of 32 bits, with or without a sign; the trigger's
-            comes last.
+    The counts (8,) are numbers of 32 bits, with or without a sign; the trigger's comes last.
     """
     signed = [(count + 2**31) % 2**32 - 2**31 for count in counts]
     *servos, trigger = (count * 2.0 * math.pi / COUNTS_A_TURN for count in signed)

@@ -8,8 +8,7 @@ imported where one is made by name, and nowhere else.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -19,48 +18,20 @@ from duobench.lerobot_keys import POSITION
 from duobench.types import Array
 
 
-class Teleoperator(Protocol):
-    """What is used of LeRobot's class of this name."""
-
-    @property
-    def action_features(self) -> Mapping[str, Any]:
-        """Names of the numbers of an action."""
-        ...
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether it can be read."""
-        ...
-
-    def connect(self, calibrate: bool = True) -> None:
-        """Reach the hardware."""
-        ...
-
-    def get_action(self) -> Mapping[str, Any]:
-        """The numbers now, by name."""
-        ...
-
-    def disconnect(self) -> None:
-        """Let go of the hardware."""
-        ...
-
-
 class LeRobotSource:
-    """A teleoperator of LeRobot with our 16 numbers."""
+    """A teleoperator of LeRobot with our 16 numbers.
 
-    def __init__(self, teleoperator: Teleoperator, device: str | None = None) -> None:
-        """Take a teleoperator.
+    Args:
+        teleoperator: A `lerobot.teleoperators.Teleoperator`, connected or not.
+        device: What it is called in recordings; LeRobot's name for it if not given.
 
-        Args:
-            teleoperator: It is connected by `connect`, and need not be before.
-            device: What it is called in recordings; LeRobot's name for it if not given.
+    Raises:
+        LeaderError: Its actions lack one of our numbers, or have others.
+    """
 
-        Raises:
-            LeaderError: Its actions lack one of our numbers, or have others.
-        """
+    def __init__(self, teleoperator: Any, device: str | None = None) -> None:
         self._teleoperator = teleoperator
         self.device = device or f"lerobot {getattr(teleoperator, 'name', 'teleoperator')}"
-        """What it is called in recordings."""
         plain = {key.removesuffix(POSITION): key for key in teleoperator.action_features}
         if set(plain) != set(JOINT_NAMES) or len(plain) != len(teleoperator.action_features):
             raise LeaderError(
@@ -105,11 +76,7 @@ class LeRobotSource:
         return LeRobotSource(make_teleoperator_from_config(config), f"lerobot {kind}")
 
     def connect(self) -> None:
-        """Reach the leaders.
-
-        Raises:
-            LeaderError: They cannot be reached.
-        """
+        """Reach the leaders, or raise a `LeaderError`."""
         if self._teleoperator.is_connected:
             return
         try:

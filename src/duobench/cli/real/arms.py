@@ -1,0 +1,260 @@
+"""What moves real arms: `duobench real home`, `record` and `eval`."""
+
+from __future__ import annotations
+
+import secrets
+import sys
+from contextlib import ExitStack, closing
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import tyro
+
+from duobench.cli.real.rigs import KeyTerminal, RigOptions
+from duobench.cli.shared.advice import OTHER_OUT, AdvisedError, advising
+from duobench.cli.shared.console import counted, say
+from duobench.cli.shared.options import command_line
+from duobench.cli.shared.page import PageOptions
+from duobench.cli.shared.process import load_engine, stopping
+from duobench.files import locked
+from duobench.results.scores import interval_percent, percent
+from duobench.results.suite import find_tasks
+
+if TYPE_CHECKING:
+    from duobench.hardware.doctor.checks import Report
+    from duobench.hardware.duo import FrankaDuo
+    from duobench.rig_sessions.trials import TrialsSession
+    from duobench.rig_sessions.trials_folder import TrialsFolder
+    from duobench.rig_sessions.trials_report import TrialsReport
+    from duobench.web.server import PageServer
+
+
+_PAGE = PageOptions()
+WORD = "home"
+"""What the operator types to confirm."""
+
+
+def real() -> None:
+    """Lead, record and evaluate on real arms; not yet tried on an arm."""
+
+
+def home(rig: str, check: bool = False, fast: bool = False) -> None:
+    """Bring both arms home at a tenth of their speed, on a way that the guard found free.
+
+    It says where the arms are and which way they will go, and moves nothing before you typed
+    `home`. Ctrl-C brings them to rest. The only emergency stop is that of the hardware.
+
+    Args:
+        rig: The rig's file, rig.json, or "simulated" for a rig without hardware.
+        check: Only connect, and say where the arms are and which way they would go.
+        fast: Do not wait for the clock, which only simulated drivers can do.
+    """
+    with closing(RigOptions(rig=rig, fast=fast).open()) as duo:
+        duo.start()
+        here = duo.read().joints
+        assert duo.guard is not None
+        nearest = duo.guard.nearest(here, within=1.0)
+        way = duo.path_home()
+        say(f"Rig {duo.rig.name}, {duo.rig.hash[:12]}: everything answers.")
+        say(f"Nearest to each other: {nearest or 'nothing within a metre.'}")
+        turns = [np.abs(b - a).max() for a, b in pairwise([here, *way])]
+        say(
+            f"The way home has {len(way)} straight part(s); joints turn by up to "
+            f"{', '.join(f'{turn:.2f}' for turn in turns)} rad. Then the grippers open."
+        )
+        if check:
+            return
+        say("Is nobody within reach, is every hand empty, and is somebody at the emergency stop?")
+        say(f"Type {WORD} and Enter to move; anything else ends this.")
+        if sys.stdin.readline().strip() != WORD:
+            raise AdvisedError("Nothing was moved.")
+        duo.supervisor.confirm()
+        with stopping(lambda: duo.hold("Ctrl-C.")):
+            duo.home()
+        say("Both arms are home.")
+
+
+def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
+    policy: str,
+    rig: tyro.conf.OmitArgPrefixes[RigOptions],
+    task: str,
+    out: Path,
+    episodes: int = 10,
+    tempo: float = 0.5,
+    instruction: str = "",
+    horizon: int | None = None,
+    after_success: float = 1.0,
+) -> None:
+    """Record what a policy does on real arms, with an operator at this terminal.
+
+    The operator sends the arms home, places the objects, watches, says with a key how far it came,
+    and keeps or discards each episode; nothing moves without a key. Cameras are recorded as videos
+    beside the episodes. The same command goes on with a data set until it has as many episodes.
+    Not yet tried on an arm.
+
+    Args:
+        policy: A policy that sees images, as duobench eval takes it, or the file of a recorded
+            episode, whose commands are sent again.
+        rig: The rig, and how it is driven.
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE.
+        out: Folder of the data set.
+        episodes: How many episodes of the task to keep, those that are there counted.
+        tempo: Part of its speed with which a recorded episode is played.
+        instruction: What the policy is told; the task's own words if not given.
+        horizon: Control steps of an episode at most; the task's own if not given.
+        after_success: Seconds that an episode goes on after success.
+    """
+    load_engine()
+    from duobench.data import DataSet
+    from duobench.rig_sessions.recording import RigRecording, find_policy
+    from duobench.rig_sessions.session import HELD_BY_OPERATOR
+
+    with ExitStack() as ending:
+        source = find_policy(policy, tempo)
+        duo = rig.open()
+        data = DataSet.open(out, how=f"duobench real record --policy {policy}")
+        terminal = ending.enter_context(closing(KeyTerminal()))
+        session = RigRecording(
+            duo,
+            task,
+            data,
+            source,
+            terminal,
+            episodes=episodes,
+            instruction=instruction,
+            horizon=horizon,
+            after_success=after_success,
+        )
+        ending.callback(session.close)
+        with stopping(lambda: duo.hold(HELD_BY_OPERATOR)):
+            kept = session.run()
+    say(f"{counted(kept, 'episode')} of {task} in {out}")
+
+
+def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
+    rig: tyro.conf.OmitArgPrefixes[RigOptions],
+    task: str,
+    policy: tyro.conf.UseAppendAction[tuple[str, ...]],
+    out: Path,
+    episodes: int = 15,
+    blind: bool = False,
+    trained_on: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    rater: str = "operator",
+    first_episode: int = 0,
+    order_seed: int | None = None,
+    record: Path | None = None,
+    page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
+) -> None:
+    """Evaluate policies on real arms: an operator places the objects and judges, on one page.
+
+    Open the printed address and follow the page. All policies play the same layouts and take turns.
+    Every press is on the disk at once: the same command goes on where it was stopped, also with
+    more episodes. At the end each policy has a report as in simulation, and they are compared. Not
+    yet tried on an arm.
+
+    Args:
+        rig: The rig, and how it is driven.
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE.
+        policy: A policy that sees images, as duobench eval takes it, or NAME@ws://HOST:PORT for one
+            that is served; give it once for each policy.
+        out: Folder of the evaluation.
+        episodes: Episodes of each policy; the paper has 15.
+        blind: Hide the names of the policies on the page until all trials are played.
+        trained_on: What the policies were trained on, in their order: sim, real or mixed.
+        rater: Pseudonym of who judges; it is recorded.
+        first_episode: Index of the first episode; layouts follow from task and index alone.
+        order_seed: Decides the order in which policies take turns; without it nobody knows it.
+        record: Record the trials that count into this data set too, with all cameras.
+        page: Where the page is served.
+    """
+    command = command_line("real eval", evaluate, locals())
+    load_engine()
+    from duobench.data import DataSet
+    from duobench.hardware.doctor.checks import read_checks
+    from duobench.rig_sessions.trials import TrialsSession
+
+    policies = _pairs(policy, trained_on)
+    (info,) = find_tasks([task])
+    with advising(OTHER_OUT), ExitStack() as ending:
+        folder, duo, server = _place(ending, rig, out, page)
+        session = TrialsSession(
+            folder,
+            duo,
+            info,
+            policies,
+            server,
+            ending,
+            rater=rater,
+            episodes=episodes,
+            first_episode=first_episode,
+            order_seed=secrets.randbelow(2**31) if order_seed is None else order_seed,
+            blind=blind,
+            data=None if record is None else DataSet.open(record),
+            command=command,
+        )
+        if remark := _remark(read_checks(folder.path), duo.rig.hash):
+            say(f"{remark} See: duobench real doctor --rig {rig.rig} --out {out}")
+        _judge(session, folder, server, out)
+
+
+def _pairs(policies: tuple[str, ...], trained_on: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Policies with what they were trained on."""
+    if trained_on and len(trained_on) != len(policies):
+        raise AdvisedError(
+            f"Give --trained-on once for each --policy, in their order: got {len(trained_on)} for "
+            f"{len(policies)}."
+        )
+    return list(zip(policies, trained_on or ("",) * len(policies), strict=True))
+
+
+def _place(
+    ending: ExitStack, rig: RigOptions, out: Path, page: PageOptions
+) -> tuple[TrialsFolder, FrankaDuo, PageServer]:
+    """The folder, which is locked, the rig and the page, until `ending`."""
+    from duobench.rig_sessions.trials_folder import TrialsFolder
+
+    folder, duo = TrialsFolder(out), rig.open()
+    ending.callback(duo.close)
+    ending.enter_context(locked(folder.path))
+    server = page.serve("trials_page.html")
+    ending.callback(server.close)
+    return folder, duo, server
+
+
+def _judge(session: TrialsSession, folder: TrialsFolder, server: PageServer, out: Path) -> None:
+    """Run a session until it is stopped, and say what came out."""
+    from duobench.rig_sessions.trials_report import write_trials_report
+
+    say(f"Open {server.url}\nCtrl-C holds the arms and ends the session.")
+    with stopping(session.stop):
+        session.run()
+    report = write_trials_report(folder)
+    files = f"Report: {out / folder.page.name}"
+    session.publish(results=[each.row() for each in report.policies], files=files)
+    _show_report(report)
+    say(files)
+
+
+def _remark(found: Report | None, rig_hash: str) -> str:
+    if found is None:
+        return "The doctor has not looked at this rig for this folder."
+    objection = found.objection(rig_hash)
+    return f"At {found.time}, the doctor {objection}." if objection else ""
+
+
+def _show_report(report: TrialsReport) -> None:
+    for each in report.policies:
+        score = each.score
+        say(
+            f"{each.letter} {each.policy}: {score.successes} of {score.episodes}, "
+            f"{percent(score.success_rate)} % (95 % interval "
+            f"{interval_percent(score)} %)"
+        )
+    for verdict in report.verdicts:
+        say(verdict)
+    if invalid := sum(count for _, count in report.invalid):
+        say(f"{counted(invalid, 'invalid trial')}, played again; the report says why.")
+    if report.missing:
+        say(f"{counted(report.missing, 'trial')} still to be played; the same command goes on.")

@@ -1,0 +1,110 @@
+"""The process of a verb: it loads MuJoCo, and answers Ctrl-C.
+
+A verb that has nothing to put away is left at once. Libraries that try optional imports swallow a
+`KeyboardInterrupt`, so nothing is raised while a verb loads its libraries.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from types import FrameType
+from typing import NoReturn
+
+from duobench.errors import RenderingError
+
+ASKED = "MUJOCO_GL"
+
+
+def load_engine() -> None:
+    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names.
+
+    Raises:
+        RenderingError: `MUJOCO_GL` names something that MuJoCo does not know or cannot load.
+    """
+    try:
+        import_module("mujoco")
+    except (RuntimeError, AttributeError, ImportError, OSError) as error:
+        asked = os.environ.get(ASKED)
+        if not asked:
+            raise
+        raise RenderingError(
+            f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to egl, "
+            "osmesa or glfw, whichever is installed, or unset it: then one that works is found."
+        ) from error
+
+
+SIGNALLED = 128
+"""Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
+_STDOUT, _STDERR = 1, 2
+_SHOW_CURSOR = b"\x1b[?25h"
+"""Live progress hides the cursor of a terminal."""
+
+
+def leave(number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
+    """End the process here and now; like after a kill, every file is whole or absent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(OSError):
+        if os.isatty(_STDOUT):
+            os.write(_STDOUT, _SHOW_CURSOR)
+        os.write(_STDERR, b"\nStopped.\n")
+    os._exit(SIGNALLED + number)
+
+
+def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
+    # Pressed again, because it was swallowed or takes long, it leaves.
+    signal.signal(signal.SIGINT, leave)
+    raise KeyboardInterrupt
+
+
+@contextmanager
+def leaving_at_once() -> Iterator[None]:
+    """Let Ctrl-C, or a request to terminate, end the process as long as the block lasts."""
+    with _answered_by(leave, signal.SIGINT), _answered_by(leave, signal.SIGTERM):
+        yield
+
+
+@contextmanager
+def raising() -> Iterator[None]:
+    """Let Ctrl-C raise `KeyboardInterrupt` in the block, and say that what it finished is kept."""
+    try:
+        with _answered_by(_raise, signal.SIGINT):
+            yield
+    except KeyboardInterrupt:
+        from duobench.cli.shared.console import say
+
+        say("What is finished is kept; the same command goes on from there.")
+        raise
+
+
+@contextmanager
+def stopping(stop: Callable[[], None]) -> Iterator[None]:
+    """Let Ctrl-C, or a request to terminate, call `stop` in the block; the second one leaves."""
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        signal.signal(number, leave)
+        stop()
+
+    with _answered_by(handle, signal.SIGINT), _answered_by(handle, signal.SIGTERM):
+        yield
+
+
+@contextmanager
+def _answered_by(
+    handler: Callable[[int, FrameType | None], object], number: signal.Signals
+) -> Iterator[None]:
+    """Handle a signal, unless it is ignored, as in the background, or not ours to handle."""
+    before = signal.getsignal(number)
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or before not in (signal.default_int_handler, signal.SIG_DFL, leave):
+        yield
+        return
+    signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        signal.signal(number, before)

@@ -1,0 +1,214 @@
+"""What there is of tasks: `duobench list`, `render`, `view` and `print`."""
+
+from __future__ import annotations
+
+import re
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+from duobench.cli.shared.advice import OTHER_OUT, advising
+from duobench.cli.shared.console import console, say, table, whole
+from duobench.cli.shared.page import PageOptions
+from duobench.cli.shared.process import load_engine, stopping
+from duobench.envs.config import checked_seed
+from duobench.files import make_folder, writing
+from duobench.results.folder import RunFolder
+from duobench.results.suite import find_tasks
+from duobench.robot.cameras import OVERVIEW
+from duobench.sim.layout import Layout
+from duobench.tasks import catalog
+from duobench.tasks.task import Task
+from duobench.types import POLICY_CAMERAS
+
+if TYPE_CHECKING:
+    from duobench.fabrication import Recipe
+
+
+NARROW = 80
+"""Columns of a terminal below which the category stands above the instruction, not beside it."""
+
+
+def list_tasks(stages: bool = False) -> None:
+    """Show every task: id, category, number of stages, horizon in control steps, instruction.
+
+    Args:
+        stages: Also name the stages.
+    """
+    screen = console()
+    is_narrow = screen.width < NARROW
+    rows = table(
+        whole("Task", style="bold"),
+        *([] if is_narrow else ["Category"]),
+        *(whole(heading, justify="right") for heading in ("Stages", "Horizon")),
+        "Instruction",
+    )
+    for name in catalog.names():
+        task = catalog.get(name)
+        told = [re.sub(r"{(\w+)}", r"<\1>", task.instruction)]
+        if stages:
+            told += [f"{number} {stage.name}" for number, stage in enumerate(task.stages, 1)]
+        numbers = (str(task.max_stage), str(task.horizon))
+        if is_narrow:
+            rows.add_row(task.id, *numbers, "\n".join([f"({task.category})", *told]))
+        else:
+            rows.add_row(task.id, task.category, *numbers, "\n".join(told))
+    screen.print(rows)
+
+
+SAMPLES = 16
+"""Images averaged into the one for people; what policies see has one."""
+
+
+def render(
+    task: tyro.conf.Positional[str],
+    seed: int = 0,
+    size: tuple[int, int] = (720, 1280),
+    look: str = "default",
+    out: Path = Path("renders"),
+) -> None:
+    """Render a reset of a task from every camera, as PNG files.
+
+    Args:
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE.
+        seed: Seed of the reset.
+        size: Height and width of the images in pixels.
+        look: Look of the images: wood_table, dark, random:7, ... (see docs/looks.md).
+        out: Folder of the images.
+    """
+    load_engine()
+    from PIL import Image
+
+    from duobench.envs import RandomizedReset
+    from duobench.envs.sim_env import SimEnv
+    from duobench.sim.rendering import Renderer
+
+    checked_seed(seed)
+    (info,) = find_tasks([task])
+    height, width = size
+    base = SimEnv(catalog.get(info.reference), look=look)
+    make_folder(out)
+    RandomizedReset(base).reset(seed=seed)
+    simulation = base.simulation
+    images = {}
+    for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
+        with Renderer(
+            simulation.model, height=height, width=width, samples=samples, look=base.look
+        ) as renderer:
+            images |= renderer.render_all(simulation.data, cameras)
+    for camera, image in images.items():
+        path = out / f"{info.id}-{seed}-{camera}.png"
+        with writing(path):
+            Image.fromarray(image).save(path)
+        say(str(path))
+
+
+_PAGE = PageOptions()
+
+
+def view(
+    what: tyro.conf.Positional[str],
+    tasks: tuple[str, ...] = (),
+    page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
+    look: str = "default",
+    import_tasks: bool = False,
+    follow: bool = False,
+) -> None:
+    """Show a task, a data set or a run on a page in the browser, until Ctrl-C.
+
+    A task is shown as its resets leave it. Recorded episodes are shown as their states were;
+    episodes of a run are played again from the joint targets in their records. Everybody who has
+    the page open sees the same, and may choose.
+
+    Args:
+        what: Id of a task (see: duobench list) or module:ATTRIBUTE, the folder of a data set or of
+            a run, or a file that duobench bundle has written.
+        tasks: Only the episodes of these tasks; of all if none is named.
+        page: Where the page is served.
+        look: Look of the scene, without textures: wood_table, dark, random:7, ... (see
+            docs/looks.md).
+        import_tasks: Import tasks of a run that are not of the benchmark, which runs the code of
+            the modules that the run names.
+        follow: Follow a run that is going on, or is going to be started: successes so far, the
+            time that is left, and every finished episode; at its end the page shows the report.
+    """
+    load_engine()
+    from duobench.replay.sources import FollowedRun, open_view
+    from duobench.replay.viewer import Viewer
+
+    source = None if follow else open_view(what, look, tasks, import_tasks=import_tasks)
+    with closing(page.serve()) as server:
+        run = None
+        if source is None:
+            folder = RunFolder(Path(what))
+            source = run = FollowedRun(folder, server, look, tasks, import_tasks=import_tasks)
+        viewer = Viewer(source, server, run and run.refresh)
+        with stopping(viewer.stop):
+            say(f"Open {server.url}\nCtrl-C ends it.")
+            viewer.run()
+        if run is not None:
+            run.wait_for_visitors()
+
+
+ALL = "all"
+"""In the place of a task: every one of the benchmark."""
+
+
+def print_(
+    task: tyro.conf.Positional[str],
+    out: Path = Path("prints"),
+    variants: tuple[str, ...] = (),
+    seed: int | None = None,
+    paper: Literal["a4", "a3"] = "a4",
+) -> None:
+    """Write what is needed to print a task's objects: STL, 3MF, recipes, layout sheet, coupon.
+
+    The same command in the same folder writes the same files again.
+
+    Args:
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE; all for every task.
+        out: Folder of the files: a new one, or that of the same command.
+        variants: Which variants of objects that have some, such as numbers of mazes; all for all
+            of them. By default those of the seed's layout, or the first ones.
+        seed: Seed of the layout on the sheets; without one, everything is in the middle of where
+            it may be.
+        paper: Size of the sheets.
+    """
+    from duobench.fabrication import Paper, write_prints
+
+    infos = find_tasks(() if task == ALL else (task,))
+    tasks = [catalog.get(info.reference) for info in infos]
+    layouts = None if seed is None else {each.id: _layout(each, seed) for each in tasks}
+
+    def tell(recipe: Recipe) -> None:
+        parts = sum(part.count for part in recipe.parts)
+        say(
+            f"{out / recipe.id}: {parts} parts, {recipe.filament_g:.0f} g, {recipe.hours:.1f} h"
+            if parts
+            else f"{out / recipe.id}: nothing is printed"
+        )
+
+    with advising(OTHER_OUT):
+        write_prints(
+            out,
+            tasks,
+            variants=variants,
+            layouts=layouts,
+            seed=seed,
+            paper=Paper(paper),
+            progress=tell,
+        )
+    say(f"Begin with {out / 'README.md'}; {out / 'shopping.md'} lists what is bought.")
+
+
+def _layout(task: Task, seed: int) -> Layout:
+    """The layout that a seed gives, tried on the simulated objects."""
+    from duobench.envs import RandomizedReset
+    from duobench.envs.sim_env import SimEnv
+
+    checked_seed(seed)
+    env = SimEnv(task)
+    RandomizedReset(env).reset(seed=seed)
+    return env.layout

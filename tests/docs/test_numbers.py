@@ -1,0 +1,193 @@
+"""Numbers and names in the sentences and commands of pages are those of the code."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from inspect import signature
+from pathlib import Path
+
+import pytest
+
+from duobench.cli.program import GROUPS, VERBS
+from duobench.cli.shared.options import options_of
+from duobench.envs.config import IMAGE_SIZE
+from duobench.fabrication import coupon, recipe
+from duobench.fabrication.formats import BED_STEP
+from duobench.hardware.calibration import places
+from duobench.hardware.calibration.board import RULER_MM
+from duobench.hardware.doctor.examine import (
+    LARGEST_SHIFT_PX,
+    LEAST_RATE,
+    LEAST_SUCCESS,
+    LONGEST_ANSWER_S,
+)
+from duobench.hardware.drivers import frames, robotiq
+from duobench.hardware.guard import FINGER_MARGIN, MARGIN, TABLE_DEPTH
+from duobench.hardware.rig import CameraDriver
+from duobench.hardware.watchdog import STOP_AFTER_S
+from duobench.objects import chest, hexagon_peg, joint_blocks, shapes
+from duobench.replay.sources import LAYOUTS
+from duobench.replay.verify import Verdict
+from duobench.replay.viewer import MAX_ITEMS
+from duobench.results.leaderboard import EPISODES
+from duobench.results.suite import Suite, find_tasks
+from duobench.rig_sessions.cameras import FILM_RATE
+from duobench.rig_sessions.status_page import SILENCE_S
+from duobench.rig_sessions.trials import TrialsSession
+from duobench.robot.workcell import FLOOR_Z
+from duobench.scene.compose import SUBSTEPS
+from duobench.sheets import Paper
+from duobench.sim.placement import REACH_X, REACH_Y
+from duobench.types import CONTROL_HZ
+from duobench.web.messages import MAX_MESSAGE
+from duobench.web.server import MAX_PEERS
+from tests.docs.markdown import DOCS, PAGES, ROOT, table, text_of
+
+
+def percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def mm(*metres: float) -> str:
+    return " to ".join(f"{1000 * each:g}" for each in metres)
+
+
+SENTENCES: Mapping[str, Sequence[str]] = {
+    "evaluation": (f"episodes 0 to {Suite(tasks=find_tasks(())).indices[-1]}.",),
+    "frames": (
+        f"the floor z = {FLOOR_Z:.4f}",
+        f"at x {REACH_X[0]} to {REACH_X[1]} and y {REACH_Y[0]} to {REACH_Y[1]}",
+        f"1/{CONTROL_HZ:g} s: {SUBSTEPS} physics steps of 1/{CONTROL_HZ * SUBSTEPS:.0f} s",
+        f"the default {IMAGE_SIZE[0]} × {IMAGE_SIZE[1]}",
+    ),
+    "leaderboard": (f"episodes 0 to {EPISODES - 1} of each", f"--episodes {EPISODES} "),
+    "printing": (
+        "1240 kg/m³",
+        f"{1e9 * recipe.MATERIAL_PER_SECOND:.0f} mm³ a second",
+        f"{percent(recipe.WASTE - 1)} is added",
+        f"{percent(recipe.SPARSE)} of the rest",
+        f"± {percent(recipe.TOLERANCE)}",
+        f"{1000 * BED_STEP:.1f} mm apart",
+        f"{mm(*coupon.HEXAGON_PLAYS[::4])} mm of play",
+        f"{mm(*coupon.SQUARE_PLAYS[::4])} mm;",
+    ),
+    "real_arms": ("Not yet tried on an arm.",),
+    "real_cameras": (
+        "**Not yet tried on a camera",
+        f"No image for {frames.STALE_S} s is a fault",
+        f"fewer than {places.FEWEST_VIEWS} show",
+        f"by more than {percent(places.LARGEST_SCALE_ERROR)}",
+        f"over {1000 * places.NOTED_M:.0f} mm or {places.NOTED_DEG:.0f} degrees",
+        f"from {1000 * places.REFUSED_M:.0f} mm or {places.REFUSED_DEG:.0f} degrees",
+    ),
+    "real_evaluation": (
+        f"no sign for {SILENCE_S:g} s",
+        f"{FILM_RATE} frames a second",
+        f"{signature(TrialsSession).parameters['episodes'].default} episodes a policy",
+    ),
+    "real_safety": (
+        f"keep {mm(MARGIN)} mm from each other",
+        f"fingers keep {mm(FINGER_MARGIN)} mm",
+        f"press {mm(TABLE_DEPTH)} mm on the table",
+        f"after {STOP_AFTER_S:g} s",
+        "tried on an arm yet",
+    ),
+    "real_setup": (
+        "**Not yet tried on an arm",
+        f"No answer for {robotiq.SILENT_S} s is a fault",
+        f"less than {percent(LEAST_SUCCESS)}",
+        f"at less than {percent(LEAST_RATE)}",
+        f"more than {LARGEST_SHIFT_PX:g} px",
+        f"answers take {1000 * LONGEST_ANSWER_S:.0f} ms",
+    ),
+    "viewing": (
+        f"any of {LAYOUTS} layouts",
+        f"{MAX_MESSAGE:,} bytes",
+        f"{MAX_PEERS} browsers",
+        f"at most {MAX_ITEMS} episodes",
+    ),
+}
+SIZES = {
+    "edge of the printer": shapes.PRINTER,
+    "corner of the bed that stays free, width": shapes.KEPT_FREE[0],
+    "corner of the bed that stays free, depth": shapes.KEPT_FREE[1],
+    "thinnest wall": shapes.THINNEST_WALL,
+    "play of a glued joint": shapes.JOINT_PLAY,
+    "overlap": shapes.OVERLAP,
+    "play of a square peg": joint_blocks.CLEARANCE,
+    "play of the hexagonal peg": hexagon_peg.CLEARANCE,
+    "hole in a lug": 2 * chest.HOLE_RADIUS,
+    "hole in the barrel": 2 * chest.THREAD_RADIUS,
+    "play between lid and box": chest.GAP,
+    "play between a post and the open lid": chest.POST_PLAY,
+}
+
+
+@pytest.mark.parametrize(
+    ("page", "words"), [(page, words) for page, all_of in SENTENCES.items() for words in all_of]
+)
+def test_a_page_says_what_the_code_says(page: str, words: str) -> None:
+    assert words in " ".join(text_of(DOCS / f"{page}.md").split())
+
+
+def test_tables_have_what_the_code_has() -> None:
+    sizes = {row["size"]: row["mm"] for row in table(DOCS / "printing.md", "size")}
+    assert sizes == {**sizes, **{name: mm(value) for name, value in SIZES.items()}}
+    verdicts = [row["verdict"] for row in table(DOCS / "verification.md", "verdict")]
+    assert verdicts == list(Verdict)
+    heading = "driver in the rig's file"
+    drivers = {row[heading] for row in table(DOCS / "real_cameras.md", heading)}
+    assert drivers == set(map(str, CameraDriver))
+
+
+def test_numbers_that_pages_round_are_what_they_say() -> None:
+    assert coupon.HEXAGON_PLAYS[2] == hexagon_peg.CLEARANCE
+    assert coupon.SQUARE_PLAYS[2] == joint_blocks.CLEARANCE
+    assert RULER_MM[Paper.A4] == 200.0
+
+
+# --- commands ------------------------------------------------------------------------------------
+
+
+def commands() -> Iterator[tuple[str, str]]:
+    """Every command that a page shows on a line of its own, and the page."""
+    for page in PAGES:
+        for line in text_of(page).replace("\\\n", " ").splitlines():
+            if line.startswith("duobench "):
+                yield page.name, line
+
+
+def found(words: Sequence[str]) -> Callable[..., None]:
+    verbs = VERBS
+    for number, word in enumerate(words):
+        verb, name = verbs[word], " ".join(words[: number + 1])
+        if name not in GROUPS:
+            return verb
+        verbs = GROUPS[name]
+    raise AssertionError(f"{words} needs a verb")
+
+
+def flags(verb: Callable[..., None]) -> set[str]:
+    return {each.flag for each in options_of(verb) if "Positional" not in str(each.kind)}
+
+
+@pytest.mark.parametrize(("page", "line"), sorted(set(commands())))
+def test_every_command_of_a_page_has_a_verb_and_options_that_exist(page: str, line: str) -> None:
+    del page
+    words = shlex.split(line, comments=True)[1:]
+    own = words[: words.index("--")] if "--" in words else words
+    named = {word.partition("=")[0] for word in own if word.startswith("--")}
+    assert named <= flags(found(words))
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", DOCS / "evaluation.md", DOCS / "policies.md"], ids=Path.__str__
+)
+def test_options_that_sentences_name_exist(page: Path) -> None:
+    verbs = ("eval", "record", "replay", "report", "train", "view")
+    known = {flag for verb in verbs for flag in flags(VERBS[verb])}
+    named = set(re.findall(r"`(--[a-z-]+)", text_of(page)))
+    assert named
+    assert named <= known

@@ -1,0 +1,198 @@
+"""Pages on real arms: what they show works, with simulated drivers and scripted operators."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from duobench.cli import main
+from duobench.cli.real.rigs import KeyTerminal
+from duobench.data import DataSet
+from duobench.hardware.calibration.views import ViewFolder
+from duobench.hardware.rig import ArmConfig, Rig
+from tests.docs.markdown import DOCS, attend, blocks, command, run, run_python, table, text_of
+from tests.rig_sessions.operator import Operator
+from tests.web.pages import Page
+
+ARMS, CAMERAS, EVALUATION, RECORDING, SAFETY, SETUP = (
+    DOCS / f"real_{name}.md"
+    for name in ("arms", "cameras", "evaluation", "recording", "safety", "setup")
+)
+
+
+# --- arms ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", [ARMS, SAFETY], ids=lambda page: page.stem)
+def test_programs_run(page: Path, tmp_path: Path) -> None:
+    for code in blocks(page, "python"):
+        assert run_python(code, tmp_path)
+
+
+def test_the_command_brings_a_simulated_rig_home(tmp_path: Path) -> None:
+    (line,) = blocks(ARMS, "sh")
+    words, _, rest = line.strip().partition(" | ")
+    assert words == "echo home"
+    assert "Both arms are home." in run(rest, tmp_path, "home\n")
+
+
+@pytest.mark.parametrize(("more", "code"), [("", 1), (" --check", 0)])
+def test_nothing_moves_without_the_word(more: str, code: int, tmp_path: Path) -> None:
+    said = run(f"duobench real home --rig simulated --fast{more}", tmp_path, "yes\n", code=code)
+    assert "everything answers" in said
+    assert "Both arms are home." not in said
+
+
+def test_the_file_is_a_rig_with_the_defaults_of_the_table(tmp_path: Path) -> None:
+    path = tmp_path / "rig.json"
+    path.write_text(*blocks(ARMS, "json"))
+    assert len(Rig.read(path).cameras) == 3
+    defaults = {row["field of an arm"]: row["default"] for row in table(ARMS, "field of an arm")}
+    named = {word.strip() for name in defaults for word in name.split(",")}
+    assert named == set(ArmConfig.__dataclass_fields__) - {"driver", "address"}
+    for name in defaults.keys() & named:
+        if defaults[name] != "true":
+            assert float(defaults[name]) == getattr(ArmConfig(), name)
+
+
+# --- a rig and its cameras -----------------------------------------------------------------------
+
+
+def test_commands_without_hardware_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    shown = "\n".join(map(text_of, (SETUP, CAMERAS))).splitlines()
+    lines = [line for line in shown if line.startswith("duobench ")]
+    runnable = [line for line in lines if "simulated" in line or "board" in line]
+    assert len(runnable) == 2
+    for line in runnable:
+        main(shlex.split(line)[1:])
+    assert (tmp_path / "board.pdf").exists()
+    assert (tmp_path / "runs" / "simulated" / "doctor.json").exists()
+
+
+def test_the_rig_and_the_views_of_pages_are_some(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for page in (SETUP, CAMERAS):
+        exec(*blocks(page, "python"), {})
+    rig = Rig.read(tmp_path / "rig.json")
+    assert (rig.cameras["head"].is_side_by_side, rig.is_computed) == (True, False)
+    assert len(ViewFolder(tmp_path / "wrist_left", "left_wrist")) == 1
+
+
+# --- recording -----------------------------------------------------------------------------------
+
+ANSWERS = {"h: they go home": "h", "p: placed": "p", "k: keep it": "k", "h: go home": "q"}
+"""What the operator answers; the session of teleoperation is ended at once."""
+MORE = {"export": " --cameras head --size 32 48", "train": " --print"}
+"""What makes commands shorter."""
+
+
+def answered(line: str, folder: Path) -> str:
+    """Run a command, and answer what it asks; what it says."""
+    words = command(line + MORE.get(line.split()[1], ""))
+    pipe, said = subprocess.PIPE, ""
+    with subprocess.Popen(
+        words, cwd=folder, stdin=pipe, stdout=pipe, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        for text in process.stdout:
+            said += text
+            for question, answer in ANSWERS.items():
+                if question in text:
+                    process.stdin.write(answer)
+                    process.stdin.flush()
+    assert process.returncode == 0, said
+    return said
+
+
+def test_commands_run_in_their_order(tmp_path: Path) -> None:
+    lines = [line for block in blocks(RECORDING, "sh") for line in block.splitlines() if line]
+    outputs = [answered(line, tmp_path) for line in lines]
+    record, teleop, check, info = outputs[1:5]
+    assert "1 episode of transfer_cube in real-demos" in record
+    assert "1 episode of transfer_cube" in teleop
+    assert "1 episode, 0 problems" in check
+    assert "1 real (simulated, simulated drivers)" in info
+    (recording,) = DataSet(tmp_path / "real-demos").recordings()
+    assert len(recording) > 30
+    for output, line in zip(outputs, lines, strict=True):
+        assert ("lerobot-train" in output) >= line.startswith("duobench train")
+
+
+def test_the_page_lists_the_keys() -> None:
+    keys = " ".join(row["keys"] for row in table(RECORDING, "when"))
+    for key in ("h: the arms go home", "p: placed", "space: hold", "s: solved", "u: undo"):
+        assert key in keys
+
+
+@pytest.mark.parametrize("text", [b"xk", b"xyzk"])
+def test_a_pipe_is_a_terminal(text: bytes) -> None:
+    reading, writing = os.pipe()
+    with closing(KeyTerminal(reading)) as terminal:
+        os.write(writing, text)
+        os.close(writing)
+        assert terminal.ask("Keep it?", "kdq") in {"k", "q"}
+        assert terminal.ask("And now?", "kdq") == "q"  # nobody is there any more
+    os.close(reading)
+
+
+# --- evaluation ----------------------------------------------------------------------------------
+
+
+def operate(page: Page) -> None:
+    """Judge both trials as stage 2; one in which the page was slow comes again."""
+    operator = Operator(page)
+    over = threading.Event()
+
+    def live() -> None:
+        while not over.wait(0.2):
+            operator.say("alive")
+
+    living = threading.Thread(target=live)
+    living.start()
+    try:
+        for number in (1, 2):
+            while operator.until(bool)["trial"]["number"] == number:
+                judge(operator)
+                if operator.status["phase"] == "over":
+                    break
+    finally:
+        over.set()
+        living.join()
+
+
+def judge(operator: Operator) -> None:
+    operator.phase("placing")
+    if operator.status["fault"]:
+        operator.say("recover")
+        operator.until(lambda status: not status["fault"])
+    status = operator.begin()
+    attempt = status["trial"]["attempt"]
+    operator.until(
+        lambda status: status["phase"] == "judging" or status["trial"]["attempt"] > attempt
+    )
+    if operator.status["phase"] == "judging":
+        operator.press(2)
+        operator.finish()
+
+
+@pytest.mark.slow
+def test_commands_of_an_evaluation_run(tmp_path: Path) -> None:
+    said = {}
+    for line in "".join(blocks(EVALUATION, "sh")).splitlines():
+        name = " ".join(line.split()[1:3])
+        at_page = name == "real eval"
+        said[name] = attend(line, tmp_path, operate) if at_page else run(line, tmp_path)
+    assert "0 of 1" in said["real eval"]
+    assert "n = 1" in said["compare --mixed"]
+    assert (tmp_path / "trials" / "run" / "index.html").exists()
+    assert (tmp_path / "mixed" / "mixed.tex").exists()

@@ -1,0 +1,44 @@
+import pytest
+
+from duobench.envs.execution import ChunkExecution
+from duobench.errors import UnknownNameError
+from duobench.results.suite import SUITES, SuiteChoice, deviations, latency_text, suite_text
+from duobench.tasks import catalog
+
+FIXED = {("paper", 1): (100, 30), ("quick", 1): (10, 30), ("robust", 1): (20, 30)}
+"""What each version of a suite fixes: a change needs a new version, and a new line here."""
+
+
+def test_what_a_name_stands_for_does_not_change() -> None:
+    named = SUITES.values()
+    assert {(x.name, x.revision): (x.episodes, x.execution.execute) for x in named} == FIXED
+    assert len(catalog.names()) == 11
+
+
+@pytest.mark.parametrize("name", SUITES)
+def test_suite_is_what_its_name_says(name: str) -> None:
+    suite = SuiteChoice(suite=name).make()
+    assert suite_text(suite) == suite.label == f"{name} {SUITES[name].revision}"
+    assert [task.id for task in suite.tasks] == list(catalog.names())
+    assert suite.execution == ChunkExecution(execute=30)
+    assert deviations(suite) == []
+
+
+def test_what_differs_from_the_name_is_said() -> None:
+    choice = SuiteChoice(
+        suite="paper", tasks=("bin_sort",), episodes=5, look="dark", first_episode=2
+    )
+    suite = choice.make(ChunkExecution(execute=10, latency=3))
+    assert suite_text(suite) == (
+        "paper 1 with 1 of 11 tasks, 5 episodes instead of 100, episodes from number 2, look dark, "
+        "10 actions executed of a chunk instead of 30, latency of 3 control steps (100 ms)"
+    )
+    assert latency_text(suite) == "latency of 3 control steps (100 ms)"
+
+
+def test_no_name_is_a_suite_of_ones_own() -> None:
+    suite = SuiteChoice().make()
+    assert (suite.label, suite.episodes, suite.execution) == ("custom", 20, ChunkExecution())
+    assert deviations(suite) == []
+    with pytest.raises(UnknownNameError, match=r"papr.*paper"):
+        SuiteChoice(suite="papr").make()

@@ -1,0 +1,73 @@
+"""What a person would call done counts, whichever way it was done; adversaries do their deed, keep
+to the arms that they may use, and get no more than they may.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import pytest
+
+from duobench.tasks import catalog
+from duobench.tasks.task import Category
+from tests.task_harness import TaskHarness, marked
+from tests.ways.play import play, ways_of
+from tests.ways.way import Hands, Way
+
+TRIES = 6
+"""Seeds that are tried until the deed is done: it may fail by physics, but not on all."""
+
+
+@lru_cache(maxsize=2)
+def bench_of(task: str) -> TaskHarness:
+    return TaskHarness(catalog.get(task))
+
+
+CASES = [
+    *(
+        pytest.param(task, way, id=f"{task}: {name}")
+        for task in catalog.names()
+        for name, way in ways_of(task).ADVERSARIES.items()
+    ),
+    *(
+        marked(task, way, name=f"{task}: {name}")
+        for task in catalog.names()
+        for name, way in ways_of(task).SINCERE.items()
+    ),
+]
+
+
+@pytest.mark.parametrize(("task", "way"), CASES)
+def test_a_way_gets_what_it_deserves(task: str, way: Way) -> None:
+    bench = bench_of(task)
+    gets = bench.task.max_stage if way.gets is None else way.gets
+    for seed in range(way.seed, way.seed + TRIES):
+        played = play(bench, way, seed)
+        if way.hands is Hands.ONE:
+            assert len(played.moved) == 1
+        if way.hands is Hands.TURNS:
+            assert len(played.moved) > 1
+            assert not played.together
+        if played.done:
+            assert played.stage == gets
+            if way.gets is not None:
+                check_words(bench.progress.unmet, way.lacks)
+            return
+        assert played.stage <= gets
+    pytest.fail(f"the deed was done on none of {TRIES} seeds")
+
+
+def check_words(unmet: tuple[str, ...], expected: str) -> None:
+    """It is said why the next stage was not reached, in words and not as a formula."""
+    assert unmet
+    assert any(expected in reason for reason in unmet), unmet
+    for reason in unmet:
+        assert not any(sign in reason for sign in ("((", "since ")), reason
+
+
+@pytest.mark.parametrize("task", catalog.names())
+def test_every_task_has_adversaries(task: str) -> None:
+    hands = {way.hands for way in ways_of(task).ADVERSARIES.values()}
+    assert hands
+    if catalog.get(task).category is not Category.PARALLEL_EXECUTION:
+        assert {Hands.ONE, Hands.TURNS} <= hands
