@@ -23,7 +23,7 @@ from duobench.results.scores import interval_percent, percent
 from duobench.results.suite import find_tasks
 
 if TYPE_CHECKING:
-    from duobench.hardware.doctor import Report
+    from duobench.hardware.doctor.checks import Report
     from duobench.hardware.duo import FrankaDuo
     from duobench.rig_sessions.trials import TrialsSession
     from duobench.rig_sessions.trials_folder import TrialsFolder
