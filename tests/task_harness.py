@@ -15,7 +15,7 @@ from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.logic import Predicate
-from duobench.stages.progress import Progress, ProgressState
+from duobench.stages.progress import Progress
 from duobench.tasks.task import Task
 from duobench.types import Array, DuoCommand, Side
 from tests.predicate_probe import PredicateProbe
@@ -34,16 +34,6 @@ MOVED = ("joints", "before", "openings", "targets", "freedom")
 """What a script changes in its arms."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Reached:
-    """A stage that a script has just reached."""
-
-    physics: Array
-    progress: ProgressState
-    history: tuple[int, ...]
-    arms: dict[str, object]
-
-
 class TaskHarness:
     """One task with its simulation and its stage rule, without Gymnasium around it."""
 
@@ -53,7 +43,7 @@ class TaskHarness:
         self.progress = Progress(task.stages)
         self.history: list[int] = []
         self._kinematics = Kinematics()
-        self._reached: dict[tuple[object, ...], Reached] = {}
+        self._reached: dict[tuple[object, ...], Callable[[], None]] = {}
         self.start(0)
 
     def start(self, seed: int = 0, layout: Layout | None = None) -> Layout:
@@ -143,22 +133,27 @@ class TaskHarness:
     ) -> None:
         key = (repr(self._layout.to_json()), script, stage)
         named = not self.history and "<" not in getattr(script, "__qualname__", "<")
-        if not named or key not in self._reached:
-            run()
-            if named:
-                self._reached[key] = Reached(
-                    physics=self.sim.get_state(),
-                    progress=self.progress.get_state(),
-                    history=tuple(self.history),
-                    arms={name: deepcopy(getattr(self.arms, name)) for name in MOVED},
-                )
+        if named and key in self._reached:
+            self._reached[key]()
             return
-        reached = self._reached[key]
-        self.sim.set_state(reached.physics)
-        self.progress.set_state(reached.progress, self._layout.variants)
-        self.history = list(reached.history)
-        for name, value in reached.arms.items():
-            setattr(self.arms, name, deepcopy(value))
+        run()
+        if named:
+            self._reached[key] = self._saved()
+
+    def _saved(self) -> Callable[[], None]:
+        """Save the episode as it is now; what takes it up again."""
+        physics, progress = self.sim.get_state(), self.progress.get_state()
+        history = tuple(self.history)
+        arms = {name: deepcopy(getattr(self.arms, name)) for name in MOVED}
+
+        def take_up() -> None:
+            self.sim.set_state(physics)
+            self.progress.set_state(progress, self._layout.variants)
+            self.history = list(history)
+            for name, value in arms.items():
+                setattr(self.arms, name, deepcopy(value))
+
+        return take_up
 
     def run_until(self, script: Callable[[Arms], Script], met: Callable[[], bool]) -> None:
         """Run a script until a condition is met, whenever that is; fail if it never is."""
@@ -166,11 +161,8 @@ class TaskHarness:
 
     def run_for(self, script: Callable[[Arms], Script], steps: int) -> int:
         """Run a script for some control steps, or until the last stage."""
-        running = script(self.arms)
-        for _ in range(steps):
-            next(running, None)
-            self.advance()
-            if self.progress.success:
+        for number, _ in enumerate(self.steps(script, then=steps), 1):
+            if self.progress.success or number == steps:
                 break
         return self.progress.stage
 

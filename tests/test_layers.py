@@ -138,21 +138,28 @@ def objection(room: str, name: str, module: str = "") -> str | None:
     return None
 
 
-def violations(package: Path) -> set[str]:
-    """Return one sentence for every import under a package folder that breaks a rule."""
-    found = set()
+def modules_of(package: Path) -> dict[str, tuple[bool, list[str]]]:
+    """The modules under a package folder but itself: whether each is a package, what it names."""
+    found = {}
     for path in sorted(package.rglob("*.py")):
         parts = [package.name, *path.relative_to(package).with_suffix("").parts]
         is_package = parts[-1] == "__init__"
         module = ".".join(parts[:-1] if is_package else parts)
-        if module == package.name:
-            continue
-        room = parts[1]
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        found[module] = is_package, list(named(tree, module, is_package=is_package))
+    found.pop(package.name, None)
+    return found
+
+
+def violations(package: Path) -> set[str]:
+    """Return one sentence for every import under a package folder that breaks a rule."""
+    found = set()
+    for module, (_, names) in modules_of(package).items():
+        room = module.split(".")[1]
         if room not in RANK:
             found.add(f"{module}: {room} has no floor")
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        for name in named(tree, module, is_package=is_package):
+        for name in names:
             reason = objection(room, name, module)
             if reason is not None:
                 found.add(f"{module}: {name} {reason}")
@@ -171,21 +178,15 @@ def circles(package: Path) -> set[str]:
     A package's face, its `__init__`, belongs to its folder; it may offer what lies in its own
     sub-folders, which is loaded when it is asked for.
     """
-    trees = {}
-    for path in sorted(package.rglob("*.py")):
-        parts = [package.name, *path.relative_to(package).with_suffix("").parts]
-        is_package = parts[-1] == "__init__"
-        module = ".".join(parts[:-1] if is_package else parts)
-        trees[module] = ast.parse(path.read_text(encoding="utf-8")), is_package
-    trees.pop(package.name, None)
+    modules = modules_of(package)
+    folders = {module: folder_of(module, set(modules)) for module in modules}
     graph: dict[str, set[str]] = {}
-    for module, (tree, is_package) in trees.items():
-        here = folder_of(module, set(trees))
-        for name in named(tree, module, is_package=is_package):
-            target = next((name for name in (name, name.rpartition(".")[0]) if name in trees), None)
+    for module, (is_package, names) in modules.items():
+        for name in names:
+            target = next((each for each in (name, name.rpartition(".")[0]) if each in modules), "")
             is_offered = is_package and name.startswith(module + ".")
-            if target and not is_offered and (there := folder_of(target, set(trees))) != here:
-                graph.setdefault(here, set()).add(there)
+            if target and not is_offered and folders[target] != folders[module]:
+                graph.setdefault(folders[module], set()).add(folders[target])
 
     def reached(start: str) -> set[str]:
         found: set[str] = set()

@@ -17,7 +17,7 @@ import pytest
 
 from duobench.envs.config import EnvConfig
 from duobench.tasks import catalog
-from tests.docs.markdown import ROOT, blocks, modules, table, tables, text_of
+from tests.docs.markdown import ROOT, blocks, modules, run, table, tables, text_of
 from tests.golden import episodes
 
 README = ROOT / "README.md"
@@ -51,12 +51,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, code in modules(README).items():
         (folder / name).write_text(code, encoding="utf-8")
     return folder
-
-
-def run(command: list[str], folder: Path) -> str:
-    result = subprocess.run(command, cwd=folder, check=False, capture_output=True, text=True)
-    assert result.returncode == 0, result.stdout + result.stderr
-    return result.stdout
 
 
 def test_every_kind_of_block_is_known() -> None:

@@ -31,14 +31,16 @@ from duobench.files import decode, encode, locked
 from duobench.results.folder import RunFolder
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.tasks import catalog
+from tests.children import printed, ran
 from tests.cli.conftest import Told, refusal
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.processes import wait_until, workers
 from tests.policy.serving.serving import Serve
+from tests.results.outcomes import play
 from tests.results.samples import key, without_times
 
 ROOT = Path(__file__).parents[2]
-ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])}
+PATH = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
 
 
 BREAKS_ONCE = """
@@ -58,24 +60,14 @@ class Mine(HoldPolicy):
 """
 
 
-def duobench(
-    *words: str, folder: Path | None = None, **environment: str
-) -> subprocess.CompletedProcess[str]:
-    """Run the command as it is installed: -P keeps the current folder off the path."""
-    return python("-P", "-m", "duobench", *words, folder=folder, **environment)
-
-
 def python(
     *words: str, folder: Path | None = None, **environment: str
 ) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, *words],
-        env={**ENVIRONMENT, **environment},
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return ran(*words, cwd=folder, env={**os.environ, "PYTHONPATH": PATH, **environment})
+
+
+duobench = partial(python, "-P", "-m", "duobench")
+"""Runs the command as it is installed: -P keeps the current folder off the path."""
 
 
 @pytest.fixture
@@ -200,6 +192,22 @@ def test_command_of_a_served_policy_says_how_it_is_asked(tmp_path: Path, evaluat
     assert url not in (tmp_path / "run" / "run.json").read_text()
 
 
+def test_comparison_says_who_is_better_and_where_the_page_is(tmp_path: Path, told: Told) -> None:
+    new, old = (
+        play(tmp_path / name, {"sort": [stage] * 12}, name)
+        for name, stage in (("new", 3), ("old", 1))
+    )
+    out = told("compare", new, old, "paper:ACT", "--out", tmp_path / "both")
+    assert "new is better than old in Sort: 12 of 12 episodes against 0 of 12" in out
+    assert f"Comparison: {tmp_path / 'both' / 'index.html'}" in out
+    assert (tmp_path / "both" / "index.html").is_file()
+
+
+def test_nothing_to_recover_is_said(tmp_path: Path, told: Told) -> None:
+    DataSet.open(tmp_path)
+    assert told("data", "recover", tmp_path) == "There is nothing to recover.\n"
+
+
 def test_list_tells_every_task(told: Told) -> None:
     words = " ".join(told("list", "--stages").split())
     assert "{" not in words
@@ -248,48 +256,6 @@ def test_graphics_that_are_not_there_are_told_in_words(
     assert "Traceback" not in done.stderr
     assert ("suite version" in done.stdout) == (words == "doctor")
     assert backend != "off" or "mujoco" in done.stdout
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("eval --policy exprt --out OUT", "Did you mean 'expert'"),
-        ("eval --policy hold --out OUT --tasks bin_sorts", "Did you mean 'bin_sort'"),
-        ("eval --policy hold --out OUT --tasks bin_sort bin_sort", "more than once: bin_sort"),
-        ("eval --policy hold --out OUT --episodes 0", "at least one episode"),
-        ("eval --policy no.such.module:make --out OUT", "no module named"),
-        ("eval --policy hold --out OUT --workers -3", "got -3"),
-        ("eval --policy hold --out /proc/run", "/proc/run cannot be the folder"),
-        ("eval --policy hold --out /proc/run", "give --out another folder; the same"),
-        ("eval --policy hold --out OUT --act-timeout 0", "limits are positive"),
-        ("eval --policy x\udcff:X --out OUT", r"'x\udcff:X'"),
-        ("eval --policy :x --out OUT", "is no `module:attribute`"),
-        ("render nothing", "Unknown task 'nothing'"),
-        ("render bin_sort --seed -1", "from 0 on, got -1"),
-        ("render bin_sort --out /proc/run", "/proc/run cannot be the folder"),
-        ("report OUT", "There is no folder"),
-        ("eval --policy mine.py --out OUT", "mine:MyPolicy for MyPolicy in mine.py"),
-        ("eval --policy mine.Mine --out OUT", "mine:Mine for Mine in mine.py"),
-        ("serve --policy expert:human", "expert:human reads the state of the simulator"),
-        ("evaluate", "no verb 'evaluate'. Did you mean `duobench eval`?"),
-        ("export demos", "Did you mean `duobench export lerobot demos`?"),
-        ("data chek demos", "Did you mean `duobench data check`?"),
-        ("walk", "There are: eval, report, "),
-        ("eval --task bin_sort", "duobench eval has no option --task. Did you mean --tasks?"),
-        ("eval --retry_brocken", "Did you mean --retry-broken?"),
-        ("record --epsiodes=3", "Did you mean --episodes?"),
-        ("eval --episodes ten", "--episodes takes a whole number, not 'ten'"),
-        ("eval --act-timeout=long", "--act-timeout takes a number, not 'long'"),
-        ("train pi0", "takes act, diffusion, pi05 or xvla as policy, not 'pi0'"),
-    ],
-)
-def test_mistake_is_told_in_a_line_without_traceback(
-    words: str, message: str, tmp_path: Path
-) -> None:
-    refused = refusal(*words.replace("OUT", str(tmp_path / "run")).split())
-    assert refused.startswith("error: ")
-    assert message in refused
-    assert "\n" not in refused
 
 
 def test_wrong_arguments_are_refused_with_the_usage(capsys: pytest.CaptureFixture[str]) -> None:
@@ -364,9 +330,7 @@ def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: 
 def test_output_that_is_full_is_told_in_a_sentence() -> None:
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "duobench", "list"]
-        told = subprocess.run(
-            command, env=ENVIRONMENT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
+        told = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert told.returncode == 1
     assert told.stderr == "error: the output: No space left on device. What is finished is kept.\n"
 
@@ -437,13 +401,9 @@ def test_interrupt_while_the_package_is_imported_is_answered_in_words(tmp_path: 
 @contextmanager
 def started(*words: str) -> Iterator[subprocess.Popen[str]]:
     """A command of its own in a group of processes of its own."""
+    command, pipe = [sys.executable, "-m", "duobench", *words], subprocess.PIPE
     with subprocess.Popen(
-        [sys.executable, "-m", "duobench", *words],
-        env=ENVIRONMENT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
+        command, stdout=pipe, stderr=pipe, text=True, start_new_session=True
     ) as process:
         yield process
 
@@ -479,12 +439,18 @@ def test_interrupted_recording_says_that_it_goes_on(tmp_path: Path) -> None:
     assert "What is finished is kept; the same command goes on from there." in said
 
 
-def test_importing_the_command_line_loads_nothing_heavy() -> None:
-    done = python("-c", "import sys, duobench.cli; print(*sorted(sys.modules))")
-    loaded = set(done.stdout.split())
-    assert "duobench.cli" in loaded
-    heavy = {"tyro", "rich", "matplotlib", "jinja2", "av", "PIL", "duobench.evaluation"}
-    assert loaded & heavy == set()
+@pytest.mark.parametrize(
+    ("module", "heavy"),
+    [
+        ("duobench.cli", "tyro rich matplotlib jinja2 av PIL duobench.evaluation"),
+        ("duobench.cli.program", "mujoco scipy matplotlib jinja2 av pyarrow"),
+        ("duobench.results.report", "scipy"),
+    ],
+)
+def test_importing_a_module_loads_nothing_heavy(module: str, heavy: str) -> None:
+    loaded = set(printed(f"import sys, {module}; print(*sorted(sys.modules))").split())
+    assert module in loaded
+    assert loaded & set(heavy.split()) == set()
 
 
 def test_only_the_command_line_names_its_flags() -> None:

@@ -9,11 +9,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from duobench.data import ActorKind, DataSet
 from duobench.spatial import SE3
-from tests.cli.conftest import refusal
 from tests.teleop.operator import hand, message
 from tests.web.pages import TIMEOUT_S, open_page
 
@@ -57,21 +54,3 @@ def test_ctrl_c_leaves_what_was_recorded_and_says_how_much(tmp_path: Path) -> No
     assert len(recording) == STEPS
     assert info.outcome is not None
     assert not info.outcome.kept
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("carry_pto", "Did you mean 'carry_pot'"),
-        ("carry_pot --leader gelo:x", "--leader is gello:FILE or lerobot:KIND"),
-        ("carry_pot --leader gello:x --lockstep", "leave out --lockstep"),
-        ("carry_pot --leader gello:nowhere.toml", "nowhere.toml"),
-        ("carry_pot --episodes 0", "at least one episode"),
-        ("carry_pot --port 70000", "Cannot listen at 127.0.0.1:70000"),
-    ],
-)
-def test_mistake_is_told_in_words(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, message: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert message in refusal("teleop", *words.split(), "--out", tmp_path / "out")

@@ -213,11 +213,6 @@ def test_any_text_can_be_recorded(tmp_path: Path, example: Recording) -> None:
     assert Recording.read_info(tmp_path / "x.parquet").actor.name == "P?"
 
 
-def test_a_data_set_whose_making_was_killed_is_made(tmp_path: Path) -> None:
-    (tmp_path / ".dataset.json.123.tmp").write_text("{")
-    assert DataSet.open(tmp_path).description.exists()
-
-
 def test_what_a_full_disk_interrupts_is_recovered_in_order(tmp_path: Path) -> None:
     expected = recorded(tmp_path / "whole", steps=60, horizon=80)
     env = recorder(tmp_path / "full", horizon=80)

@@ -14,7 +14,7 @@ import pytest
 
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.arrange import merge
-from duobench.data.lerobot import statistics
+from duobench.data.lerobot import metadata
 from duobench.data.lerobot.export import Exported, export_lerobot, write_videos
 from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
@@ -84,8 +84,13 @@ def test_rows_pair_an_action_with_what_was_seen_before_or_after_it(
             "stage": recording.stage[seen],
             "index": HORIZON * index + np.arange(HORIZON),
             "domain": np.zeros(HORIZON),
+            "timestamp": (np.arange(HORIZON) / 30).astype(np.float32),
+            "frame_index": np.arange(HORIZON),
+            "episode_index": np.full(HORIZON, index),
+            "task_index": np.zeros(HORIZON),
         }
         rows = columns(tmp_path / "out", index)
+        assert rows.keys() == expected.keys()
         for name, values in expected.items():
             np.testing.assert_array_equal(rows[name], values, err_msg=name)
 
@@ -130,7 +135,7 @@ def test_statistics_are_numpys(original: DataSet, exported: Path) -> None:
             "mean": rows.mean(axis=0),
             "std": rows.std(axis=0),
             "count": EPISODES * HORIZON,
-            **{name: np.quantile(rows, q, axis=0) for name, q in statistics.QUANTILES.items()},
+            **{name: np.quantile(rows, q, axis=0) for name, q in metadata.QUANTILES.items()},
         }
         assert stats[feature].keys() == expected.keys()
         for name, numbers in expected.items():
@@ -142,10 +147,10 @@ def test_quantiles_of_counts_interpolate_as_numpy_does() -> None:
     rng = np.random.default_rng(0)
     for size in (1, 2, 3, 7):
         image = rng.integers(0, 256, (size, 1, 3), dtype=np.uint8)
-        counts = statistics.no_counts()
-        statistics.count_values(counts, image)
-        found = statistics.of_counts(counts, 1)
-        for name, share in statistics.QUANTILES.items():
+        counts = metadata.no_counts()
+        metadata.count_values(counts, image)
+        found = metadata.of_counts(counts, 1)
+        for name, share in metadata.QUANTILES.items():
             expected = np.quantile(image.reshape(-1, 3) / 255, share, axis=0)
             np.testing.assert_allclose(found[name].ravel(), expected, atol=1e-12)
 

@@ -6,6 +6,7 @@ import os
 import shlex
 import subprocess
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -136,7 +137,7 @@ def test_the_page_lists_the_keys() -> None:
 @pytest.mark.parametrize("text", [b"xk", b"xyzk"])
 def test_a_pipe_is_a_terminal(text: bytes) -> None:
     reading, writing = os.pipe()
-    with KeyTerminal(reading) as terminal:
+    with closing(KeyTerminal(reading)) as terminal:
         os.write(writing, text)
         os.close(writing)
         assert terminal.ask("Keep it?", "kdq") in {"k", "q"}

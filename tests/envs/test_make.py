@@ -85,12 +85,12 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
             assert made.get_wrapper_attr("config").cameras == ("head", "left_wrist")
 
 
+# Those whose words are promised are in tests/promised_errors.py.
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
         ({"camera": "head"}, UnknownNameError, "option 'camera'.*Did you mean 'cameras'"),
         ({"seed": 3}, UnknownNameError, "option 'seed'.*Known: action_mode, binary_gripper,"),
-        ({"cameras": ("haed",)}, UnknownNameError, "camera 'haed'.*'head'"),
         ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),
         ({"cameras": 3}, OptionError, "cameras is True, False.*3"),
@@ -100,7 +100,6 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
         ({"cameras": (3,)}, UnknownNameError, "camera 3"),
         ({"action_mode": ["joint"]}, UnknownNameError, r"action mode \['joint'\]"),
         ({"control_rate_hz": 10}, OptionError, "control rate is 30 Hz, got 10"),
-        ({"action_mode": "cartesien"}, UnknownNameError, "action mode.*'cartesian'"),
         ({"render_mode": "human"}, UnknownNameError, "render mode 'human'.*rgb_array"),
         ({"image_size": 721}, OptionError, "image_size.*720.*721"),
         ({"image_size": (224, 224, 3)}, OptionError, "height, width"),
@@ -108,7 +107,6 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
         ({"image_size": True}, OptionError, "image_size"),
         ({"image_size": 224.0}, OptionError, "image_size"),
         ({"render_size": (720, 1281)}, OptionError, "render_size"),
-        ({"chunk": 0}, OptionError, "chunk.*positive whole number.*0"),
         ({"chunk": 2.5}, OptionError, "chunk"),
         ({"chunk": True}, OptionError, "chunk"),
         ({"horizon": -1}, OptionError, "horizon"),

@@ -7,12 +7,11 @@ import pytest
 
 import duobench
 from duobench.errors import LayoutError, UnknownNameError
+from duobench.stages import predicates
 from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
 from duobench.stages.predicates import (
     grasped,
     hinge_open,
-    lifted_by_any,
-    off_table,
     raised,
     released,
     rests_on,
@@ -38,8 +37,8 @@ def changed(name: str, **fields: Any) -> Task:
         all_of(rests_on("white_cube", "white_bowl"), released("white_cbue")),
         any_of(released("black_cube"), released("white_cbue")),
         rests_on("black_cube", "white_cbue"),
-        off_table("black_cube", "white_bowl", "white_cbue"),
-        lifted_by_any("black_cube", "white_cbue"),
+        predicates.off_table("black_cube", "white_bowl", "white_cbue"),
+        predicates.lifted_by_any("black_cube", "white_cbue"),
         ~released("white_cbue"),
         since(grasped(Side.LEFT, "black_cube"), reset=released("white_cbue")),
         held_for(released("white_cbue"), 0.5),
@@ -53,6 +52,9 @@ def test_the_near_ones_are_named(predicate: Predicate) -> None:
         duobench.make(changed(TASK, holds=predicate), cameras=False)
 
 
+RIGHT = variant("empty", "right")
+
+
 @pytest.mark.parametrize(
     ("name", "holds", "words"),
     [
@@ -62,11 +64,7 @@ def test_the_near_ones_are_named(predicate: Predicate) -> None:
         ("spring_door", hinge_open("microwave/dor", 0.1), "Did you mean 'microwave/door'"),
         ("ball_maze", variant("boardd", "1"), "variant 'boardd'. Did you mean 'board'"),
         ("ball_maze", ~variant("board", "one"), "value of variant 'board' 'one'.*Known: 0, 1,"),
-        (
-            "pour_marbles",
-            variant("empty", "right") & variant("full", "rihgt"),
-            "'rihgt'. Did you mean 'right'",
-        ),
+        ("pour_marbles", RIGHT & variant("full", "rihgt"), "'rihgt'. Did you mean 'right'"),
         ("ball_maze", None, "instruction 'baord'. Did you mean 'board'"),
     ],
 )
@@ -78,15 +76,11 @@ def test_every_other_name_is_checked(name: str, holds: Predicate | None, words: 
 
 # In bin_sort `accept` needs the pose, in pour_marbles `arrange` that of one cup.
 @pytest.mark.parametrize(
-    ("name", "prop"),
-    [
-        (TASK, "white_cube"),
-        ("pour_marbles", "left_cup"),
-        ("pour_marbles", "right_cup"),
-        ("transfer_cube", "cube"),
-    ],
+    "path",
+    [f"{TASK}/white_cube", "pour_marbles/left_cup", "pour_marbles/right_cup", "transfer_cube/cube"],
 )
-def test_every_object_needs_a_placement(name: str, prop: str) -> None:
+def test_every_object_needs_a_placement(path: str) -> None:
+    name, prop = path.split("/")
     task = catalog.get(name)
     placements = {key: value for key, value in task.placements.items() if key != prop}
     with pytest.raises(LayoutError, match=f"no placement for '{prop}'"):

@@ -1,5 +1,6 @@
 import re
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,13 @@ from tests.evaluation import toy_tasks
 from tests.results.samples import without_times
 
 Play = Callable[..., tuple[RunFolder, Results]]
+SUITE = {field.name for field in fields(Suite)}
 
 
 def small_suite(**changes: Any) -> Suite:
     """Four episodes of the two small tasks."""
-    fields: dict[str, Any] = {
-        "tasks": find_tasks([toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME]),
-        "episodes": 4,
-    }
-    return Suite(**fields | changes)
+    tasks = find_tasks([toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME])
+    return Suite(**{"tasks": tasks, "episodes": 4} | changes)
 
 
 COMPARED = ("index.html", "summary.json", "run.json")
@@ -77,16 +76,10 @@ def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Play:
         policy: str | PolicyChoice, name: str = "run", **arguments: Any
     ) -> tuple[RunFolder, Results]:
         folder = RunFolder(tmp_path / name)
-        if (
-            isinstance(policy, str)
-            and getattr(getattr(toy_tasks, policy, None), "__module__", None) == toy_tasks.__name__
-        ):
+        if getattr(vars(toy_tasks).get(str(policy)), "__module__", "") == toy_tasks.__name__:
             policy = f"{toy_tasks.__name__}:{policy}"
-        suite = {key: arguments.pop(key) for key in SUITE if key in arguments}
+        suite = {key: arguments.pop(key) for key in SUITE & arguments.keys()}
         arguments = {"workers": 0} | arguments
         return folder, evaluate(policy, small_suite(**suite), folder, **arguments)
 
     return run
-
-
-SUITE = ("tasks", "episodes", "first_episode", "look", "execution", "name", "overtime", "shifts")

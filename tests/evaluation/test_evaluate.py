@@ -17,12 +17,7 @@ from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks
-from tests.evaluation.conftest import (
-    assert_same_episodes,
-    compared,
-    small_suite,
-    without_policy,
-)
+from tests.evaluation.conftest import assert_same_episodes, compared, small_suite, without_policy
 from tests.results.samples import key
 
 
@@ -65,6 +60,7 @@ def test_other_run_is_refused_in_the_same_folder(play):
         ("hold", {}, "policy hold instead of random"),
         ("random", {"limits": TimeLimits(act_timeout=5.0)}, r"act_timeout 5\.0 instead of 120\.0"),
         ("random", {"look": "dark"}, "environment's look dark instead of default"),
+        ("random", {"overtime": 1.5}, r"overtime 1\.5 instead of 1\.0"),
     ):
         with pytest.raises(OtherRunError, match=message):
             play(policy, episodes=1, **options)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import EvaluationError, OtherRunError
+from duobench.errors import EvaluationError
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.replay.verify import Verdict, verify
@@ -49,8 +49,6 @@ def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play):
     assert late(plain) == [None] * 4
     first, second, third, never = late(folder)
     assert (first, never) == (None, None)  # one succeeds before its horizon, one not at all
-    assert second is not None
-    assert third is not None
     assert toy_tasks.HORIZON < second < third <= 36
     for path in plain.path.glob("videos/*/*/*"):
         assert (folder.path / path.relative_to(plain.path)).read_bytes() == path.read_bytes()
@@ -63,7 +61,6 @@ def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play):
 def test_overtime_is_as_long_as_asked_for(play):
     folder, _ = play("Late", "longer", tasks=NUDGE, overtime=1.5)
     *_, last, _ = late(folder)
-    assert last is not None
     horizon = toy_tasks.HORIZON
     exact, _ = play("Late", "exact", tasks=NUDGE, overtime=last / horizon)
     assert late(exact) == late(folder)
@@ -77,12 +74,6 @@ def test_impossible_overtime_is_refused(overtime):
         small_suite(overtime=overtime)
 
 
-def test_run_with_another_overtime_is_refused(play):
-    play("Late", tasks=NUDGE, episodes=1, overtime=1.5)
-    with pytest.raises(OtherRunError, match=r"overtime 1\.0 instead of 1\.5"):
-        play("Late", tasks=NUDGE, episodes=1)
-
-
 def test_every_executor_plays_on(play):
     folder, _ = play("Late", tasks=NUDGE, overtime=1.5)
     apart, _ = play("Late", "apart", tasks=NUDGE, overtime=1.5, workers=2)
@@ -92,9 +83,9 @@ def test_every_executor_plays_on(play):
         "Late", "shifts", tasks=NUDGE, overtime=1.5, shifts=(NO_SHIFT, shift), shard=shard
     )
     usual, shifted = read_parts(part)
-    of_shard = {record.key: record for record in usual.records}
-    assert len(of_shard) == 2
-    assert of_shard.items() <= {r.key: r for r in read_source(folder.path)[1]}.items()
+    whole = {record.key: record for record in read_source(folder.path)[1]}
+    assert [whole[record.key] for record in usual.records] == list(usual.records)
+    assert len(usual.records) == 2
     found = [record.late_success for record in shifted.records]
     assert None in found
     assert any(found)
@@ -125,9 +116,6 @@ def test_policy_of_all_that_dies_after_a_horizon_fails_no_episode(play, workers)
 def test_policy_that_dies_when_it_is_too_late_gets_no_second_attempt(play):
     folder, results = play("TriesAgain", tasks=NUDGE, episodes=1, workers=1, overtime=1.5)
     assert (folder.path.parent / "marks" / "again").exists()
-    assert (results.overall.episodes, results.overall.successes, results.overall.errors) == (
-        1,
-        0,
-        0,
-    )
+    score = results.overall
+    assert (score.episodes, score.successes, score.errors) == (1, 0, 0)
     assert late(folder) == [None]

@@ -97,7 +97,8 @@ def test_served_policy_gets_the_policy_seed(tmp_path):
     assert policy.seeds == seeds(records)
 
 
-def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path):
+@pytest.mark.parametrize("path", ["", VLLM_PATH])
+def test_vllm_gets_the_policy_seed_in_all_messages_and_plain_openpi_no_seed(tmp_path, path):
     messages: list[Any] = []
 
     def answer(message: bytes) -> bytes:
@@ -106,23 +107,11 @@ def test_vllm_gets_the_policy_seed_in_all_messages(tmp_path):
         return pack({"status": "reset successful"} if is_reset else {"actions": STILL})
 
     with foreign_server({}, answer) as port:
-        records = played(tmp_path, "openpi", at(port, VLLM_PATH, message_format=BLIND))
+        records = played(tmp_path, "openpi", at(port, path, message_format=BLIND))
+    told = [leaf for leaf in leaves(messages) if leaf in seeds(records)]
     begun = [message["seed"] for message in messages if message.get("endpoint") == "reset"]
-    assert begun == seeds(records)
-    assert {message["seed"] for message in messages} == set(begun)
-    assert_secret(records, messages)
-
-
-def test_plain_openpi_gets_no_seed(tmp_path):
-    messages: list[Any] = []
-
-    def answer(message: bytes) -> bytes:
-        messages.append(unpack(message))
-        return pack({"actions": STILL})
-
-    with foreign_server({}, answer) as port:
-        records = played(tmp_path, "openpi", at(port, message_format=BLIND))
-    assert not [leaf for leaf in leaves(messages) if leaf in seeds(records)]
+    assert begun == (seeds(records) if path else [])
+    assert told == [message["seed"] for message in messages if path]
     assert_secret(records, messages)
 
 
@@ -164,14 +153,9 @@ class Demonstrates(HoldPolicy):
 
 def test_demonstrations_are_seeded_in_their_own_split(tmp_path):
     data = DataSet.open(tmp_path)
-    attempts = record_demonstrations(
-        f"{__name__}:Demonstrates",
-        find_tasks([WAVE_NAME]),
-        data,
-        episodes=EPISODES,
-        keep_failures=True,
-        workers=0,
-    )
+    options = {"episodes": EPISODES, "keep_failures": True, "workers": 0}
+    policy = f"{__name__}:Demonstrates"
+    attempts = record_demonstrations(policy, find_tasks([WAVE_NAME]), data, **options)
     assert [attempt.error for attempt in attempts] == [None] * EPISODES
     for index, path in enumerate(data.episodes()):
         info = Recording.read_info(path)

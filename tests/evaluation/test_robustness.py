@@ -1,4 +1,5 @@
 import re
+from pathlib import Path
 
 import pytest
 
@@ -57,54 +58,55 @@ def test_it_goes_on_where_it_was_and_workers_do_not_matter(played, tmp_path):
         evaluate("hold", small_suite(episodes=2, shifts=SHIFTS[:2]), folder, workers=0)
 
 
+def words(folder: Path, policy: str, *more: str) -> list[str]:
+    """A command that plays the suite robust."""
+    where = ["--tasks", toy_tasks.WAVE_NAME, "--out", str(folder), "--workers", "0"]
+    return ["eval", "--policy", policy, "--suite", "robust", *where, *more]
+
+
 def test_each_condition_has_the_videos_that_are_asked_for(tmp_path):
-    out = tmp_path / "run"
-    words = ["--suite", "robust", "--axes", "look", "--levels", "5", "--episodes", "2"]
-    words += ["--workers", "0", "--tasks", toy_tasks.WAVE_NAME, "--out", str(out)]
-    main(["eval", "--policy", "hold", *words, "--videos", "1"])
+    more = ("--axes", "look", "--levels", "5", "--episodes", "2", "--videos", "1")
+    main(words(tmp_path, "hold", *more))
     for shift in ("none", "look-5"):
         name = f"hold.sim.{shift}.default"
-        (video,) = out.glob(f"videos/wave/{name}/*.webm")
-        page = out / "conditions" / name / "index.html"
+        (video,) = tmp_path.glob(f"videos/wave/{name}/*.webm")
+        page = tmp_path / "conditions" / name / "index.html"
         (link,) = re.findall(r'<video [^>]*src="([^"]*)"', page.read_text())
         assert (page.parent / link).resolve() == video.resolve()
 
 
 def test_episodes_with_errors_are_told_and_played_again(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
-    words = ["eval", "--policy", f"{toy_tasks.__name__}:BreaksOnce", "--suite", "robust"]
-    words += ["--axes", "camera", "--levels", "1", "--episodes", "2", "--workers", "0"]
-    words += ["--tasks", toy_tasks.WAVE_NAME, "--out", str(tmp_path / "run")]
+    more = ("--axes", "camera", "--levels", "1", "--episodes", "2")
+    command = words(tmp_path / "run", f"{toy_tasks.__name__}:BreaksOnce", *more)
     with pytest.raises(SystemExit):
-        main(words)
+        main(command)
     assert "1 episode failed with an error" in capsys.readouterr().out
-    main([*words, "--retry-broken"])
+    main([*command, "--retry-broken"])
     assert "failed" not in capsys.readouterr().out
-    main([*words, "--fresh"])
+    main([*command, "--fresh"])
     assert "4 of 4 episodes" in capsys.readouterr().out
 
 
 def test_the_command_plays_two_levels_of_a_few_axes(tmp_path, capsys):
-    out = str(tmp_path / "run")
-    words = ["--suite", "robust", "--levels", "1", "5", "--episodes", "1", "--workers", "0"]
-    words += ["--tasks", toy_tasks.WAVE_NAME, "--out", out]
-    main(["eval", "--policy", "hold", *words])
+    command = words(tmp_path, "hold", "--levels", "1", "5", "--episodes", "1")
+    main(command)
     said = capsys.readouterr().out
     assert "17 of 17 episodes" in said
-    page = (tmp_path / "run" / "index.html").read_text()
+    page = (tmp_path / "index.html").read_text()
     assert "suite robust 1 with 1 of 11 tasks, 1 episodes instead of 20" in page.replace("\n", " ")
-    assert len(list((tmp_path / "run" / "conditions").glob("*-5.default"))) == 8
-    assert not list((tmp_path / "run").rglob("*.webm"))
-    main(["verify", out, "--import-tasks", "--workers", "0"])
+    assert len(list((tmp_path / "conditions").glob("*-5.default"))) == 8
+    assert not list(tmp_path.rglob("*.webm"))
+    main(["verify", str(tmp_path), "--import-tasks", "--workers", "0"])
     assert "17 episodes: exact 17" in capsys.readouterr().out
-    main(["report", out])
-    assert re.search(r"Report: .*run/index\.html", capsys.readouterr().out)
+    main(["report", str(tmp_path)])
+    assert re.search(r"Report: .*index\.html", capsys.readouterr().out)
     for extra, message in (
         (["--axes", "sight"], "Unknown axis of a shift 'sight'"),
         (["--levels", "6"], "Levels of a shift are 1 to 5"),
         (["--shift", "look-1"], "has shifts of its own"),
     ):
         with pytest.raises(SystemExit, match=message):
-            main(["eval", "--policy", "hold", *words, *extra])
+            main([*command, *extra])
     with pytest.raises(SystemExit, match="are chosen of the suite robust"):
-        main(["eval", "--policy", "hold", "--out", out, "--levels", "1"])
+        main(["eval", "--policy", "hold", "--out", str(tmp_path), "--levels", "1"])

@@ -12,15 +12,8 @@ HEIGHT, WIDTH = 48, 64
 
 
 def step(number: int, *, last: bool) -> Step:
-    return Step(
-        number=number,
-        action=np.zeros(16),
-        observation={},
-        reward=0.0,
-        terminated=last,
-        truncated=False,
-        info={},
-    )
+    played = {"number": number, "terminated": last, "truncated": False}
+    return Step(**played, action=np.zeros(16), observation={}, reward=0.0, info={})
 
 
 def video_of(steps: int, broken_after: int | None = None) -> bytes:
@@ -34,16 +27,10 @@ def video_of(steps: int, broken_after: int | None = None) -> bytes:
 
     recorder = VideoRecorder(render)
     recorder.on_episode_start(None, {}, {})  # type: ignore[arg-type]
-    error = None
-    for number in range(1, steps + 1):
-        if number == broken_after:
-            error = ZeroDivisionError()
-            break
+    for number in range(1, broken_after or steps + 1):
         recorder.on_step(step(number, last=number == steps))
-    recorder.on_episode_end(error)
-    video = recorder.video()
-    assert video
-    return video
+    recorder.on_episode_end(ZeroDivisionError() if broken_after else None)
+    return recorder.video() or b""
 
 
 def frames(video: bytes) -> list[np.ndarray]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from functools import cache
 from io import BytesIO
 
+import manifold3d
 import numpy as np
 import trimesh
 
 from duobench.fabrication import PrintedPart, PrintJob, fit_coupon, job_of, stl_bytes
+from duobench.objects.solid import Mesh, manifold_from
 from duobench.tasks import catalog
-from duobench.types import Array
 
 TASKS = catalog.names()
-TINY = 1e-12
 
 
 @cache
@@ -40,26 +40,19 @@ def as_read(one: PrintedPart) -> trimesh.Trimesh:
 
 
 @cache
-def triangles(name: str, of: str) -> Array:
-    """Corners (m, 3, 3) of a part's STL in metres, back in the frame of its object."""
+def solid(name: str, of: str) -> manifold3d.Manifold:
+    """A part's STL in metres, back in the frame of its object."""
     one = part(name, of)
-    corners = np.asarray(as_read(one).triangles) / 1000
-    return one.print_from_object.inverse().apply(corners.reshape(-1, 3)).reshape(-1, 3, 3)
+    read = as_read(one)
+    vertices = one.print_from_object.inverse().apply(np.asarray(read.vertices) / 1000)
+    return manifold_from(Mesh(vertices=vertices, faces=np.asarray(read.faces)))
 
 
-def hits(corners: Array, start: Array, way: Array) -> Array:
-    """Distances in metres, forwards, at which a ray passes through triangles, in rising order."""
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    across = np.cross(way, second)
-    sixfold = (first * across).sum(axis=1)
-    good = np.abs(sixfold) > TINY
-    inverse = np.where(good, 1 / np.where(good, sixfold, 1.0), 0.0)
-    away = start - corners[:, 0]
-    u = (away * across).sum(axis=1) * inverse
-    other = np.cross(away, first)
-    v = (other * way).sum(axis=1) * inverse
-    found = (second * other).sum(axis=1) * inverse
-    return np.sort(found[good & (u >= 0) & (v >= 0) & (u + v <= 1) & (found > 0)])
+def reach(name: str, of: str, at: tuple[float, ...], way: tuple[float, ...]) -> float:
+    """How far from a point it is to the first surface, in millimetres."""
+    start, unit = np.array(at) + 1.3e-7, np.array(way) / np.linalg.norm(way)  # off any edge
+    first, *_ = solid(name, of).ray_cast(start.tolist(), (start + unit).tolist())
+    return 1000 * first.distance
 
 
 def width(name: str, of: str, at: tuple[float, ...], way: tuple[float, ...]) -> float:
@@ -67,7 +60,4 @@ def width(name: str, of: str, at: tuple[float, ...], way: tuple[float, ...]) -> 
 
     It is the thickness of what the point lies in, or the width of a hole.
     """
-    corners = triangles(name, of)
-    # Off any edge between two triangles.
-    start, unit = np.array(at) + 1.3e-7, np.array(way) / np.linalg.norm(way)
-    return float(1000 * sum(hits(corners, start, sign * unit)[0] for sign in (1, -1)))
+    return sum(reach(name, of, at, tuple(sign * each for each in way)) for sign in (1, -1))

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from duobench.fabrication.details import DIMENSIONS
 from duobench.objects import chest, gate, hexagon_peg, joint_blocks, maze_board
 from duobench.objects.mazes import MAZES
-from tests.fabrication.printed import hits, triangles, width
+from tests.fabrication.printed import reach, solid, width
 
 NEAR = 0.05
 """How far in mm a mating size may be off."""
@@ -92,11 +91,6 @@ def test_square_pegs_have_the_play_of_the_simulation_in_square_sockets(
         assert play == pytest.approx(1000 * joint_blocks.CLEARANCE, abs=NEAR)
 
 
-def reach(name: str, of: str, at: tuple[float, ...], way: tuple[float, ...]) -> float:
-    """How far from a point it is to the first surface, in millimetres."""
-    return float(1000 * hits(triangles(name, of), np.array(at) + 1.3e-7, np.array(way))[0])
-
-
 def test_pegs_reach_their_sockets_and_meet_no_bottom() -> None:
     face = joint_blocks.BAR[0] / 2
     depth = reach("join_blocks", "dark_block", (face, 0.0, 0.0), (-1.0, 0.0, 0.0))
@@ -110,7 +104,7 @@ def test_pegs_reach_their_sockets_and_meet_no_bottom() -> None:
 
 def test_the_peg_on_the_wall_is_as_high_as_the_recipe_says() -> None:
     down, up = (reach("join_blocks", "wall", WALL_PEG, (0.0, 0.0, s)) for s in (-1.0, 1.0))
-    low = 1000 * triangles("join_blocks", "wall")[:, :, 2].min()
+    low = 1000 * solid("join_blocks", "wall").bounding_box()[2]
     middle = 1000 * WALL_PEG[2] + (up - down) / 2 - low
     expected = SIZES["join_blocks/wall", "height of the peg's middle"]
     assert middle == pytest.approx(expected, abs=NEAR)

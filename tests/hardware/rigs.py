@@ -2,31 +2,41 @@
 
 from __future__ import annotations
 
-from typing import cast
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
+from duobench.envs.protocol import make_env
+from duobench.evaluation import rollout
+from duobench.evaluation.policies import ExpertPolicy
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import Rig
 from duobench.robot.joints import HOME_JOINTS
-from duobench.types import CONTROL_HZ, Array, DuoCommand, Side
+from duobench.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side
 
 PERIOD = 1.0 / CONTROL_HZ
 
 
-def new_rig(rig: Rig | str = "simulated", *, guard: bool = False) -> FrankaDuo:
+def new_rig(rig: Rig | Path | str = "simulated", *, guard: bool = False) -> FrankaDuo:
     """A simulated rig that is not started."""
     return open_rig(rig, VirtualClock(), guard=guard)
 
 
-def ready_rig(rig: Rig | str = "simulated", *, guard: bool = False) -> FrankaDuo:
-    """A simulated rig at home that waits for the first command."""
-    duo = new_rig(rig, guard=guard)
+def confirmed(duo: FrankaDuo) -> FrankaDuo:
+    """A rig that is started and may move."""
     duo.start()
     duo.supervisor.confirm()
+    return duo
+
+
+def ready_rig(rig: Rig | str = "simulated", *, guard: bool = False) -> FrankaDuo:
+    """A simulated rig at home that waits for the first command."""
+    duo = confirmed(new_rig(rig, guard=guard))
     duo.home()
     return duo
 
@@ -43,11 +53,67 @@ def camera(duo: FrankaDuo, name: str) -> SimulatedCamera:
     return cast("SimulatedCamera", duo.cameras[name])
 
 
-def shifted(change: float, joint: int = 0) -> DuoCommand:
-    """Home with one joint of both arms elsewhere."""
+def shifted(change: float) -> DuoCommand:
+    """Home with the first joint of both arms elsewhere."""
     joints = HOME_JOINTS.copy()
-    joints[:, joint] += change
+    joints[:, 0] += change
     return DuoCommand(joints=joints, openings=np.ones(2))
+
+
+def move_on(duo: FrankaDuo, steps: int = 15) -> None:
+    """Move the first joint of both arms from home, by 0.9 rad/s."""
+    for number in range(1, steps + 1):
+        duo.command(shifted(0.03 * number))
+
+
+def put(duo: FrankaDuo, joints: Array) -> None:
+    """Put both arms elsewhere (2, 7), as a person does who leads them by hand."""
+    for side in SIDES:
+        arm(duo, side).put(joints[side.index])
+
+
+def is_tracking(duo: FrankaDuo) -> list[bool]:
+    return [reading.is_tracking for reading in duo.readings().values()]
+
+
+class Log:
+    """Everything that an arm is told from now on."""
+
+    def __init__(self, duo: FrankaDuo, side: Side = Side.LEFT) -> None:
+        self.joints: list[Array] = []
+        self.velocities: list[Array] = []
+        told = arm(duo, side)
+        tell = told.command
+
+        def command(joints: Array, velocities: Array) -> None:
+            self.joints.append(joints)
+            self.velocities.append(velocities)
+            tell(joints, velocities)
+
+        told.command = command  # type: ignore[method-assign]
+
+
+class Steps:
+    """Keeps all steps of an episode."""
+
+    def on_episode_start(self, _env: Any, _observation: Any, info: Any) -> None:
+        self.info, self.steps = info, []
+
+    def on_step(self, step: Any) -> None:
+        self.steps.append(step)
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        self.error = error
+
+
+def half_tempo(task: str) -> list[Array]:
+    """What an expert sends in its first episode, each (16,), and the middles between them."""
+    env, watcher = make_env(task, cameras=False), Steps()
+    rollout(env, ExpertPolicy(env), seed=0, watchers=[watcher])
+    env.close()
+    assert len(watcher.steps) > 50
+    sent = [step.info["sent"] for step in watcher.steps]
+    return [each for one, two in pairwise(sent) for each in ((one + two) / 2.0, two)]
 
 
 def wait(duo: FrankaDuo, seconds: float) -> None:

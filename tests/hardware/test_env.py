@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,12 @@ import numpy as np
 import pytest
 
 from duobench.data import DataSet, Recorder
-from duobench.envs import RelativeJointActions, base_of
+from duobench.envs import base_of
 from duobench.envs.protocol import make_env
 from duobench.errors import BackendError, OptionError, UnknownNameError
 from duobench.evaluation import rollout
-from duobench.hardware.clock import VirtualClock
 from duobench.hardware.env import RealEnv, make_real_env
 from duobench.hardware.judge import HumanJudge
-from duobench.hardware.opening import open_rig
 from duobench.hardware.supervisor import State
 from duobench.policy import PolicyMetadata
 from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
@@ -24,10 +23,11 @@ from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, SIDES, Side
-from tests.hardware.rigs import arm, new_rig, wait
-from tests.teleop.operator import hand, message
+from tests.hardware.rigs import Steps, arm, new_rig, wait
+from tests.teleop.operator import hand, message, said
 
 TASK = "bin_sort"
+Made = Callable[..., tuple[Any, Any]]
 
 
 class Wave:
@@ -49,56 +49,50 @@ class Wave:
         return start + 0.1 * (1.0 - np.cos(times))[:, None] * np.ones(16)
 
 
-class Steps:
-    """Keeps all steps of an episode."""
+@pytest.fixture
+def made() -> Iterator[Made]:
+    """Makes a rig that may move and its environment, which is closed after the test."""
+    envs = []
 
-    def on_episode_start(self, _env: Any, _observation: Any, info: Any) -> None:
-        self.info, self.steps = info, []
+    def make(task: str = TASK, *, cameras: Any = False, **options: Any) -> tuple[Any, Any]:
+        duo = new_rig()
+        envs.append(make_real_env(duo, task, cameras=cameras, **options))
+        duo.supervisor.confirm()
+        return duo, envs[-1]
 
-    def on_step(self, step: Any) -> None:
-        self.steps.append(step)
-
-    def on_episode_end(self, error: BaseException | None) -> None:
-        self.error = error
-
-
-def confirmed(task: str = TASK, **options: Any) -> tuple[Any, Any]:
-    duo = new_rig()
-    env = make_real_env(duo, task, **options)
-    duo.supervisor.confirm()
-    return duo, env
-
-
-def test_spaces_are_those_of_the_simulation() -> None:
-    for options in ({}, {"action_mode": "joint_relative", "chunk": 3, "binary_gripper": True}):
-        simulated = make_env(TASK, **options)
-        env = make_real_env(new_rig(), TASK, **options)
-        assert env.action_space == simulated.action_space
-        assert env.observation_space == simulated.observation_space
+    yield make
+    for env in envs:
         env.close()
-        simulated.close()
 
 
-def test_a_policy_for_the_simulation_runs_unchanged() -> None:
+@pytest.mark.parametrize(
+    "options", [{}, {"action_mode": "joint_relative", "chunk": 3, "binary_gripper": True}]
+)
+def test_spaces_are_those_of_the_simulation(made: Made, options: dict[str, Any]) -> None:
+    simulated, (_, env) = make_env(TASK, **options), made(cameras=True, **options)
+    assert env.action_space == simulated.action_space
+    assert env.observation_space == simulated.observation_space
+    simulated.close()
+
+
+def test_a_policy_for_the_simulation_runs_unchanged(made: Made) -> None:
+    options: dict[str, Any] = {"image_size": (48, 64), "horizon": 30, "cameras": True}
     seen = []
-    for is_real in (False, True):
-        options: dict[str, Any] = {"image_size": (48, 64), "horizon": 30}
-        env = confirmed(**options)[1] if is_real else make_env(TASK, **options)
+    for env in (make_env(TASK, **options), made(**options)[1]):
         watcher = Steps()
         rollout(env, Wave(), seed=3, watchers=[watcher])
         assert watcher.error is None
         assert len(watcher.steps) == 30
         assert watcher.info["instruction"]
         seen.append(watcher.steps)
-        env.close()
     for simulated, real in zip(*seen, strict=True):
         assert simulated.action == pytest.approx(real.action, abs=5e-3)
         there = real.observation["agent_pos"].reshape(2, 8)[:, :7]
         assert there == pytest.approx(real.info["sent"].reshape(2, 8)[:, :7], abs=0.03)
 
 
-def test_info_says_what_was_sent_how_late_and_how_old_images_are() -> None:
-    duo, env = confirmed(cameras=("head",))
+def test_info_says_what_was_sent_how_late_and_how_old_images_are(made: Made) -> None:
+    duo, env = made(cameras=("head",))
     observation, info = env.reset(seed=5)
     assert (info["seed"], info["split"]) == (5, "eval")
     *_, info = env.step(observation["agent_pos"])
@@ -109,12 +103,14 @@ def test_info_says_what_was_sent_how_late_and_how_old_images_are() -> None:
     wait(duo, 0.35)
     *_, info = env.step(observation["agent_pos"])
     assert info["late_s"] == pytest.approx(0.35 - 1 / 30)
-    env.close()
 
 
-def test_control_steps_keep_to_a_fixed_grid() -> None:
-    duo, env = confirmed(cameras=False)
-    action = env.reset(seed=0)[0]["agent_pos"]
+def test_control_steps_keep_to_a_fixed_grid(made: Made) -> None:
+    duo, env = made()
+    observation, _ = env.reset(seed=0)
+    poses = tcp_poses(duo.read().joints)
+    assert observation["tcp_pose"] == pytest.approx(poses.ravel(), abs=1e-6)
+    action = observation["agent_pos"]
     env.step(action)
     start = duo.clock.now()
     for late in (0.01, 0.02, 0.0, 0.04, 0.0):
@@ -122,29 +118,19 @@ def test_control_steps_keep_to_a_fixed_grid() -> None:
         env.step(action)
     ticks = (duo.clock.now() - start) * CONTROL_HZ
     assert ticks == pytest.approx(6)  # one tick was missed, and no step made up for it
-    env.close()
 
 
-def test_tool_poses_are_those_of_our_own_kinematics() -> None:
-    duo, env = confirmed(cameras=False)
-    observation, _ = env.reset(seed=0)
-    poses = tcp_poses(duo.read().joints)
-    assert observation["tcp_pose"] == pytest.approx(poses.ravel(), abs=1e-6)
-    env.close()
-
-
-def test_the_rigs_narrower_limits_are_met_and_said() -> None:
-    _, env = confirmed(cameras=False)
+def test_the_rigs_narrower_limits_are_met_and_said(made: Made) -> None:
+    _, env = made()
     action = env.reset(seed=0)[0]["agent_pos"].astype(float)
     action[0] += 0.08  # within the joint's own limit, beyond half of it
     *_, info = env.step(action)
     assert info["clipped"].nonzero()[0].tolist() == [0]
     assert info["sent"][0] < action[0] - 0.03
-    env.close()
 
 
-def test_a_declared_stage_counts_from_the_next_step_on() -> None:
-    _, env = confirmed(cameras=False)
+def test_a_declared_stage_counts_from_the_next_step_on(made: Made) -> None:
+    _, env = made()
     judge = env.get_wrapper_attr("judge")
     action = env.reset(seed=0)[0]["agent_pos"]
     judge.declare(2)
@@ -160,47 +146,38 @@ def test_a_declared_stage_counts_from_the_next_step_on() -> None:
     assert judge.labels.changes() == ((0, 2), (2, 5))
     env.reset(seed=1)
     assert (judge.stage, judge.labels.all) == (0, ())
-    env.close()
 
 
 def test_a_judge_keeps_the_highest_stage_and_refuses_what_is_none() -> None:
-    judge = HumanJudge(3)
-    judge.declare(2)
-    judge.declare(1)
-    assert judge.labels.stage == 2
-    noted = []
-    for wrong in (0, 4):
-        with pytest.raises(OptionError, match="1 to 3"):
+    judge, other, noted = HumanJudge(3), HumanJudge(3), []
+    stages = []
+    for label in (2, 1, None, None):
+        judge.declare(label)
+        stages.append(judge.labels.stage)
+    assert stages == [2, 2, 2, 0]
+    for wrong, words in ((0, "1 to 3"), (4, "1 to 3"), (None, "no press")):
+        with pytest.raises(OptionError, match=words):
             judge.declare(wrong, note=noted.append)
-    judge.declare(None)
-    assert judge.labels.stage == 2
-    judge.declare(None)
-    with pytest.raises(OptionError, match="no press"):
-        judge.declare(None, note=noted.append)
     assert noted == []
     assert judge.declare(3, note=noted.append) in noted
     assert judge.stage == 0
     judge.judge()
     assert (judge.stage, judge.final_holds) == (3, True)
-    state = judge.get_state()
-    other = HumanJudge(3)
-    other.set_state(state)
+    other.set_state(judge.get_state())
     assert other.stage == 3
 
 
-def test_a_layout_is_what_was_asked_for_and_decides_the_instruction() -> None:
+def test_a_layout_is_what_was_asked_for_and_decides_the_instruction(made: Made) -> None:
     simulated = make_env("pour_marbles", cameras=False)
     _, asked = simulated.reset(seed=4)
+    simulated.close()
     prepared = []
-    _, env = confirmed("pour_marbles", cameras=False, prepare=prepared.append)
+    _, env = made("pour_marbles", prepare=prepared.append)
     _, info = env.reset(seed=4, options={"layout": asked["layout"]})
-    assert info["layout"] == asked["layout"]
-    assert info["instruction"] == asked["instruction"]
-    assert info["stage_to_subinstructions"] == asked["stage_to_subinstructions"]
+    for key in ("layout", "instruction", "stage_to_subinstructions"):
+        assert info[key] == asked[key]
     assert prepared[0]["layout"] == asked["layout"]
     assert env.reset(options={"instruction": "Dance."})[1]["instruction"] == "Dance."
-    env.close()
-    simulated.close()
 
 
 @pytest.mark.parametrize(
@@ -230,20 +207,18 @@ def test_a_reset_waits_for_the_operator_where_it_is_told_to() -> None:
     assert duo.supervisor.state is State.OFF
 
 
-def test_an_episode_that_a_person_holds_ends_without_a_fault() -> None:
-    duo, env = confirmed(cameras=False)
+def test_an_episode_that_a_person_holds_ends_without_a_fault(made: Made) -> None:
+    duo, env = made()
     action = env.reset(seed=0)[0]["agent_pos"]
     duo.hold("The space bar.")
     *_, truncated, info = env.step(action)
     assert truncated
     assert info["truncation_reason"] == "The space bar."
     assert "fault_kind" not in info
-    env.close()
 
 
-def test_relative_actions_start_from_what_was_really_sent() -> None:
-    duo, env = confirmed(cameras=False, action_mode="joint_relative")
-    assert isinstance(env.env if not isinstance(env, RelativeJointActions) else env, object)
+def test_relative_actions_start_from_what_was_really_sent(made: Made) -> None:
+    duo, env = made(action_mode="joint_relative")
     env.reset(seed=0)
     action = np.zeros(16)
     action[0], action[[7, 15]] = 0.01, 1.0
@@ -251,11 +226,10 @@ def test_relative_actions_start_from_what_was_really_sent() -> None:
         env.step(action)
     moved = duo.last_command.joints[0, 0] - HOME_JOINTS[0, 0]
     assert moved == pytest.approx(0.1, abs=1e-6)
-    env.close()
 
 
-def test_a_session_leads_records_and_keeps_an_episode(tmp_path: Path) -> None:
-    duo, env = confirmed(cameras=False, action_mode="cartesian", horizon=300)
+def test_a_session_leads_records_and_keeps_an_episode(made: Made, tmp_path: Path) -> None:
+    duo, env = made(action_mode="cartesian", horizon=300)
     device = HandDevice()
     session = Teleoperation(
         Recorder(env, tmp_path, is_reviewed=True, has_clutch=True), device, episodes=1
@@ -266,7 +240,7 @@ def test_a_session_leads_records_and_keeps_an_episode(tmp_path: Path) -> None:
     def send(squeeze: float, rise: float) -> None:
         nonlocal turn
         hands = [hand(homes[side].moved(0, 0, rise), squeeze=squeeze) for side in SIDES]
-        session.receive(message(turn, *hands), turn / CONTROL_HZ)
+        session.receive(said(message(turn, *hands)), turn / CONTROL_HZ)
         session.advance(turn / CONTROL_HZ)
         turn += 1
 
@@ -291,22 +265,11 @@ def test_a_session_leads_records_and_keeps_an_episode(tmp_path: Path) -> None:
     assert recording.clutch.all()
 
 
-def test_a_rig_can_be_opened_by_its_file(tmp_path: Path) -> None:
-    path = tmp_path / "rig.json"
-    duo = open_rig("simulated", VirtualClock())
-    duo.rig.write(path)
-    again = open_rig(path, VirtualClock())
-    assert again.rig == duo.rig
-    assert again.rig.hash == duo.rig.hash
-
-
-def test_two_episodes_on_a_virtual_clock_are_the_same() -> None:
+def test_two_episodes_on_a_virtual_clock_are_the_same(made: Made) -> None:
     def play() -> np.ndarray:
-        duo, env = confirmed(cameras=False)
+        duo, env = made()
         arm(duo, Side.LEFT).put(HOME_JOINTS[0] + 0.1)
         start = env.reset(seed=0)[0]["agent_pos"]
-        found = [env.step(start + 0.01 * number)[0]["agent_pos"] for number in range(20)]
-        env.close()
-        return np.array(found)
+        return np.array([env.step(start + 0.01 * k)[0]["agent_pos"] for k in range(20)])
 
     assert np.array_equal(play(), play())

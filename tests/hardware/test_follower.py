@@ -41,8 +41,7 @@ def play(
 
 def check_bounds(positions: np.ndarray, speeds: np.ndarray, limits: ArmConfig) -> None:
     """What no path may break, whatever it was told."""
-    assert (positions >= LOWEST - 1e-9).all()
-    assert (positions <= HIGHEST + 1e-9).all()
+    assert positions == pytest.approx(np.clip(positions, LOWEST, HIGHEST), abs=1e-9)
     for before, speed in zip(positions, speeds[1:], strict=False):
         low, high = speed_limits(before)
         assert (speed >= limits.speed_fraction * low - 1e-9).all()
@@ -57,12 +56,9 @@ def test_a_slow_path_is_followed_without_lag() -> None:
     positions, speeds = play(follower, targets)
     check_bounds(positions, speeds, FULL)
     # Each point against the straight line between the targets before and after it.
-    due = np.interp(
-        (np.arange(len(positions)) + 1) * DT, (np.arange(91)) * PERIOD, [0.0, *range(1, 91)]
-    )
-    line = np.array([HOME, *targets])
-    index = np.minimum(due.astype(int), 89)
-    straight = line[index] + (due - index)[:, None] * (line[index + 1] - line[index])
+    times = (np.arange(len(positions)) + 1) * DT
+    lines = np.array([HOME, *targets]).T
+    straight = np.array([np.interp(times, np.arange(91) * PERIOD, line) for line in lines]).T
     assert np.median(np.abs(positions - straight)) < 2e-3
     assert np.abs(positions - straight).max() < 0.02
 
@@ -104,10 +100,11 @@ def test_the_reference_stops_at_the_last_target_when_no_other_comes() -> None:
     positions, speeds = play(follower, targets, rest=1.0)
     assert np.array_equal(speeds[-1], np.zeros(7))
     assert positions[-1] == pytest.approx(targets[-1], abs=1e-4)
-    # Never beyond what braking takes.
-    assert (positions - targets[-1]).max() <= 0.9**2 / (2 * MAX_ACCELERATION) + 1e-3
-    stalled = positions[round(len(targets) * PERIOD / DT) + round(2 * PERIOD / DT) :]
-    assert np.abs(stalled - targets[-1]).max() <= 0.9**2 / (2 * MAX_ACCELERATION) + 1e-3
+    # Never beyond what braking takes, and after two periods no further behind.
+    braking = 0.9**2 / (2 * MAX_ACCELERATION) + 1e-3
+    assert (positions - targets[-1]).max() <= braking
+    stalled = positions[round((len(targets) + 2) * PERIOD / DT) :]
+    assert np.abs(stalled - targets[-1]).max() <= braking
 
 
 def test_a_hold_comes_to_rest_as_fast_as_it_may_and_stays_there() -> None:
@@ -137,11 +134,9 @@ def test_after_a_freeze_the_reference_goes_on_without_a_leap() -> None:
 
 
 def test_the_same_calls_give_the_same_path() -> None:
-    def path() -> np.ndarray:
-        rng = np.random.default_rng(1)
-        return play(Follower(HOME, FULL), [HOME + rng.normal(0, 0.1, 7) for _ in range(30)])[0]
-
-    assert np.array_equal(path(), path())
+    targets = [*(HOME + np.random.default_rng(1).normal(0, 0.1, (30, 7)))]
+    one, other = (play(Follower(HOME, FULL), targets)[0] for _ in range(2))
+    assert np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("wrong", [np.full(7, np.nan), np.zeros(6), np.zeros((7, 1))])

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
-from duobench.envs.protocol import make_env
 from duobench.errors import BackendError
-from duobench.evaluation import rollout
-from duobench.evaluation.policies import ExpertPolicy
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.follower import HIGHEST, LOWEST
 from duobench.hardware.guard import FINGER_MARGIN, MARGIN, PATH_STEP, Guard
@@ -22,7 +18,17 @@ from duobench.kinematics.inverse import Kinematics
 from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import SIDES, Array, DuoCommand
-from tests.hardware.rigs import arm, joints, new_rig, ready_rig, speeds, wait
+from tests.hardware.rigs import (
+    arm,
+    confirmed,
+    half_tempo,
+    joints,
+    new_rig,
+    put,
+    ready_rig,
+    speeds,
+    wait,
+)
 
 REAL_TASKS = ("hinge_chest", "ball_maze", "transfer_cube", "bin_sort")
 """What the paper rebuilt on the real robot."""
@@ -55,27 +61,26 @@ def lowered() -> list[Array]:
     return way
 
 
+def distance(guard: Guard, joints: Array) -> float:
+    """How near the two parts with the least room are."""
+    nearest = guard.nearest(joints, 1.0)
+    assert nearest is not None
+    return nearest.distance
+
+
 def test_nothing_is_near_at_home(guard: Guard) -> None:
     assert guard.problem(HOME_JOINTS) is None
     assert guard.nearest(HOME_JOINTS, 0.1) is None
-    nearest = guard.nearest(HOME_JOINTS, 1.0)
-    assert nearest is not None
-    assert nearest.distance > 0.1
+    assert distance(guard, HOME_JOINTS) > 0.1
 
 
 def test_arms_that_meet_are_refused_before_they_touch(guard: Guard) -> None:
-    rooms = []
-    for change in np.arange(0.0, 1.2, 0.02):
-        nearest = guard.nearest(leaning(change), 1.0)
-        assert nearest is not None
-        rooms.append(nearest.room)
-        if problem := guard.problem(leaning(change)):
-            assert "left" in problem
-            assert "right" in problem
-            assert "mm is right" in problem
-            assert nearest.distance > 0.0
-            break
-    assert rooms[-1] < 0.0 <= rooms[-2]
+    meeting = next(c for c in np.arange(0.0, 1.2, 0.02) if guard.problem(leaning(c)))
+    rooms = [guard.nearest(leaning(change), 1.0) for change in (meeting - 0.02, meeting)]
+    assert [found is not None and found.room >= 0.0 for found in rooms] == [True, False]
+    assert distance(guard, leaning(meeting)) > 0.0
+    problem = guard.problem(leaning(meeting)) or ""
+    assert [word in problem for word in ("left", "right", "mm is right")] == [True] * 3
 
 
 def test_fingers_reach_the_table_and_no_further(guard: Guard) -> None:
@@ -88,71 +93,33 @@ def test_fingers_reach_the_table_and_no_further(guard: Guard) -> None:
     assert min(heights[1]) < 0.03
 
 
-class Sent:
-    """The joint targets of an episode."""
-
-    def __init__(self) -> None:
-        self.targets: list[Array] = []
-
-    def on_episode_start(self, *_: Any) -> None: ...
-
-    def on_step(self, step: Any) -> None:
-        self.targets.append(DuoCommand.from_flat(step.info["sent"]).joints)
-
-    def on_episode_end(self, *_: Any) -> None: ...
-
-
-@pytest.fixture(scope="module", params=REAL_TASKS)
-def expert(request: pytest.FixtureRequest) -> list[Array]:
-    """Joint targets of an expert's episode of a task that the paper rebuilt."""
-    env, sent = make_env(request.param, cameras=False), Sent()
-    rollout(env, ExpertPolicy(env), seed=0, watchers=[sent])
-    env.close()
-    assert len(sent.targets) > 50
-    return sent.targets
-
-
-def test_what_experts_do_in_the_real_tasks_is_allowed(guard: Guard, expert: list[Array]) -> None:
-    for targets in expert:
-        assert guard.problem(targets) is None
-
-
-def test_a_rig_plays_experts_at_half_tempo(expert: list[Array]) -> None:
+@pytest.mark.parametrize("task", REAL_TASKS)
+def test_a_rig_plays_experts_at_half_tempo_within_what_the_guard_allows(
+    guard: Guard, task: str
+) -> None:
     """With where the arms would come to rest looked at, too."""
     duo = ready_rig(replace(Rig.simulated(), cameras={}), guard=True)
-    middles = [(one + other) / 2.0 for one, other in pairwise(expert)]
-    for targets in [each for pair in zip(middles, expert[1:], strict=True) for each in pair]:
-        duo.command(DuoCommand(joints=targets, openings=np.ones(2)))
+    for targets in half_tempo(task):
+        joints = DuoCommand.from_flat(targets).joints
+        assert guard.problem(joints) is None
+        duo.command(DuoCommand(joints=joints, openings=np.ones(2)))
         assert duo.held is None
 
 
-def test_a_command_that_comes_too_near_holds_both_arms_and_counts_against_who_led() -> None:
-    duo = ready_rig(guard=True)
-    for number in range(1, 200):
-        duo.command(DuoCommand(joints=leaning(0.01 * number), openings=np.ones(2)))
-        if duo.held:
-            break
-    assert duo.held is not None
-    assert duo.held.startswith("The guard refused a command")
+@pytest.mark.parametrize("pace", [0.01, 0.034])  # 1 rad/s, so that the followers are not behind
+def test_arms_rest_before_they_meet_and_that_counts_against_who_led(
+    guard: Guard, pace: float
+) -> None:
+    duo, change = ready_rig(guard=True), 0.0
+    while not duo.held and change < 1.2:
+        change += pace
+        duo.command(DuoCommand(joints=leaning(change), openings=np.ones(2)))
     assert duo.fault is not None
     assert duo.fault.kind is FaultKind.REFLEX
+    assert duo.fault.text.startswith("The guard refused a command")
     wait(duo, 0.5)
     assert np.abs(speeds(duo)).max() < 1e-3
-    nearest = Guard().nearest(joints(duo), 1.0)
-    assert nearest is not None
-    assert nearest.distance > 0.5 * FINGER_MARGIN
-
-
-def test_fast_arms_are_stopped_in_time_to_come_to_rest_before_they_meet() -> None:
-    duo = ready_rig(guard=True)
-    change = 0.0
-    while not duo.held and change < 1.2:
-        change += 0.034  # 1 rad/s, so that the followers are not behind
-        duo.command(DuoCommand(joints=leaning(change), openings=np.ones(2)))
-    wait(duo, 0.5)
-    nearest = Guard().nearest(joints(duo), 1.0)
-    assert nearest is not None
-    assert nearest.distance > 0.5 * FINGER_MARGIN
+    assert distance(guard, joints(duo)) > 0.5 * FINGER_MARGIN
 
 
 def test_a_guard_that_fails_holds_both_arms(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,10 +131,8 @@ def test_a_guard_that_fails_holds_both_arms(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(duo.guard, "problem", fail)
     duo.command(DuoCommand(joints=leaning(0.01), openings=np.ones(2)))
-    assert duo.fault is not None
-    assert duo.fault.kind is FaultKind.DEVICE
-    assert "The guard failed" in (duo.held or "")
-    assert "no picture" in duo.fault.text
+    failed = "The guard failed: RuntimeError('no picture')"
+    assert (duo.fault, duo.held) == (FaultKind.DEVICE.fault(failed), failed)
 
 
 def check_free(guard: Guard, start: Array, way: list[Array]) -> None:
@@ -185,6 +150,7 @@ def test_the_way_home_is_straight_where_that_is_free(guard: Guard) -> None:
     check_free(guard, start, way)
 
 
+@pytest.fixture(scope="module")
 def crossed(guard: Guard) -> Array:
     """A free configuration from which the straight way home is not free."""
     rng = np.random.default_rng(0)
@@ -196,21 +162,19 @@ def crossed(guard: Guard) -> Array:
                 return start
 
 
-def test_the_way_home_goes_round_where_the_straight_one_is_not_free(guard: Guard) -> None:
-    start = crossed(guard)
-    way = guard.plan_path(start, HOME_JOINTS)
+def test_the_way_home_goes_round_where_the_straight_one_is_not_free(
+    guard: Guard, crossed: Array
+) -> None:
+    way = guard.plan_path(crossed, HOME_JOINTS)
     assert len(way) > 1
     assert np.array_equal(way[-1], HOME_JOINTS)
-    check_free(guard, start, way)
+    check_free(guard, crossed, way)
 
 
-def test_home_takes_the_way_that_the_guard_found(guard: Guard) -> None:
-    start = crossed(guard)
+def test_home_takes_the_way_that_the_guard_found(guard: Guard, crossed: Array) -> None:
     duo = new_rig(guard=True)
-    for side in SIDES:
-        arm(duo, side).put(start[side.index])
-    duo.start()
-    duo.supervisor.confirm()
+    put(duo, crossed)
+    confirmed(duo)
     seen = []
     ticker = duo.clock.every(0.1, lambda: seen.append(joints(duo)), "camera")
     duo.home()
@@ -220,19 +184,14 @@ def test_home_takes_the_way_that_the_guard_found(guard: Guard) -> None:
     assert all(found is None or found.room > -0.005 for found in nearest)
 
 
-def test_arms_without_a_free_way_are_left_to_people(monkeypatch: pytest.MonkeyPatch) -> None:
-    guard = Guard()
+def test_arms_without_a_free_way_are_left_to_people(
+    crossed: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("duobench.hardware.guard.path_candidates", lambda _start, end: [[end]])
-    start = crossed(guard)
-    with pytest.raises(BackendError, match=r"No free way home .* by hand"):
-        guard.plan_path(start, HOME_JOINTS)
     duo = new_rig(guard=True)
-    for side in SIDES:
-        arm(duo, side).put(start[side.index])
-    duo.start()
-    duo.supervisor.confirm()
-    with pytest.raises(BackendError, match="No free way home"):
-        duo.home()
+    put(duo, crossed)
+    with pytest.raises(BackendError, match=r"No free way home .* by hand"):
+        confirmed(duo).home()
     assert [arm(duo, side).commands for side in SIDES] == [0, 0]
 
 

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from duobench.data import DataSet, Recorder
 from duobench.errors import BackendError
-from duobench.hardware.devices import Fault, FaultKind
+from duobench.hardware.devices import FaultKind
+from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.supervisor import State
-from duobench.types import SIDES, Array, Side
+from duobench.types import SIDES, Side
 from tests.hardware.rigs import (
+    Log,
     arm,
     camera,
+    confirmed,
     gripper,
     joints,
+    move_on,
     new_rig,
+    put,
     ready_rig,
     shifted,
     speeds,
@@ -28,61 +35,40 @@ from tests.hardware.rigs import (
 )
 
 RIGHT = Side.RIGHT
-BROKEN = Fault(kind=FaultKind.DEVICE, text="overheated")
+BROKEN = FaultKind.DEVICE.fault("overheated")
+Device, Strike = Callable[[FrankaDuo], Any], Callable[[Any], None]
+ARM, GRIPPER = partial(arm, side=RIGHT), partial(gripper, side=RIGHT)
+CAMERA = partial(camera, name="head")
 
 
-def silence(duo: FrankaDuo) -> None:
-    arm(duo, RIGHT).is_silent = True
+def silence(device: SimulatedArm | SimulatedGripper | SimulatedCamera) -> None:
+    device.is_silent = True
 
 
-def silence_gripper(duo: FrankaDuo) -> None:
-    gripper(duo, RIGHT).is_silent = True
-
-
-def silence_camera(duo: FrankaDuo) -> None:
-    camera(duo, "head").is_silent = True
-
-
-FAULTS: dict[str, tuple[Callable[[FrankaDuo], None], FaultKind, str]] = {
-    "a reflex": (
-        lambda duo: arm(duo, RIGHT).fail("cartesian_reflex"),
-        FaultKind.REFLEX,
-        "The right arm: cartesian_reflex",
-    ),
-    "a lost packet": (
-        lambda duo: arm(duo, RIGHT).fail("network", FaultKind.COMMUNICATION),
-        FaultKind.COMMUNICATION,
-        "The right arm: network",
-    ),
-    "an arm that stops without a word": (
-        lambda duo: arm(duo, RIGHT).stop(),
-        FaultKind.DEVICE,
-        "The right arm follows no more commands",
-    ),
-    "an arm that is gone": (silence, FaultKind.COMMUNICATION, "The right arm has given no reading"),
-    "a gripper's fault": (
-        lambda duo: gripper(duo, RIGHT).fail(BROKEN),
-        FaultKind.DEVICE,
-        "The right gripper: overheated",
-    ),
-    "a gripper that is gone": (silence_gripper, FaultKind.COMMUNICATION, "has not answered for"),
-    "a camera's fault": (
-        lambda duo: camera(duo, "head").fail(BROKEN),
-        FaultKind.DEVICE,
-        "The camera head: overheated",
-    ),
-    "a stale camera": (silence_camera, FaultKind.COMMUNICATION, "latest image of the camera head"),
-}
-EACH = pytest.mark.parametrize("name", FAULTS)
+COMMUNICATION, DEVICE, REFLEX = FaultKind.COMMUNICATION, FaultKind.DEVICE, FaultKind.REFLEX
+EACH = pytest.mark.parametrize(
+    ("device", "strike", "kind", "text"),
+    [
+        (ARM, lambda arm: arm.fail("cartesian_reflex"), REFLEX, "The right arm: cartesian_reflex"),
+        (ARM, lambda arm: arm.fail("network", COMMUNICATION), COMMUNICATION, "right arm: network"),
+        (ARM, SimulatedArm.stop, DEVICE, "The right arm follows no more commands"),
+        (ARM, silence, COMMUNICATION, "The right arm has given no reading"),
+        (GRIPPER, lambda gripper: gripper.fail(BROKEN), DEVICE, "The right gripper: overheated"),
+        (GRIPPER, silence, COMMUNICATION, "has not answered for"),
+        (CAMERA, lambda camera: camera.fail(BROKEN), DEVICE, "The camera head: overheated"),
+        (CAMERA, silence, COMMUNICATION, "latest image of the camera head"),
+    ],
+    ids=("reflex", "packet", "stopped", "gone", "gripper", "mute gripper", "camera", "stale"),
+)
 
 
 @EACH
-def test_a_fault_of_one_device_holds_both_arms_though_nobody_asks(name: str) -> None:
-    strike, kind, text = FAULTS[name]
+def test_a_fault_of_one_device_holds_both_arms_though_nobody_asks(
+    device: Device, strike: Strike, kind: FaultKind, text: str
+) -> None:
     duo = ready_rig()
-    for number in range(1, 11):
-        duo.command(shifted(0.03 * number))
-    strike(duo)
+    move_on(duo, 10)
+    strike(device(duo))
     wait(duo, 0.6)  # nobody sends or asks anything
     assert duo.supervisor.state is State.FAULTED
     assert duo.fault is not None
@@ -96,22 +82,13 @@ def test_a_fault_of_one_device_holds_both_arms_though_nobody_asks(name: str) -> 
 
 
 @EACH
-def test_both_arms_brake_within_a_moment(name: str) -> None:
-    strike, _, _ = FAULTS[name]
+def test_both_arms_brake_within_a_moment(
+    device: Device, strike: Strike, kind: FaultKind, text: str
+) -> None:
     duo = ready_rig()
-    left = arm(duo, Side.LEFT)
-    tell, told = left.command, []
-
-    def command(joints: Array, velocities: Array) -> None:
-        told.append(velocities[0])
-        tell(joints, velocities)
-
-    left.command = command  # type: ignore[method-assign]
-    number = 0
-    while number < 10:
-        number += 1
-        duo.command(shifted(0.03 * number))
-    strike(duo)
+    log, number = Log(duo), 10
+    move_on(duo, number)
+    strike(device(duo))
     start = duo.clock.now()
     while duo.held is None:
         number += 1
@@ -119,15 +96,17 @@ def test_both_arms_brake_within_a_moment(name: str) -> None:
     assert duo.clock.now() - start <= 0.25
     wait(duo, 0.3)
     # Straight to rest, not to the last target and back to it.
+    told = [velocities[0] for velocities in log.velocities]
     assert min(told[-120:]) >= 0.0
     assert told[-1] == 0.0
+    assert duo.fault is not None
+    assert (duo.fault.kind, text in duo.fault.text) == (kind, True)
 
 
 @EACH
 def test_an_episode_ends_with_the_reason_and_nothing_recorded_is_lost(
-    name: str, tmp_path: Path
+    device: Device, strike: Strike, kind: FaultKind, text: str, tmp_path: Path
 ) -> None:
-    strike, kind, text = FAULTS[name]
     duo = new_rig()
     env = Recorder(make_real_env(duo, "bin_sort", cameras=False), tmp_path)
     duo.supervisor.confirm()
@@ -136,7 +115,7 @@ def test_an_episode_ends_with_the_reason_and_nothing_recorded_is_lost(
     steps, truncated, info = 0, False, {}
     while not truncated:
         if steps == 5:
-            strike(duo)
+            strike(device(duo))
         _, _, _, truncated, info = env.step(action)
         steps += 1
     assert text in info["truncation_reason"]
@@ -190,7 +169,7 @@ def test_a_fault_that_stays_keeps_the_rig_faulted() -> None:
 
 def test_a_gripper_that_is_still_silent_keeps_the_rig_faulted() -> None:
     duo = ready_rig()
-    silence_gripper(duo)
+    silence(gripper(duo, RIGHT))
     wait(duo, 1.0)
     with pytest.raises(BackendError, match="has not answered"):
         duo.supervisor.recover()
@@ -215,10 +194,8 @@ def test_the_first_reason_is_kept_and_a_fault_goes_before_a_persons_hold() -> No
 
 def test_a_fault_on_the_way_home_holds_both_arms_there() -> None:
     duo = new_rig()
-    for side in SIDES:
-        arm(duo, side).put(shifted(0.4).joints[side.index])
-    duo.start()
-    duo.supervisor.confirm()
+    put(duo, shifted(0.4).joints)
+    confirmed(duo)
     ticker = duo.clock.every(0.5, arm(duo, RIGHT).fail, "a reflex")
     with pytest.raises(BackendError, match="did not get home: The right arm: cartesian_reflex"):
         duo.home()
@@ -229,9 +206,7 @@ def test_a_fault_on_the_way_home_holds_both_arms_there() -> None:
 
 
 def test_an_arm_that_cannot_begin_to_track_leaves_the_other_one_alone() -> None:
-    duo = new_rig()
-    duo.start()
-    duo.supervisor.confirm()
+    duo = confirmed(new_rig())
 
     def refuse() -> None:
         raise BackendError("The brakes are closed.")

@@ -21,27 +21,24 @@ from duobench.hardware.rig import (
 )
 from duobench.hardware.supervisor import State
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
-from duobench.types import SIDES, Array, DuoCommand, Side
-from tests.hardware.rigs import PERIOD, arm, joints, new_rig, ready_rig, shifted, speeds, wait
+from duobench.types import SIDES, DuoCommand, Side
+from tests.hardware.rigs import (
+    PERIOD,
+    Log,
+    arm,
+    confirmed,
+    is_tracking,
+    joints,
+    move_on,
+    new_rig,
+    put,
+    ready_rig,
+    shifted,
+    speeds,
+    wait,
+)
 
 AWAY = np.array([0.2, -0.2, 0.3, 0.2, -0.3, 0.2, 0.4])
-
-
-class Log:
-    """Everything that an arm is told."""
-
-    def __init__(self, duo: FrankaDuo, side: Side) -> None:
-        self.joints: list[Array] = []
-        self.velocities: list[Array] = []
-        told = arm(duo, side)
-        tell = told.command
-
-        def command(joints: Array, velocities: Array) -> None:
-            self.joints.append(joints)
-            self.velocities.append(velocities)
-            tell(joints, velocities)
-
-        told.command = command  # type: ignore[method-assign]
 
 
 # --- 1: a hold, then a damped stop ----------------------------------------------------------------
@@ -49,11 +46,9 @@ class Log:
 
 def test_a_hold_brings_both_arms_to_rest_and_commands_move_nothing_until_home() -> None:
     duo = ready_rig()
-    for number in range(1, 16):
-        duo.command(shifted(0.03 * number))
+    move_on(duo)
     assert np.abs(speeds(duo)[:, 0]).min() > 0.3
     duo.hold("The button on the page.")
-    assert duo.held == "The button on the page."
     wait(duo, 0.3)
     assert np.abs(speeds(duo)).max() < 1e-3
     where = joints(duo)
@@ -61,8 +56,8 @@ def test_a_hold_brings_both_arms_to_rest_and_commands_move_nothing_until_home() 
         sent = duo.command(shifted(1.0))
         assert np.array_equal(sent.flat, duo.last_command.flat)
     assert joints(duo) == pytest.approx(where, abs=1e-3)
-    assert duo.supervisor.state is State.HOLDING
-    assert duo.fault is None
+    told = duo.supervisor.state, duo.held, duo.fault
+    assert told == (State.HOLDING, "The button on the page.", None)
 
 
 def test_a_hold_leaves_the_fingers_where_they_are() -> None:
@@ -99,24 +94,21 @@ def test_arms_that_are_held_stop_damped_after_a_while(soon: float) -> None:
     duo.command(shifted(0.01))
     duo.hold("The connection to the page is lost.")
     wait(duo, soon - 1.0)
-    assert all(reading.is_tracking for reading in duo.readings().values())
+    assert is_tracking(duo) == [True, True]
     wait(duo, 2.0)
-    assert not any(reading.is_tracking for reading in duo.readings().values())
+    assert is_tracking(duo) == [False, False]
     assert duo.held == "The connection to the page is lost."
 
 
 def test_stop_comes_to_rest_before_it_lets_go_and_takes_the_confirmation_back() -> None:
     duo = ready_rig()
-    log = Log(duo, Side.LEFT)
-    for number in range(1, 16):
-        duo.command(shifted(0.03 * number))
+    log = Log(duo)
+    move_on(duo)
     duo.stop()
     assert np.array_equal(log.velocities[-1], np.zeros(7))
-    assert (
-        np.abs(np.diff(np.array(log.velocities), axis=0)).max()
-        <= MAX_ACCELERATION / FOLLOWER_HZ * 1.001
-    )
-    assert not any(reading.is_tracking for reading in duo.readings().values())
+    changes = np.abs(np.diff(np.array(log.velocities), axis=0))
+    assert changes.max() <= MAX_ACCELERATION / FOLLOWER_HZ * 1.001
+    assert is_tracking(duo) == [False, False]
     assert not duo.supervisor.is_confirmed
     duo.stop()
 
@@ -132,32 +124,21 @@ def test_nothing_is_told_to_any_device_before_the_operator_confirmed() -> None:
         with pytest.raises(BackendError, match="before the operator has confirmed"):
             move()
     wait(duo, 1.0)
-    for side in SIDES:
-        assert arm(duo, side).commands == 0
-        assert not duo.readings()[side].is_tracking
+    assert is_tracking(duo) == [False, False]
     assert np.array_equal(joints(duo), before)
     duo.supervisor.confirm()
     wait(duo, 1.0)
-    assert arm(duo, Side.LEFT).commands == 0
-
-
-def test_the_operator_can_take_the_word_back() -> None:
-    duo = new_rig()
-    duo.start()
-    duo.supervisor.confirm()
     duo.supervisor.revoke()
     with pytest.raises(BackendError, match="before the operator has confirmed"):
         duo.home()
+    assert [arm(duo, side).commands for side in SIDES] == [0, 0]
 
 
 def test_home_is_slow_and_ends_at_home_with_open_grippers() -> None:
     duo = new_rig()
-    for side in SIDES:
-        arm(duo, side).put(HOME_JOINTS[side.index] + AWAY)
+    put(duo, HOME_JOINTS + AWAY)
     logs = [Log(duo, side) for side in SIDES]
-    duo.start()
-    duo.supervisor.confirm()
-    duo.home()
+    confirmed(duo).home()
     fraction = duo.rig.arms[Side.LEFT].home_fraction
     for log in logs:
         fastest = np.abs(log.velocities).max(axis=0)
@@ -173,13 +154,10 @@ def test_home_is_slow_and_ends_at_home_with_open_grippers() -> None:
 
 
 def test_followers_begin_at_the_measured_joints() -> None:
-    duo = new_rig()
-    duo.start()
-    for side in SIDES:  # moved by hand after connecting
-        arm(duo, side).put(HOME_JOINTS[side.index] + AWAY)
+    duo = confirmed(new_rig())
+    put(duo, HOME_JOINTS + AWAY)  # moved by hand after connecting
     logs = [Log(duo, side) for side in SIDES]
-    duo.supervisor.confirm()
-    duo.command(DuoCommand(joints=HOME_JOINTS, openings=np.ones(2)))
+    duo.command(shifted(0.0))
     for side, log in zip(SIDES, logs, strict=True):
         first = HOME_JOINTS[side.index] + AWAY
         assert log.joints[0] == pytest.approx(first, abs=1e-3)
@@ -197,16 +175,13 @@ def test_whatever_is_commanded_an_arm_is_told_only_what_its_bounds_allow(fractio
     logs = [Log(duo, side) for side in SIDES]
     rng = np.random.default_rng(0)
     ends = [np.full((2, 7), 9.0)] * 75
-    for target_joints in [*rng.uniform(-4, 5, (30, 2, 7)), *ends]:
-        target = DuoCommand(joints=target_joints, openings=rng.uniform(0, 1, 2))
-        sent = duo.command(target)
-        assert (sent.joints >= LOWEST).all()
-        assert (sent.joints <= HIGHEST).all()
+    for targets in [*rng.uniform(-4, 5, (30, 2, 7)), *ends]:
+        sent = duo.command(DuoCommand(joints=targets, openings=rng.uniform(0, 1, 2)))
+        assert np.array_equal(sent.joints, np.clip(sent.joints, LOWEST, HIGHEST))
     most = fraction * np.array(VELOCITY_LIMITS)
     for log in logs:
         told, moving = np.array(log.joints), np.array(log.velocities)
-        assert (told >= LOWEST).all()
-        assert (told <= HIGHEST).all()
+        assert np.array_equal(told, np.clip(told, LOWEST, HIGHEST))
         assert (np.abs(moving) <= most + 1e-9).all()
         assert (np.abs(np.diff(told, axis=0)) <= most / FOLLOWER_HZ + 1e-9).all()
         assert np.abs(np.diff(moving, axis=0)).max() <= MAX_ACCELERATION / FOLLOWER_HZ * 1.001
@@ -215,8 +190,7 @@ def test_whatever_is_commanded_an_arm_is_told_only_what_its_bounds_allow(fractio
 
 def test_a_far_target_is_approached_and_reached_not_jumped_to() -> None:
     duo = ready_rig()
-    log = Log(duo, Side.LEFT)
-    target = shifted(0.5)
+    log, target = Log(duo), shifted(0.5)
     first = duo.command(target)
     assert first.joints[0, 0] - HOME_JOINTS[0, 0] <= 0.5 * VELOCITY_LIMITS[0] * PERIOD + 1e-9
     steps = 1
@@ -247,9 +221,8 @@ def test_what_is_not_finite_is_refused_before_anything_moves(wrong: float) -> No
 
 def stalled(duo: FrankaDuo) -> tuple[DuoCommand, Log]:
     """A policy that moves on quickly and then says nothing more."""
-    log = Log(duo, Side.LEFT)
-    for number in range(1, 16):
-        duo.command(shifted(0.03 * number))
+    log = Log(duo)
+    move_on(duo)
     return duo.last_command, log
 
 
@@ -261,10 +234,8 @@ def test_arms_come_to_rest_at_the_last_target_of_a_policy_that_stalls() -> None:
     assert joints(duo) == pytest.approx(last.joints, abs=1e-3)
     assert np.abs(speeds(duo)).max() < 1e-3
     # It never goes further than braking takes, whatever the last two targets would promise.
-    assert (
-        max(told[0] for told in log.joints)
-        <= last.joints[0, 0] + 0.9**2 / (2 * MAX_ACCELERATION) + 1e-3
-    )
+    furthest = last.joints[0, 0] + 0.9**2 / (2 * MAX_ACCELERATION) + 1e-3
+    assert max(told[0] for told in log.joints) <= furthest
     assert duo.held is None
     duo.command(shifted(0.2))
     assert duo.held is None
@@ -285,14 +256,13 @@ def test_arms_stop_damped_when_a_policy_says_nothing_for_long(soon: float) -> No
     wait(duo, soon - 1.0)
     assert duo.held is None
     wait(duo, 2.0)
-    assert duo.held is not None
-    assert duo.held.startswith("No command came for 3 s")
-    assert not any(reading.is_tracking for reading in duo.readings().values())
+    assert (duo.held or "").startswith("No command came for 3 s")
+    assert is_tracking(duo) == [False, False]
     with pytest.raises(BackendError, match="before the operator has confirmed"):
         duo.home()
     duo.supervisor.confirm()
     duo.home()
-    assert all(reading.is_tracking for reading in duo.readings().values())
+    assert is_tracking(duo) == [True, True]
 
 
 # --- 7: what a rig's file says, and that it starts low -------------------------------------------
@@ -301,9 +271,7 @@ def test_arms_stop_damped_when_a_policy_says_nothing_for_long(soon: float) -> No
 def test_a_new_rig_starts_low() -> None:
     config = ArmConfig()
     assert (config.torque_threshold, config.force_threshold) == (20.0, 30.0)
-    assert config.speed_fraction == 0.25
-    assert config.acceleration == 4.0
-    assert config.home_fraction == 0.1
+    assert (config.speed_fraction, config.acceleration, config.home_fraction) == (0.25, 4.0, 0.1)
 
 
 @pytest.mark.parametrize("slow", SIDES)
@@ -317,13 +285,11 @@ def test_speed_and_acceleration_of_each_arm_are_those_of_the_rigs_file(
     logs = {side: Log(duo, side) for side in SIDES}
     for _ in range(30):
         duo.command(shifted(0.8))
-
-    def fastest(side: Side) -> tuple[float, float]:
-        moving = np.array(logs[side].velocities)[:, 0]
-        return np.abs(moving).max(), np.abs(np.diff(moving)).max() * FOLLOWER_HZ
-
-    for side in SIDES:
-        speed, acceleration = fastest(side)
-        assert speed <= duo.rig.arms[side].speed_fraction * VELOCITY_LIMITS[0] + 1e-9
-        assert acceleration <= duo.rig.arms[side].acceleration * 1.001
-    assert np.max(np.divide(fastest(slow.other), fastest(slow))) > 2.0
+    fastest = {}
+    for side, log in logs.items():
+        moving, limits = np.array(log.velocities)[:, 0], duo.rig.arms[side]
+        speed, acceleration = np.abs(moving).max(), np.abs(np.diff(moving)).max() * FOLLOWER_HZ
+        assert speed <= limits.speed_fraction * VELOCITY_LIMITS[0] + 1e-9
+        assert acceleration <= limits.acceleration * 1.001
+        fastest[side] = speed, acceleration
+    assert np.max(np.divide(fastest[slow.other], fastest[slow])) > 2.0

@@ -1,5 +1,6 @@
 """Run by the environment of openpi-client: its client and its codec against what is at a port.
 
+The arguments are the port, the key, and a message in hexadecimal, which its codec reads and writes.
 Prints one JSON object. Needs nothing of DuoBench.
 """
 
@@ -9,16 +10,8 @@ import sys
 import numpy as np
 from openpi_client import msgpack_numpy, websocket_client_policy
 
-MESSAGE = {
-    "array": np.array([[1, 2]], np.float32),
-    "image": np.arange(12, dtype=np.uint8).reshape(2, 2, 3),
-    "scalar": np.float32(2),
-    "truth": np.bool_(1),
-    "plain": [1, 2.5, None, "text"],
-}
-
-port, key = int(sys.argv[1]), sys.argv[2]
-client = websocket_client_policy.WebsocketClientPolicy("127.0.0.1", port, api_key=key)
+port, key, message = sys.argv[1:]
+client = websocket_client_policy.WebsocketClientPolicy("127.0.0.1", int(port), api_key=key)
 observation = {"agent_pos": np.zeros(16, np.float32), "prompt": "Do it.", "extra": np.float32(1)}
 answers = [client.infer(observation) for _ in range(2)]
 try:
@@ -26,13 +19,11 @@ try:
     error = None
 except RuntimeError as raised:
     error = str(raised)
-json.dump(
-    {
-        "name": client.get_server_metadata()["duobench"]["name"],
-        "actions": [answer["actions"].tolist() for answer in answers],
-        "timing": [sorted(answer["server_timing"]) for answer in answers],
-        "error": error,
-        "packed": msgpack_numpy.packb(MESSAGE).hex(),
-    },
-    sys.stdout,
-)
+found = {
+    "name": client.get_server_metadata()["duobench"]["name"],
+    "actions": [answer["actions"].tolist() for answer in answers],
+    "timing": [sorted(answer["server_timing"]) for answer in answers],
+    "error": error,
+    "packed": msgpack_numpy.packb(msgpack_numpy.unpackb(bytes.fromhex(message))).hex(),
+}
+json.dump(found, sys.stdout)

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
@@ -20,10 +19,11 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import Episode, Suite, find_tasks
+from tests.docs.markdown import ROOT
 from tests.evaluation import toy_tasks
-from tests.interop.conftest import VLAGENTS_PYTHON
+from tests.interop.conftest import VLAGENTS_PYTHON, environment
+from tests.policy.serving.serving import free_port
 
-ROOT = Path(__file__).parents[2]
 PEER = Path(__file__).with_name("vlagents_peer.py")
 TIMEOUT_S = 60
 EXECUTED = 6
@@ -35,15 +35,8 @@ def started(
     *words: str, variables: Mapping[str, str] | None = None, **options: Any
 ) -> subprocess.Popen[Any]:
     """A program in the environment of VLAgents, which finds the tests of this folder."""
-    path = os.pathsep.join([str(ROOT), str(ROOT / "src")])
-    env = {**os.environ, "PYTHONPATH": path, **(variables or {})}
+    env = environment(**(variables or {}))
     return subprocess.Popen([os.environ[VLAGENTS_PYTHON], *words], env=env, cwd=ROOT, **options)
-
-
-def free_port() -> int:
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return listener.getsockname()[1]
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, DuoCommand
 from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
-from tests.teleop.operator import hand, message
+from tests.teleop.operator import hand, message, said
 
 SHIFT = np.array([0.0, 0.05, 0.04])
 STEPS = 45
@@ -30,7 +30,7 @@ class Lead:
         self.number += 1
         both = hand(fields.pop("pose", SE3.at()), **fields)
         now = self.number / CONTROL_HZ
-        self.arms.receive(message(self.number, both, both), now)
+        self.arms.receive(said(message(self.number, both, both)), now)
         return self.arms.advance(now)
 
     def lead(self, pose: SE3, **fields: Any) -> DuoCommand:
@@ -78,7 +78,7 @@ def test_a_tool_is_not_led_far_from_where_it_is_measured() -> None:
         leader.number += 1
         now, pose = leader.number / CONTROL_HZ, SE3.at(0.01 * number, 0.0, 0.0)
         both = hand(pose, squeeze=1.0)
-        leader.arms.receive(message(leader.number, both, both), now)
+        leader.arms.receive(said(message(leader.number, both, both)), now)
         leader.arms.advance(now, measured=stuck)
     away = leader.arms.where().tcp_poses[:, :3] - stuck.tcp_poses[:, :3]
     assert np.linalg.norm(away, axis=1).max() < 0.11
@@ -104,7 +104,7 @@ def test_decisions_are_told_once_by_buttons_and_by_the_page() -> None:
     leader.step(buttons={"keep": True})
     leader.step(buttons={"keep": True})
     assert [leader.arms.take_decision() for _ in range(2)] == ["keep", None]
-    leader.arms.receive(b'{"kind": "discard"}', 1.0)
+    leader.arms.receive(said(b'{"kind": "discard"}'), 1.0)
     leader.arms.advance(1.0)
     assert leader.arms.take_decision() == "discard"
 
@@ -112,7 +112,7 @@ def test_decisions_are_told_once_by_buttons_and_by_the_page() -> None:
 def test_what_is_no_message_is_refused() -> None:
     arms = HandArms()
     with pytest.raises(MessageError, match="instruction is said where"):
-        arms.receive(b'{"kind": "instruction", "text": "Lift the pot."}', 0.0)
+        arms.receive(said(b'{"kind": "instruction", "text": "Lift the pot."}'), 0.0)
     with pytest.raises(MessageError, match="refused"):
-        arms.receive(b'{"kind": "hands"}', 0.0)
+        arms.receive(said(b'{"kind": "hands"}'), 0.0)
     assert arms.advance(0.0) is OPEN_HOME

@@ -2,7 +2,6 @@
 
 import json
 import mimetypes
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,16 +12,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from playwright.sync_api import ConsoleMessage, Page, sync_playwright
+from playwright.sync_api import Page
 from websockets import Headers, Request, Response
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
-from dev.tools.pages import browser
+from tests.pages.windows import complaints_of, started
 
 ASSETS = resources.files("duobench.web") / "assets"
 STAND = Path(__file__).with_name("driving.html")
-FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WAIT_S = 20
 
 
@@ -81,8 +79,7 @@ class Operated:
 @contextmanager
 def opened(*scripts: Path | str) -> Iterator[Page]:
     """An empty page in a browser; scripts run before those of what it will show."""
-    with sync_playwright() as play:
-        window = play.chromium.launch(executable_path=browser(), args=[*FLAGS])
+    with started() as window:
         context = window.new_context(viewport={"width": 1000, "height": 800})
         for script in scripts:
             if isinstance(script, Path):
@@ -90,7 +87,6 @@ def opened(*scripts: Path | str) -> Iterator[Page]:
             else:
                 context.add_init_script(script)
         yield context.new_page()
-        window.close()
 
 
 def take_the_drive(page: Page, url: str, show: Callable[[], None]) -> None:
@@ -103,28 +99,6 @@ def take_the_drive(page: Page, url: str, show: Callable[[], None]) -> None:
         show()
         page.wait_for_timeout(50)
     drive.click()
-
-
-def complaints_of(page: Page) -> list[str]:
-    """What a page says on its console from now on that it should not, and what it throws."""
-    found: list[str] = []
-    page.on("pageerror", lambda error: found.append(str(error)))
-
-    def note(line: ConsoleMessage) -> None:
-        if line.type in {"error", "warning"}:
-            found.append(line.text)
-
-    page.on("console", note)
-    return found
-
-
-def broken_rules(page: Page) -> list[tuple[str, list[str]]]:
-    """Rules of accessibility that a page breaks, and where, by axe-core."""
-    page.evaluate(Path(os.environ["DUOBENCH_AXE"]).read_text(encoding="utf-8"))
-    return page.evaluate(
-        """axe.run(document).then((found) =>
-          found.violations.map((each) => [each.id, each.nodes.map((node) => node.html)]))"""
-    )
 
 
 @contextmanager

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+from msgspec import to_builtins
 from playwright.sync_api import Page
 
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.rig_sessions.teleop_page import TeleopPage
-from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
-from duobench.teleop.hands import HandDevice
+from duobench.rig_sessions.teleoperation import Teleoperation
+from duobench.teleop.messages import Hands, Message
 from duobench.web.page import assets
 from duobench.web.server import PageServer
-from tests.pages.driving import complaints_of, opened, take_the_drive
+from tests.pages.driving import opened, take_the_drive
+from tests.pages.windows import complaints_of
+from tests.teleop.paging import lockstep_session
 
 SHOWN = 10
 """Turns after which the page is shown where everything is: without a graphics card it has little
@@ -38,6 +40,7 @@ class Led:
         """Every message of hands, in order."""
         self._arrivals: list[float] = []
         self._live, self._turns = TeleopPage(session, server), 0
+        self.show = self._live.show
         self._give = server.on_message
         self._end = time.monotonic() + LONGEST_S
         server.on_message = self._take
@@ -49,11 +52,7 @@ class Led:
         self.session.advance(time.monotonic())
         self._turns += 1
         if self._turns % SHOWN == 0:
-            self._live.show()
-
-    def show(self) -> None:
-        """Show where everything is."""
-        self._live.show()
+            self.show()
 
     def follow(self, messages: int = 2) -> None:
         """Go on until that many messages are executed that the page sends after now."""
@@ -66,12 +65,11 @@ class Led:
         newest = self.session.device.sampled_s
         return -1.0 if newest is None else newest
 
-    def _take(self, is_driver: bool, data: bytes) -> str | None:
-        message = json.loads(data)
-        if message["kind"] == "hands":
+    def _take(self, message: Message) -> str | None:
+        if isinstance(message, Hands):
             self._arrivals.append(time.monotonic())
-            self.samples.append(message)
-        return self._give(is_driver, data)
+            self.samples.append(to_builtins(message))
+        return self._give(message)
 
 
 @contextmanager
@@ -80,10 +78,8 @@ def led(
 ) -> Iterator[Led]:
     """A session of one episode whose page is open and drives; it must have nothing to complain."""
     data = DataSet.open(folder)
-    recorder = make_recorder(task, data, actor, time_limit_s=TIME_LIMIT_S)
-    device = HandDevice(lockstep=True)
     with (
-        closing(Teleoperation(recorder, device, episodes=1, lockstep=True)) as session,
+        closing(lockstep_session(task, data, actor=actor, time_limit_s=TIME_LIMIT_S)) as session,
         closing(PageServer(assets())) as server,
         opened(*scripts) as page,
     ):

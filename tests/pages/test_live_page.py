@@ -1,17 +1,22 @@
 import base64
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import to_builtins
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import PHONE, View
+from duobench.replay.viewer import Command, SeekStep, SelectItem, SetPlaying
+from duobench.rig_sessions.teleoperation import AWAY
 from duobench.sim import placement
 from duobench.sim.simulation import Simulation
 from duobench.tasks import get
+from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message
 from duobench.web.geometry import Geometry
-from duobench.web.messages import pack_frame
+from duobench.web.messages import PageMessage, pack_frame
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from duobench.web.track import decode, encode
@@ -36,6 +41,8 @@ STATUS = {
     "selected": "a",
 }
 
+DRIVEN = STATUS | {"steps": None, "clutch": {"left": False, "right": False}, "state": "waiting"}
+
 
 class Shown:
     """A server with a scene, and what its pages asked for."""
@@ -46,8 +53,8 @@ class Shown:
         placement.first_valid(self.simulation, task.layouts(0), task.id)
         self.geometry = Geometry(self.simulation.model)
         self.server = PageServer(assets())
-        self.asked: list[str] = []
-        self.server.on_message = lambda _is_driver, data: self.asked.append(data.decode())
+        self.asked: list[PageMessage] = []
+        self.server.listen(Command | Message, self.asked.append)
         self.server.publish_scene(self.geometry.name, self.geometry.data)
         self.server.publish_status(STATUS)
         self.frame(4)
@@ -88,12 +95,16 @@ def ready(page: Page) -> None:
     raise AssertionError("the canvas stayed blank")
 
 
-def wait_for(page: Page, shown: Shown, message: str) -> None:
-    for _ in range(200):
-        if message in shown.asked:
+def wait(page: Page, ready: Callable[[], object], words: Callable[[], object] = str) -> None:
+    for _ in range(500):
+        if ready():
             return
         page.wait_for_timeout(20)
-    raise AssertionError(f"the page asked for {shown.asked}")
+    raise AssertionError(words())
+
+
+def wait_for(page: Page, shown: Shown, message: PageMessage) -> None:
+    wait(page, lambda: message in shown.asked, lambda: f"the page asked for {shown.asked}")
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)
@@ -133,11 +144,11 @@ def test_status_is_shown_in_words(page: Page, shown: Shown) -> None:
 
 def test_people_choose_seek_and_play(page: Page, shown: Shown) -> None:
     page.click("[data-item=b]")
-    wait_for(page, shown, '{"kind":"select","id":"b"}')
+    wait_for(page, shown, SelectItem(id="b"))
     page.locator(".timeline input").fill("12")
-    wait_for(page, shown, '{"kind":"seek","step":12}')
+    wait_for(page, shown, SeekStep(step=12))
     page.click(".play")
-    wait_for(page, shown, '{"kind":"play","on":true}')
+    wait_for(page, shown, SetPlaying(on=True))
 
 
 def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) -> None:
@@ -153,14 +164,50 @@ def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) ->
     assert page.locator(".facts").text_content() == "Kept2 of 10Clutchright closed"
     shown.server.publish_status({**status, "state": "success", "success": True})
     page.click("#keep")
-    wait_for(page, shown, '{"kind":"keep"}')
+    wait_for(page, shown, Keep())
     page.fill("#wording input", "Pass it on.")
     page.keyboard.press("Enter")
-    wait_for(page, shown, '{"kind":"instruction","text":"Pass it on."}')
+    wait_for(page, shown, Instruction("Pass it on."))
 
 
 _MODULE = "text/javascript"
 _INPUTS = "export const startInputs = () => ({ headset: { isWorn: false } });"
+
+
+def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
+    shown.server.publish_status(DRIVEN)
+
+    def hands() -> list[dict[str, Any]]:
+        return [to_builtins(each) for each in shown.asked if isinstance(each, Hands)]
+
+    page.get_by_role("button", name="Drive").click()
+    page.get_by_role("button", name="Left arm").click()
+    wait(page, lambda: len(hands()) > 3)
+    box = page.locator("canvas").bounding_box()
+    assert box
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0], middle[1] - 40, steps=4)
+    page.mouse.up()
+    wait(page, lambda: hands()[-1]["seq"] > 3 and not hands()[-1]["left"]["squeeze"])
+    page.get_by_text("Controls", exact=True).click()
+    assert broken_rules(page) == []
+    poses = np.array([each["left"]["pose"] for each in hands() if each["left"]["squeeze"]])
+    assert poses[-1, 2] - poses[0, 2] > 0.05
+    assert np.allclose(poses[:, 3:], [1, 0, 0, 0])
+    assert not any(each["right"]["squeeze"] for each in hands())
+
+
+def test_a_recording_that_waits_says_so_and_may_be_discarded(page: Page, shown: Shown) -> None:
+    shown.server.publish_status(DRIVEN)
+    page.get_by_role("button", name="Drive").click()
+    shown.server.publish_status(DRIVEN | {"state": "paused", "note": AWAY})
+    page.get_by_text("Paused", exact=True).wait_for()
+    page.get_by_text(AWAY).wait_for()
+    assert broken_rules(page) == []
+    page.get_by_role("button", name="Discard").click()
+    wait_for(page, shown, Discard())
 
 
 def test_frames_move_what_is_seen(page: Page, shown: Shown) -> None:

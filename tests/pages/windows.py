@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
 
 from dev.tools.pages import DARK, DESKTOP, PHONE, View, browser
 
@@ -41,22 +41,26 @@ def opened(window: Browser, url: str, view: View = DESKTOP) -> Iterator[Page]:
         reduced_motion="reduce",
     )
     page = context.new_page()
-    complaints: list[str] = []
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.on(
-        "console",
-        lambda line: (
-            complaints.append(line.text)
-            if line.type == "error" or (line.type == "warning" and "GPU stall" not in line.text)
-            else None
-        ),
-    )
+    complaints = complaints_of(page)
     try:
         page.goto(url)
         yield page
         assert complaints == []
     finally:
         context.close()
+
+
+def complaints_of(page: Page) -> list[str]:
+    """What a page says on its console from now on that it should not, and what it throws."""
+    found: list[str] = []
+
+    def note(line: ConsoleMessage) -> None:
+        if line.type in {"error", "warning"} and "GPU stall" not in line.text:
+            found.append(line.text)
+
+    page.on("pageerror", lambda error: found.append(str(error)))
+    page.on("console", note)
+    return found
 
 
 def broken_rules(page: Page) -> list[tuple[str, list[str]]]:

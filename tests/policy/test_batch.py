@@ -1,5 +1,7 @@
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -53,18 +55,34 @@ class Refuses(Network):
         return super().act_batch(sessions, observations)
 
 
+Start = Callable[..., InferenceLoop]
+
+
 @pytest.fixture
-def loops() -> Iterator[list[InferenceLoop]]:
+def start() -> Iterator[Start]:
+    """Runs a loop in a thread, as long as the test lasts."""
     running: list[InferenceLoop] = []
-    yield running
+
+    def run(policy: BatchPolicy | InferenceLoop, **batching: Any) -> InferenceLoop:
+        is_loop = isinstance(policy, InferenceLoop)
+        running.append(policy if is_loop else InferenceLoop(policy, Batching(**batching)))
+        threading.Thread(target=running[-1].run, daemon=True).start()
+        return running[-1]
+
+    yield run
     for loop in running:
         loop.stop()
 
 
-def start(loop: InferenceLoop, loops: list[InferenceLoop]) -> InferenceLoop:
-    loops.append(loop)
-    threading.Thread(target=loop.run, daemon=True).start()
-    return loop
+@contextmanager
+def threads(*targets: Callable[[], Any]) -> Iterator[None]:
+    """Runs functions in threads until the block has ended and they have, too."""
+    running = [threading.Thread(target=target, daemon=True) for target in targets]
+    for thread in running:
+        thread.start()
+    yield
+    for thread in running:
+        thread.join(TIMEOUT_S)
 
 
 def observations(seed: int, count: int = 6) -> list[dict[str, Any]]:
@@ -90,50 +108,37 @@ def test_noise_follows_from_seed_and_call_alone() -> None:
     assert abs(float(noise(0, 0, (10_000,)).std()) - 1) < 0.05
 
 
-def test_fixed_batches_give_the_same_bits_however_many_wait(loops: list[InferenceLoop]) -> None:
+def test_fixed_batches_give_the_same_bits_however_many_wait(start: Start) -> None:
     alone = SessionPolicy(Network(), Batching(size=4))
-    expected = []
+    expected = {}
     for seed in range(8):
         alone.reset("Do it.", seed)
         chunks = [alone.act(observation) for observation in observations(seed)]
-        expected.append(b"".join(chunk.tobytes() for chunk in chunks))
-    assert len(set(expected)) == 8
-    policy = Network()
-    loop = start(InferenceLoop(policy, Batching(size=4)), loops)
-    results: dict[int, bytes] = {}
-    threads = [
-        threading.Thread(target=lambda seed=seed: results.update({seed: played(loop, seed)}))
-        for seed in range(8)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(TIMEOUT_S)
-    assert [results[seed] for seed in range(8)] == expected
+        expected[seed] = b"".join(chunk.tobytes() for chunk in chunks)
+    assert len(set(expected.values())) == 8
+    policy, results = Network(), dict[int, bytes]()
+    loop = start(policy, size=4)
+
+    def play(seed: int) -> None:
+        results[seed] = played(loop, seed)
+
+    with threads(*(partial(play, seed) for seed in range(8))):
+        pass
+    assert results == expected
     assert set(policy.sizes) == {4}
 
 
-def test_dynamic_batches_hold_what_waits_and_no_more_than_fits(
-    loops: list[InferenceLoop],
-) -> None:
-    policy = Network()
-    loop = InferenceLoop(policy, Batching(mode="dynamic", size=3))
-    begun = [loop.begin("Do it.", seed) for seed in range(5)]
-    start(loop, loops)
-    sessions = [future.result(TIMEOUT_S) for future in begun]
-    held = threading.Event()
-    policy.begin = lambda instruction, seed: (
-        held.wait()
-        and Session(  # type: ignore[method-assign]
-            instruction=instruction, seed=seed
-        )
-    )
+def test_dynamic_batches_hold_what_waits_and_no_more_than_fits(start: Start) -> None:
+    policy, held = Network(), threading.Event()
+    loop = start(policy, mode="dynamic", size=3)
+    sessions = [loop.begin("Do it.", seed).result(TIMEOUT_S) for seed in range(5)]
+    begin = policy.begin
+    policy.begin = lambda *words: held.wait() and begin(*words)  # type: ignore[method-assign]
     loop.begin("Hold the loop.", 0)
     futures = [loop.act(session, OBSERVATION) for session in sessions]
     assert futures[1].cancel()
     held.set()
-    chunks = [future.result(TIMEOUT_S) for future in futures if not future.cancelled()]
-    assert len(chunks) == 4
+    assert all(future.result(TIMEOUT_S).any() for future in futures if not future.cancelled())
     assert policy.sizes == [3, 1]
     assert [session.call for session in sessions] == [1, 0, 1, 1, 1]
 
@@ -142,7 +147,7 @@ Pair = tuple[InferenceLoop, Network, list[Session]]
 
 
 @pytest.fixture
-def pair(loops: list[InferenceLoop], monkeypatch: pytest.MonkeyPatch) -> Pair:
+def pair(start: Start, monkeypatch: pytest.MonkeyPatch) -> Pair:
     """A loop that waits as long as a test may take, and two sessions that it answered together."""
     monkeypatch.setattr(inference_module, "PATIENCE", float("inf"))
     monkeypatch.setattr(inference_module, "LONGEST_WAIT_S", 2.0 * TIMEOUT_S)
@@ -150,7 +155,7 @@ def pair(loops: list[InferenceLoop], monkeypatch: pytest.MonkeyPatch) -> Pair:
     loop = InferenceLoop(policy, Batching(mode="dynamic", size=8))
     sessions = [Session(instruction="Do it.", seed=seed) for seed in range(2)]
     futures = [loop.act(session, OBSERVATION) for session in sessions]
-    start(loop, loops)
+    start(loop)
     for future in futures:
         future.result(TIMEOUT_S)
     assert policy.sizes == [2]
@@ -184,11 +189,9 @@ def test_wait_for_a_silent_episode_ends(pair: Pair, monkeypatch: pytest.MonkeyPa
     assert policy.sizes == [2, 2, 1]
 
 
-def test_bad_observation_fails_alone_and_changes_no_other(loops: list[InferenceLoop]) -> None:
-    good = played(start(InferenceLoop(Network(), Batching(size=4)), loops), seed=1)
-    loop = start(InferenceLoop(Refuses(), Batching(size=4)), loops)
-    stop = threading.Event()
-    reasons: set[str] = set()
+def test_bad_observation_fails_alone_and_changes_no_other(start: Start) -> None:
+    good = played(start(Network(), size=4), seed=1)
+    loop, stop, reasons = start(Refuses(), size=4), threading.Event(), set[str]()
 
     def disturb() -> None:
         session = loop.begin("Do it.", 2).result(TIMEOUT_S)
@@ -197,15 +200,10 @@ def test_bad_observation_fails_alone_and_changes_no_other(loops: list[InferenceL
             assert isinstance(error, PolicyError)
             reasons.add(str(error))
 
-    threads = [threading.Thread(target=disturb) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    try:
-        assert played(loop, seed=1) == good
-    finally:
+    with threads(disturb, disturb):
+        found = played(loop, seed=1)
         stop.set()
-    for thread in threads:
-        thread.join(TIMEOUT_S)
+    assert found == good
     (reason,) = reasons
     assert reason.endswith("ZeroDivisionError: ones")
 
@@ -238,7 +236,7 @@ def test_too_many_requests_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_answer_that_is_no_chunks_is_refused(returned: Any, message: str) -> None:
     policy = Network()
-    policy.act_batch = lambda sessions, observations: returned  # type: ignore[method-assign] # noqa: ARG005
+    policy.act_batch = lambda *_: returned  # type: ignore[method-assign]
     sessions = [policy.begin("Do it.", seed) for seed in (0, 1)]
     with pytest.raises(PolicyError, match=message):
         answer(policy, sessions, [OBSERVATION] * 2, Batching(mode="dynamic"))
@@ -247,7 +245,7 @@ def test_answer_that_is_no_chunks_is_refused(returned: Any, message: str) -> Non
 
 def test_session_of_another_kind_is_refused() -> None:
     policy = Network()
-    policy.begin = lambda instruction, seed: seed  # type: ignore[method-assign,assignment] # noqa: ARG005
+    policy.begin = lambda *_: 3  # type: ignore[method-assign,assignment]
     with pytest.raises(PolicyError, match=r"returned a int.*duobench\.policy\.Session"):
         SessionPolicy(policy, Batching()).reset("Do it.", 0)
 
@@ -270,7 +268,7 @@ class Ends(Network):
 def test_padding_is_ended_also_where_the_policy_fails() -> None:
     policy = Ends()
     session = policy.begin("Do it.", 0)
-    policy.act_batch = lambda sessions, observations: 1 / 0  # type: ignore[method-assign] # noqa: ARG005
+    policy.act_batch = lambda *_: 1 / 0  # type: ignore[method-assign]
     with pytest.raises(ZeroDivisionError):
         answer(policy, [session], [OBSERVATION], Batching(size=4))
     assert policy.open == [session]
@@ -278,7 +276,7 @@ def test_padding_is_ended_also_where_the_policy_fails() -> None:
 
 def test_session_that_two_episodes_would_share_is_refused() -> None:
     policy, only = Network(), Session(instruction="Do it.", seed=0)
-    policy.begin = lambda instruction, seed: only  # type: ignore[method-assign] # noqa: ARG005
+    policy.begin = lambda *_: only  # type: ignore[method-assign]
     with pytest.raises(PolicyError, match="one session twice"):
         answer(policy, [only], [OBSERVATION], Batching(size=2))
     alone = SessionPolicy(policy, Batching(size=1))

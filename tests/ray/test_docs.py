@@ -10,12 +10,7 @@ from tests.docs.markdown import DOCS, blocks
 from tests.ray.test_cluster import duobench
 
 PAGE = DOCS / "scale.md"
-INSTEAD = {
-    "lerobot:PATH": "hold",
-    "100": "1",
-    "16": "2",
-    "1": "0",
-}
+INSTEAD = {"lerobot:PATH": "hold", "100": "1", "16": "2", "1": "0"}
 
 
 def test_the_command_runs(cluster, tmp_path):

@@ -1,8 +1,14 @@
-"""What can be viewed: tasks, data sets and runs, down to where every body is."""
+"""What can be viewed: tasks, data sets and runs, down to where every body is.
 
-from collections.abc import Iterator
-from contextlib import closing
+A run may be followed while others write it: what its records add up to, and its report at the end.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,19 +17,17 @@ from duobench.data import DataSet, Recording
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import EvaluationError, UnknownNameError
-from duobench.replay.sources import (
-    DataSource,
-    RunSource,
-    TaskSource,
-    ViewSource,
-    open_view,
-)
+from duobench.replay.sources import DataSource, FollowedRun, RunSource, TaskSource, open_view
+from duobench.replay.viewer import Viewer
 from duobench.results.bundle import write_bundle
-from duobench.results.folder import RunFolder
+from duobench.results.folder import RunFolder, RunReader
+from duobench.results.scores import wilson_interval
 from duobench.tasks import catalog
 from duobench.web.geometry import Geometry
+from duobench.web.server import PageServer
 from tests.data.tools import HORIZON, TASK, recorded
 from tests.evaluation import toy_tasks
+from tests.web.pages import get
 
 MILLIMETRE = 1e-3
 
@@ -36,16 +40,13 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def opened() -> Iterator[list[ViewSource]]:
-    sources: list[ViewSource] = []
-    yield sources
-    for source in sources:
-        source.close()
+def opened() -> Iterator[Callable[..., Any]]:
+    with ExitStack() as ending:
+        yield lambda *words, **options: ending.enter_context(closing(open_view(*words, **options)))
 
 
 def test_a_task_is_shown_as_its_reset_leaves_it(opened):
-    source = open_view("bin_sort")
-    opened.append(source)
+    source = opened("bin_sort")
     assert isinstance(source, TaskSource)
     third = source.load("3")
     with closing(SimEnv(catalog.get("bin_sort"))) as env:
@@ -64,8 +65,7 @@ def test_a_task_is_shown_as_its_reset_leaves_it(opened):
 
 
 def test_a_recorded_episode_is_shown_as_its_states_were(data, opened):
-    source = open_view(str(data))
-    opened.append(source)
+    source = opened(str(data))
     assert isinstance(source, DataSource)
     (item,) = source.items
     assert (item.id, item.title, item.state) == (f"{TASK}/00000", f"{TASK} 00000", "failure")
@@ -88,13 +88,11 @@ def test_episodes_of_a_run_are_played_from_their_targets(play, tmp_path, opened)
     folder, results = play("random", episodes=2)
     write_bundle(folder, tmp_path / "run.zip")
     for path in (folder.path, tmp_path / "run.zip"):
-        source = open_view(str(path), import_tasks=True)
-        opened.append(source)
+        source = opened(str(path), import_tasks=True)
         assert isinstance(source, RunSource)
         assert [item.id for item in source.items] == ["wave/0", "wave/1", "nod/0", "nod/1"]
-        for item, record in zip(
-            source.items, [each for task in results.tasks for each in task.records], strict=True
-        ):
+        records = [each for task in results.tasks for each in task.records]
+        for item, record in zip(source.items, records, strict=True):
             trajectory = source.load(item.id)
             assert trajectory.stage_changes == record.stage_changes
             assert len(trajectory.poses()) == record.steps + 1
@@ -115,49 +113,132 @@ def test_episodes_of_some_tasks_alone(data, play):
 
 def test_code_of_others_is_not_run_unasked(play, opened):
     folder, _ = play("random", episodes=1)
-    source = open_view(str(folder.path))
-    opened.append(source)
     with pytest.raises(UnknownNameError, match="none of the benchmark"):
-        source.load("wave/0")
+        opened(str(folder.path)).load("wave/0")
 
 
 def test_an_episode_that_failed_with_an_error_says_with_which(play, opened):
-    folder, _ = play("Faulty", episodes=1)
-    source = RunSource(RunFolder(folder.path), import_tasks=True)
-    opened.append(source)
-    records = {
-        f"{each.task}/{each.episode}": each
-        for each in RunFolder(folder.path).read_records(RunFolder(folder.path).read_run())
-    }
-    failed = [item.id for item in source.items if item.state == "error"]
-    assert failed
-    for name in failed:
-        assert source.load(name).note == records[name].reason
+    folder, results = play("Faulty", episodes=1)
+    source = opened(str(folder.path), import_tasks=True)
+    failed = {item.id for item in source.items if item.state == "error"}
+    records = [each for task in results.tasks for each in task.records if each.error]
+    assert failed == {f"{each.task}/{each.episode}" for each in records} != set()
+    for record in records:
+        assert source.load(f"{record.task}/{record.episode}").note == record.reason
 
 
 @pytest.mark.parametrize(
-    ("files", "kind", "message"),
+    ("make", "kind", "message"),
     [
-        ([], UnknownNameError, "Unknown task"),
-        (["x/other"], EvaluationError, "holds neither a data set"),
+        (lambda _path: None, UnknownNameError, "Unknown task"),
+        (lambda path: (path / "other").mkdir(parents=True), EvaluationError, "neither a data set"),
+        (DataSet.open, EvaluationError, "no finished episode"),
     ],
 )
-def test_what_cannot_be_viewed(tmp_path, monkeypatch, files, kind, message):
+def test_what_cannot_be_viewed(tmp_path, monkeypatch, make, kind, message):
     monkeypatch.chdir(tmp_path)
-    for file in files:
-        (tmp_path / file).parent.mkdir()
-        (tmp_path / file).touch()
+    make(tmp_path / "x")
     with pytest.raises(kind, match=message):
         open_view("x")
 
 
-def test_a_data_set_without_episodes(tmp_path):
-    DataSet.open(tmp_path / "empty")
-    with pytest.raises(EvaluationError, match="no finished episode"):
-        open_view(str(tmp_path / "empty"))
-
-
 def test_a_task_of_ones_own(opened):
-    source = open_view(toy_tasks.WAVE_NAME)
-    opened.append(source)
-    assert source.load("0").task == "wave"
+    assert opened(toy_tasks.WAVE_NAME).load("0").task == "wave"
+
+
+# --- a run that others write ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def server() -> Iterator[PageServer]:
+    server = PageServer({})
+    yield server
+    server.close()
+
+
+def followed(folder: RunFolder, server: PageServer) -> FollowedRun:
+    return FollowedRun(folder, server, import_tasks=True)
+
+
+def test_a_run_is_followed_from_before_its_start(play, server):
+    path = play("random", "other", episodes=1)[0].path.with_name("run")
+    run = followed(RunFolder(path), server)
+    assert run.refresh() == {"run": {"note": "Nothing is written yet."}}
+    folder, results = play("random", episodes=2)
+    folder.page.unlink()
+    folder.discard(results.tasks[1].records[1].key)
+    found = run.refresh()["run"]
+    assert (found["finished"], found["of"]) == (3, 4)
+    rows = [(row["task"], row["episodes"], row["of"]) for row in found["rows"]]
+    assert rows == [("wave", 2, 2), ("nod", 1, 2)]
+    for row in found["rows"]:
+        assert row["wilson_95"] == list(wilson_interval(row["successes"], row["episodes"]))
+    failed = {item.id for item in run.items if item.state != "success"}
+    assert {each["id"] for each in found["failures"]} == failed
+    assert [item.id for item in run.items] == ["wave/0", "wave/1", "nod/0"]
+    assert len(run.load("nod/0").poses()) == results.tasks[1].records[0].steps + 1
+    run.close()
+
+
+def test_every_record_is_read_once(play, server, monkeypatch):
+    folder, _ = play("random", episodes=2)
+    read: list[Any] = []
+    whole = RunReader.read_record
+    monkeypatch.setattr(
+        RunReader, "read_record", lambda *words: read.append(words[-1]) or whole(*words)
+    )
+    run = followed(folder, server)
+    for _ in range(3):
+        run.refresh()
+    assert len(read) == len(set(read)) == 4
+
+
+def test_the_report_is_shown_once_it_is_that_of_all_episodes(play, server):
+    folder, _ = play("random", episodes=1)
+    run = followed(folder, server)
+    shown = run.refresh()
+    assert get(server.url, shown["report"])[2] == folder.page.read_bytes()
+    content = folder.page.read_bytes()
+    folder.page.unlink()
+    assert "report" not in run.refresh()
+    assert run.refresh(is_last=True)["ended"]
+    folder.page.write_bytes(content)
+    play("random", episodes=2)
+    (folder.path / "records/nod").rename(folder.path / "elsewhere")
+    assert "report" not in run.refresh()
+    assert run.refresh(is_last=True)["report"] == shown["report"]
+
+
+def test_a_run_that_cannot_be_read_says_so_and_is_followed_on(play, server):
+    folder, results = play("random", episodes=1)
+    path = folder.record(results.tasks[0].records[0].key)
+    content = path.read_bytes()
+    path.write_bytes(b"{")
+    run = followed(folder, server)
+    assert "cannot be read now" in run.refresh()["run"]["note"]
+    path.write_bytes(content)
+    assert run.refresh()["run"]["finished"] == 2
+
+
+def test_a_viewer_shows_what_comes(play, server, tmp_path):
+    run = followed(RunFolder(tmp_path / "run"), server)
+    viewer = Viewer(run, server, run.refresh)
+    viewer.stop()
+    play("random", episodes=1)
+    viewer.run()
+    assert server._latest["status"]
+    assert '"report"' in str(server._latest["status"])
+
+
+def test_a_break_of_a_run_is_no_time_that_it_took(play, server):
+    folder, results = play("random", episodes=2)
+    keys = [record.key for task in results.tasks for record in task.records]
+    folder.discard(keys.pop())
+    end = time.time()
+    days = 3 * 86400.0
+    moments = [end - days - 20.0, end - days - 10.0, end - days, end]  # gone on with days later
+    for path, moment in zip([folder.description, *map(folder.record, keys)], moments, strict=True):
+        os.utime(path, (moment, moment))
+    found = followed(folder, server).refresh()["run"]
+    assert found["elapsed_s"] == pytest.approx(20.0, abs=5.0)
+    assert found["left_s"] == pytest.approx(10.0, abs=0.1)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
 from duobench.runners.evaluate import evaluate
-from tests.evaluation import test_sent
+from tests.evaluation import test_recorder
 from tests.evaluation.forging import (
     Document,
     Edit,
@@ -42,6 +43,12 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, RunFolder]:
         suite = Suite(tasks=find_tasks(tasks), episodes=2)
         evaluate(policy, suite, folders[policy], workers=0)
     return folders
+
+
+@pytest.fixture
+def held(runs: dict[str, RunFolder], tmp_path: Path) -> RunFolder:
+    """A copy of the latter."""
+    return copied(runs["hold"], tmp_path / "copy")
 
 
 @pytest.fixture
@@ -75,7 +82,7 @@ def test_honest_run_agrees_to_the_bit(runs, policy):
     assert found == verify(runs[policy], workers=1)
 
 
-@pytest.mark.parametrize("policy", ["random", f"{test_sent.__name__}:Drifts"])
+@pytest.mark.parametrize("policy", ["random", f"{test_recorder.__name__}:Drifts"])
 def test_run_on_tasks_of_others_agrees_where_these_may_be_imported(play, policy):
     folder, _ = play(policy, episodes=1)
     found = verify(folder)
@@ -89,34 +96,32 @@ def test_run_on_tasks_of_others_agrees_where_these_may_be_imported(play, policy)
 # --- edits ---------------------------------------------------------------------------------------
 
 
+def changed(**fields: Any) -> Edit:
+    return lambda record: record.update(fields)
+
+
+def targets(change: Callable[[Any], Any], **fields: int) -> Edit:
+    """Change the joint targets, and add to other fields."""
+
+    def edit(record: Document) -> None:
+        with_targets(record, change(targets_of(record)))
+        record.update({name: record[name] + more for name, more in fields.items()})
+
+    return edit
+
+
 def one_bit(step: int, number: int) -> Edit:
-    return lambda record: with_targets(record, flipped_bit(targets_of(record), step, number))
+    return targets(lambda rows: flipped_bit(rows, step, number))
 
 
-def last_target_removed(record: Document) -> None:
-    with_targets(record, targets_of(record)[:-1])
+def too_fast(rows: Any) -> Any:
+    rows[7, 0] += 0.5
+    return rows
 
 
-def last_step_removed(record: Document) -> None:
-    last_target_removed(record)
-    record["steps"] -= 1
+def step_removed(record: Document) -> None:
+    targets(lambda rows: rows[:-1], steps=-1)(record)
     record["truncated"] = False
-
-
-def step_repeated(record: Document) -> None:
-    targets = targets_of(record)
-    with_targets(record, targets[[*range(len(targets)), -1]])
-    record["steps"] += 1
-
-
-def too_fast(record: Document) -> None:
-    targets = targets_of(record)
-    targets[7, 0] += 0.5
-    with_targets(record, targets)
-
-
-def other_index(record: Document) -> None:
-    record["episode"] = 7
 
 
 def other_seed(record: Document) -> None:
@@ -128,15 +133,10 @@ def earlier_stage(record: Document) -> None:
     record["stage_changes"][0][0] -= 1
 
 
-def added_stage(record: Document) -> None:
-    record["stage_changes"], record["final_stage"] = [[10, 1]], 1
-
-
 def claimed_success(record: Document) -> None:
-    record["stage_changes"] = [[record["steps"], record["max_stage"]]]
-    record["final_stage"] = record["max_stage"]
-    record["success"] = record["success_at_end"] = record["terminated"] = True
-    record["truncated"], record["unmet"] = False, []
+    stage = record["max_stage"]
+    record.update(stage_changes=[[record["steps"], stage]], final_stage=stage, unmet=[])
+    record.update(success=True, success_at_end=True, terminated=True, truncated=False)
 
 
 def moved_start(record: Document) -> None:
@@ -145,14 +145,10 @@ def moved_start(record: Document) -> None:
 
 
 def other_hash(moment: str, part: str) -> Edit:
-    def edit(record: Document) -> None:
-        record[moment][part] = "0" * 64
-
-    return edit
+    return lambda record: record[moment].update({part: "0" * 64})
 
 
-def changed(**fields: Any) -> Edit:
-    return lambda record: record.update(fields)
+ADDED_STAGE = changed(stage_changes=[[10, 1]], final_stage=1)
 
 
 @pytest.mark.parametrize(
@@ -160,14 +156,14 @@ def changed(**fields: Any) -> Edit:
     [
         ("expert", one_bit(40, 3), "physics at the end is"),
         ("expert", one_bit(-1, 9), "physics at the end is"),
-        ("expert", last_target_removed, "does not hold as many joint targets"),
-        ("hold", last_step_removed, "the episode is not over after"),
-        ("expert", step_repeated, "steps is"),
-        ("expert", too_fast, "joint targets of step 8 exceed a limit"),
-        ("expert", other_index, "its episode is 7, expected was 1"),
+        ("expert", targets(lambda rows: rows[:-1]), "does not hold as many joint targets"),
+        ("hold", step_removed, "the episode is not over after"),
+        ("expert", targets(lambda rows: rows[[*range(len(rows)), -1]], steps=1), "steps is"),
+        ("expert", targets(too_fast), "joint targets of step 8 exceed a limit"),
+        ("expert", changed(episode=7), "its episode is 7, expected was 1"),
         ("expert", other_seed, "its seed is"),
         ("expert", earlier_stage, "stage_changes is"),
-        ("hold", added_stage, "final_stage is 1, the replay gives 0"),
+        ("hold", ADDED_STAGE, "final_stage is 1, the replay gives 0"),
         ("hold", claimed_success, "success is True, the replay gives False"),
         ("expert", moved_start, "start of"),
         ("hold", changed(steps=100), "does not hold as many joint targets"),
@@ -206,62 +202,57 @@ def test_edit_without_a_new_checksum_is_found_by_every_reader(verified, tmp_path
         read_source(tmp_path / "forged")
 
 
-def test_spaces_and_the_order_of_keys_are_no_edit(runs, tmp_path):
-    folder = copied(runs["hold"], tmp_path / "run")
-    path = folder.record(key(folder, TASK, 0))
+def test_spaces_and_the_order_of_keys_are_no_edit(runs, held):
+    path = held.record(key(held, TASK, 0))
     document = json.loads(path.read_text())
     path.write_text(json.dumps(dict(reversed(document.items())), indent=8))
-    assert read_source(folder.path) == read_source(runs["hold"].path)
+    assert read_source(held.path) == read_source(runs["hold"].path)
 
 
-def test_record_of_another_run_is_found(runs, tmp_path):
-    folder = copied(runs["hold"], tmp_path / "forged")
+def test_record_of_another_run_is_found(runs, held):
     other = runs["expert"]
-    shutil.copy(other.record(key(other, TASK, SECOND)), folder.record(key(folder, TASK, SECOND)))
+    shutil.copy(other.record(key(other, TASK, SECOND)), held.record(key(held, TASK, SECOND)))
     with pytest.raises(OtherRunError, match=r"another run than run\.json .*: its policy is expert"):
-        verify(folder)
+        verify(held)
 
 
-def test_record_under_another_index_is_found(runs, tmp_path):
-    folder = copied(runs["hold"], tmp_path / "forged")
-    shutil.copy(folder.record(key(folder, TASK, 0)), folder.record(key(folder, TASK, SECOND)))
-    assert "its episode is 0, expected was 1" in only_contradiction(verify(folder))
+def test_record_under_another_index_is_found(held):
+    shutil.copy(held.record(key(held, TASK, 0)), held.record(key(held, TASK, SECOND)))
+    assert "its episode is 0, expected was 1" in only_contradiction(verify(held))
 
     def disguised(record: Document) -> None:
         record["episode"], record["seed"] = SECOND, episode_seed(TASK, SECOND)
         record["policy_seed"] = policy_seed(TASK, record["seed"])
 
-    rewritten(folder.record(key(folder, TASK, SECOND)), disguised)
-    reason = only_contradiction(verify(folder))
+    rewritten(held.record(key(held, TASK, SECOND)), disguised)
+    reason = only_contradiction(verify(held))
     assert "start of" in reason
     assert "physics at the start" in reason
 
 
-def test_run_that_describes_its_tasks_wrongly_is_found(runs, tmp_path):
-    folder = copied(runs["hold"], tmp_path / "forged")
+def test_run_that_describes_its_tasks_wrongly_is_found(held):
 
     def easier(run: Document) -> None:
         run["suite"]["tasks"][0]["category"] = "sequential handoff"
 
-    rewritten(folder.description, easier, sealed=False)
+    rewritten(held.description, easier, sealed=False)
     with pytest.raises(FileError, match=r"run\.json: Its checksum does not fit"):
-        verify(folder)
-    rewritten(folder.description, easier)
+        verify(held)
+    rewritten(held.description, easier)
     with pytest.raises(OtherRunError, match="something else differs"):
-        verify(folder)
-    redescribed(folder, easier)
-    found = verify(folder)
+        verify(held)
+    redescribed(held, easier)
+    found = verify(held)
     assert "its category is sequential handoff, not" in found.objections[0]
     assert not found.is_verified
 
 
-def test_task_with_a_name_of_the_benchmark_is_that_of_the_benchmark(runs, tmp_path):
-    folder = copied(runs["hold"], tmp_path / "forged")
+def test_task_with_a_name_of_the_benchmark_is_that_of_the_benchmark(held):
     redescribed(
-        folder,
+        held,
         lambda run: run["suite"]["tasks"][0].update(reference="tests.evaluation.toy_tasks:NOD"),
     )
-    assert verify(folder, import_tasks=True).is_verified
+    assert verify(held, import_tasks=True).is_verified
 
 
 # --- what cannot be verified ---------------------------------------------------------------------
@@ -273,10 +264,8 @@ def test_episode_with_an_error_is_checked_up_to_it(play):
     verdicts = [one.verdict for one in found.findings]
     assert verdicts == [Verdict.ERROR] * 2 + [Verdict.EXACT] * 2
     assert found.is_verified
-    rewritten(
-        folder.record(key(folder, "wave", 1)),
-        changed(stage_changes=[[2, 1]], final_stage=1),
-    )
+    claim = changed(stage_changes=[[2, 1]], final_stage=1)
+    rewritten(folder.record(key(folder, "wave", 1)), claim)
     (wrong,) = verify(folder, import_tasks=True).of(Verdict.CONTRADICTED)
     assert (wrong.key.task, wrong.key.episode) == ("wave", 1)
 
@@ -296,30 +285,28 @@ def test_record_without_targets_is_counted_apart(verified, fields, reason):
     assert found.is_verified
 
 
-def test_run_of_another_suite_is_not_verifiable(runs, tmp_path):
-    folder = copied(runs["hold"], tmp_path / "old")
-    redescribed(folder, lambda run: run["suite"].update(version="3"))
-    for index in range(2):
-        rewritten(folder.record(key(folder, TASK, index)), changed(suite_version="3"))
-    found = verify(folder)
+def test_run_of_another_suite_is_not_verifiable(held):
+    redescribed(held, lambda run: run["suite"].update(version="3"))
+    for index in (0, 1):
+        rewritten(held.record(key(held, TASK, index)), changed(suite_version="3"))
+    found = verify(held)
     assert {one.verdict for one in found.findings} == {Verdict.UNVERIFIABLE}
     assert "suite 3" in found.findings[0].reason
     assert not found.is_verified
 
 
-def test_other_versions_agree_in_stages_and_say_why_not_in_bits(runs, tmp_path):
-    folder = copied(runs["hold"], tmp_path / "elsewhere")
+def test_other_versions_agree_in_stages_and_say_why_not_in_bits(held):
     older: Edit = lambda document: document["versions"].update(numpy="2.0.0")  # noqa: E731
-    redescribed(folder, older)
+    redescribed(held, older)
     for index in range(2):
-        rewritten(folder.record(key(folder, TASK, index)), older)
-    rewritten(folder.record(key(folder, TASK, SECOND)), other_hash("end", "physics"))
-    found = verify(folder)
+        rewritten(held.record(key(held, TASK, index)), older)
+    rewritten(held.record(key(held, TASK, SECOND)), other_hash("end", "physics"))
+    found = verify(held)
     assert [one.verdict for one in found.findings] == [Verdict.EXACT, Verdict.STAGES]
     assert "instead of 2.0.0: physics at the end" in found.findings[1].reason
     assert found.is_verified
-    rewritten(folder.record(key(folder, TASK, SECOND)), added_stage)
-    assert not verify(folder).is_verified
+    rewritten(held.record(key(held, TASK, SECOND)), ADDED_STAGE)
+    assert not verify(held).is_verified
 
 
 def test_unfinished_run_says_what_is_missing(runs, tmp_path):

@@ -2,7 +2,6 @@
 
 import threading
 import time
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +13,8 @@ from duobench.replay.trajectory import Trajectory
 from duobench.replay.viewer import Viewer
 from duobench.types import CONTROL_HZ
 from duobench.web import track
-from duobench.web.messages import unpack_frame
 from duobench.web.server import PageServer
-from tests.web.pages import open_page, wait_until
+from tests.web.pages import open_page, unpack_frame, wait_until
 
 STEPS = 20
 
@@ -42,12 +40,7 @@ class Rises:
     """A source of its own, with an episode that takes long, and one that cannot be shown."""
 
     title = "Rises"
-    items: Sequence[Item] = (
-        Item(id="a", title="A"),
-        Item(id="slow", title="Slow"),
-        Item(id="broken", title="Broken"),
-        Item(id="still", title="Still"),
-    )
+    items = tuple(Item(id=name, title=name.title()) for name in ("a", "slow", "broken", "still"))
 
     def __init__(self) -> None:
         self.loads: list[str] = []
@@ -69,12 +62,17 @@ class Rises:
 
 
 @pytest.fixture
-def served() -> Iterator[tuple[Rises, PageServer]]:
-    server, source = PageServer({}), Rises()
+def source():
+    return Rises()
+
+
+@pytest.fixture
+def server(source):
+    server = PageServer({})
     viewer = Viewer(source, server)
     thread = threading.Thread(target=viewer.run)
     thread.start()
-    yield source, server
+    yield server
     source.go_on.set()
     viewer.stop()
     thread.join(30)
@@ -82,9 +80,14 @@ def served() -> Iterator[tuple[Rises, PageServer]]:
     assert source.loads[-1] == "closed"
 
 
-def test_an_episode_is_played_to_its_end_for_all_who_look(served):
-    _, server = served
-    with open_page(server.url) as page, open_page(server.url) as other:
+@pytest.fixture
+def page(server):
+    with open_page(server.url) as page:
+        yield page
+
+
+def test_an_episode_is_played_to_its_end_for_all_who_look(server, page):
+    with open_page(server.url) as other:
         for each in (page, other):
             end = each.hear_of("status", state="paused", step=STEPS)
             assert (end["stage"], end["next"], end["steps"]) == (2, "", STEPS)
@@ -106,8 +109,7 @@ def test_an_episode_is_played_to_its_end_for_all_who_look(served):
         assert frame[0][0, 2] == pytest.approx(0.01 * STEPS, abs=1e-4)
 
 
-def test_nothing_moves_while_nobody_looks(served):
-    source, server = served
+def test_nothing_moves_while_nobody_looks(source, server):
     wait_until(lambda: source.loads)
     time.sleep(2 * STEPS / CONTROL_HZ)
     with open_page(server.url) as page:
@@ -115,62 +117,52 @@ def test_nothing_moves_while_nobody_looks(served):
         assert unpack_frame(page.frame())[1] == 0
 
 
-def test_what_takes_long_is_made_aside_and_once(served):
-    source, server = served
-    with open_page(server.url) as page:
-        page.hear_of("status", selected="a", task="rise")
-        page.say(kind="select", id="slow")
-        assert page.hear_of("status", selected="slow")["note"] == "Loading …"
-        page.say(kind="ping", sent=1)
-        page.hear_of("pong")
-        source.go_on.set()
-        page.hear_of("scene", name="scene-slow")
-        page.say(kind="select", id="a")
-        page.hear_of("scene", name="scene-a")
-        page.say(kind="select", id="slow")
-        page.hear_of("scene", name="scene-slow")
+def test_what_takes_long_is_made_aside_and_once(source, page):
+    page.hear_of("status", selected="a", task="rise")
+    page.say(kind="select", id="slow")
+    assert page.hear_of("status", selected="slow")["note"] == "Loading …"
+    page.say(kind="ping", sent=1)
+    page.hear_of("pong")
+    source.go_on.set()
+    page.hear_of("scene", name="scene-slow")
+    for name in ("a", "slow"):
+        page.say(kind="select", id=name)
+        page.hear_of("scene", name=f"scene-{name}")
     assert source.loads == ["a", "slow"]
     assert len(source.threads) == 1
     assert threading.get_ident() not in source.threads
 
 
-def test_who_chooses_another_while_one_is_made_sees_that_one(served):
-    source, server = served
-    with open_page(server.url) as page:
-        page.say(kind="select", id="slow")
-        page.hear_of("status", selected="slow")
-        page.say(kind="select", id="still")
-        page.hear_of("status", selected="still")
-        source.go_on.set()
-        assert page.hear_of("status", task="rise")["selected"] == "still"
+def test_who_chooses_another_while_one_is_made_sees_that_one(source, page):
+    for name in ("slow", "still"):
+        page.say(kind="select", id=name)
+        page.hear_of("status", selected=name)
+    source.go_on.set()
+    assert page.hear_of("status", task="rise")["selected"] == "still"
 
 
-def test_what_cannot_be_shown_says_why(served):
-    _, server = served
-    with open_page(server.url) as page:
-        page.say(kind="select", id="broken")
-        page.hear_of("status", note="It is broken.")
-        page.say(kind="play", on=True)
-        page.say(kind="seek", step=2)
-        page.say(kind="select", id="still")
-        shown = page.hear_of("status", task="rise")
-        assert (shown["steps"], shown["state"]) == (0, None)
+def test_what_cannot_be_shown_says_why(page):
+    page.say(kind="select", id="broken")
+    page.hear_of("status", note="It is broken.")
+    page.say(kind="play", on=True)
+    page.say(kind="seek", step=2)
+    page.say(kind="select", id="still")
+    shown = page.hear_of("status", task="rise")
+    assert (shown["steps"], shown["state"]) == (0, None)
 
 
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
         ({"kind": "select", "id": "../a"}, "There is no '../a'"),
-        ({"kind": "select"}, "one selects"),
-        ({"kind": "select", "id": "a" * 301}, "one selects"),
-        ({"kind": "seek", "step": -1}, "one selects"),
-        ({"kind": "seek", "step": 1.5}, "one selects"),
-        ({"kind": "play", "on": 1}, "one selects"),
-        ({"kind": "hands", "left": None}, "one selects"),
+        ({"kind": "select"}, "missing required field `id`"),
+        ({"kind": "select", "id": "a" * 301}, "length <= 300"),
+        ({"kind": "seek", "step": -1}, "`int` >= 0"),
+        ({"kind": "seek", "step": 1.5}, "Expected `int`, got `float`"),
+        ({"kind": "play", "on": 1}, "Expected `bool`, got `int`"),
+        ({"kind": "hands", "left": None}, "Invalid value 'hands'"),
     ],
 )
-def test_other_wishes_are_refused(served, message, reason):
-    _, server = served
-    with open_page(server.url) as page:
-        page.say(**message)
-        assert reason in page.hear_of("refused")["reason"]
+def test_other_wishes_are_refused(page, message, reason):
+    page.say(**message)
+    assert reason in page.hear_of("refused")["reason"]

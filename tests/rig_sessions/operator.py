@@ -11,16 +11,18 @@ from typing import Any
 
 from duobench.errors import DuoBenchError
 from duobench.hardware.clock import VirtualClock
+from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import EpisodeRecord, Judged
 from duobench.results.suite import TaskInfo, find_tasks
 from duobench.rig_sessions.trials import TrialsSession
 from duobench.rig_sessions.trials_folder import TrialsFolder
+from duobench.types import Side
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.rig_sessions import toys
-from tests.web.pages import Page, open_page
+from tests.web.pages import Page, open_page, wait_until
 
 STEPS = 20
 """Horizon of the episodes."""
@@ -34,12 +36,12 @@ def short_task(name: str = "bin_sort") -> TaskInfo:
 
 
 class Operator:
-    """What a person does at the page."""
+    """What a person does at the page, and at the arms of a stand."""
 
-    def __init__(self, page: Page) -> None:
+    def __init__(self, page: Page, stand: Any = None) -> None:
         self.page = page
+        self.stand: Stand = stand
         self.status: dict[str, Any] = {}
-        self.refused: list[str] = []
         self.say("drive")
 
     def say(self, kind: str, **fields: Any) -> None:
@@ -51,8 +53,6 @@ class Operator:
             message = self.page.hear()
             if message["kind"] == "status":
                 self.status = message
-            elif message["kind"] == "refused":
-                self.refused.append(message["reason"])
         return self.status
 
     def phase(self, phase: str) -> dict[str, Any]:
@@ -88,6 +88,22 @@ class Operator:
                 break
         return self.phase("judging")
 
+    def next_chunk(self, act: Callable[[], object] = lambda: None) -> None:
+        """Do something before the policy answers with its next chunk, which it then does."""
+        assert toys.Patient.waiting.acquire(timeout=toys.TIMEOUT_S)
+        act()
+        toys.Patient.gate.release()
+
+    def fail(self, side: Side, text: str, kind: FaultKind = FaultKind.REFLEX) -> None:
+        """Let an arm have a fault."""
+        self.stand.duo.arms[side].fail(text, kind)  # type: ignore[attr-defined]
+
+    def wait_for_hold(self) -> None:
+        wait_until(lambda: self.stand.duo.held is not None)
+
+    def attempt(self, number: int) -> None:
+        self.until(lambda status: status["trial"]["attempt"] == number)
+
     def finish(self) -> None:
         before = self.status["trial"]
         self.say("finish")
@@ -111,14 +127,8 @@ class Stand:
         self.ending.callback(self.server.close)
         chosen: dict[str, Any] = {"rater": "operator", "silence_s": 60.0} | options
         try:
-            self.session: TrialsSession = TrialsSession(
-                self.folder,
-                self.duo,
-                short_task(),
-                policies,
-                self.server,
-                self.ending,
-                **chosen,
+            self.session = TrialsSession(
+                *(self.folder, self.duo, short_task(), policies, self.server, self.ending), **chosen
             )
         except DuoBenchError:
             self.ending.close()
@@ -142,7 +152,7 @@ def operated(stand: Stand, script: Callable[[Operator], None]) -> Iterator[list[
     def operate() -> None:
         try:
             with open_page(stand.server.url) as page:
-                script(Operator(page))
+                script(Operator(page, stand))
         except BaseException as error:  # noqa: BLE001 - told in the block's thread
             failures.append(error)
             stand.session.stop()
@@ -168,3 +178,24 @@ def run(
     if failures:
         raise failures[0]
     return is_complete
+
+
+def played(
+    folder: Path,
+    script: Callable[[Operator], None],
+    policies: Sequence[tuple[str, str]] = POLICIES[:1],
+    *,
+    is_complete: bool = True,
+    **options: Any,
+) -> Stand:
+    """A stand at which a script has operated a session, of one episode by default."""
+    stand = Stand(folder, policies, **{"episodes": 1} | options)
+    with stand.ending:
+        assert run(stand, script) == is_complete
+    return stand
+
+
+def only_record(stand: Stand) -> tuple[EpisodeRecord, Judged]:
+    ((record,),) = records(stand.folder).values()
+    assert record.judged is not None
+    return record, record.judged

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from duobench.data import DataSet, find_problems
-from duobench.hardware.doctor import Check, Outcome, write_checks
+from duobench.hardware.doctor.checks import Check, Outcome, write_checks
 from duobench.hardware.rig import Rig
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import POLICY_CAMERAS
-from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, records, run
+from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, played, records
 
 EPISODES = 2
 JUDGED = [2, 0, 3, 1]
@@ -28,22 +28,18 @@ def script(operator: Operator) -> None:
 
 def test_trials_that_count_are_recorded_as_they_were_judged(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path / "data")
-    stand = Stand(tmp_path / "trials", POLICIES, episodes=EPISODES, data=data)
-    with stand.ending:
-        assert run(stand, script)
+    stand = played(tmp_path / "trials", script, POLICIES, episodes=EPISODES, data=data)
     assert find_problems(data) == []
     recordings = list(data.recordings())
     kept = [each for each in recordings if each.info.outcome and each.info.outcome.kept]
-    judged = [record for found in records(stand.folder).values() for record in found]
-    played = {(record.policy, record.seed): record for record in judged}
-    assert len(kept) == len(played) == len(JUDGED)
+    judged = {
+        (record.policy.rpartition(":")[2].lower(), record.seed): record
+        for found in records(stand.folder).values()
+        for record in found
+    }
+    assert len(kept) == len(judged) == len(JUDGED)
     for recording in kept:
-        actor = recording.info.actor
-        (record,) = [
-            each
-            for (policy, seed), each in played.items()
-            if seed == recording.info.seed and policy.lower().endswith(actor.name)
-        ]
+        record = judged[recording.info.actor.name, recording.info.seed]
         assert len(recording) == record.steps == STEPS
         assert recording.stage[-1] == record.final_stage
         assert recording.info.outcome is not None
@@ -74,5 +70,4 @@ def test_page_says_what_the_doctor_found(
     stand = Stand(tmp_path / "trials", POLICIES, episodes=1)
     stand.ending.close()
     write_trials_report(stand.folder)
-    page = stand.folder.page.read_text()
-    assert said in page.replace("\n", " ")
+    assert said in stand.folder.page.read_text().replace("\n", " ")

@@ -1,7 +1,7 @@
 import signal
 import subprocess
 import sys
-import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -9,44 +9,44 @@ import pytest
 from duobench.errors import EvaluationError, LockedError, OtherRunError, PolicyError
 from duobench.files import locked
 from duobench.hardware.devices import FaultKind
-from duobench.results.records import EpisodeRecord
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
-from duobench.rig_sessions.trials_folder import CUT, TrialsFolder, TrialsProgress
-from duobench.rig_sessions.trials_log import LogEntry, LogKind
+from duobench.rig_sessions.trials_folder import (
+    CUT,
+    LogEntry,
+    LogKind,
+    TrialsFolder,
+    TrialsProgress,
+)
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import Side
 from tests.rig_sessions import toys
-from tests.rig_sessions.operator import POLICIES, STEPS, Operator, Stand, records, run
+from tests.rig_sessions.operator import (
+    POLICIES,
+    STEPS,
+    Operator,
+    Stand,
+    only_record,
+    played,
+    records,
+)
 from tests.web.pages import open_page
 
 LAST = 5
 ONE = [(f"{toys.MODULE}:Patient", "")]
 
 
-def only_record(stand: Stand) -> EpisodeRecord:
-    (record,) = records(stand.folder)["A"]
-    return record
-
-
-def reasons(folder: TrialsFolder) -> list[str]:
-    invalid = TrialsProgress.of(folder.read_log()).invalid
+def reasons(stand: Stand) -> list[str]:
+    """Why trials were invalid."""
+    invalid = TrialsProgress.of(stand.folder.read_log()).invalid
     return [reason for each in invalid.values() for reason in each]
 
 
-def next_chunk() -> None:
-    assert toys.Patient.waiting.acquire(timeout=toys.TIMEOUT_S)
-
-
 def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", ONE, episodes=1)
-
     def script(operator: Operator) -> None:
         operator.begin()
-        next_chunk()
         operator.press(1)
-        stand.duo.arms[Side.LEFT].fail("no answer", FaultKind.COMMUNICATION)  # type: ignore[attr-defined]
-        toys.Patient.gate.release()
-        operator.until(lambda status: status["trial"]["attempt"] == 2)
+        operator.next_chunk(lambda: operator.fail(Side.LEFT, "no answer", FaultKind.COMMUNICATION))
+        operator.attempt(2)
         assert "no answer" in operator.status["message"]
         operator.until(lambda status: status["fault"])
         operator.say("recover")
@@ -55,108 +55,81 @@ def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path:
         operator.play([[2]])
         operator.finish()
 
-    with stand.ending:
-        assert run(stand, script)
-    record = only_record(stand)
+    stand = played(tmp_path / "t", script, ONE)
+    record, judged = only_record(stand)
+    (reason,) = judged.repeated
     assert record.final_stage == 2
-    assert record.judged is not None
-    (reason,) = record.judged.repeated
     assert "no answer" in reason
-    (entry,) = [each for each in stand.folder.read_log() if each.kind is LogKind.INVALID]
-    assert entry.yes is True
+    invalid = [each.yes for each in stand.folder.read_log() if each.kind is LogKind.INVALID]
+    assert invalid == [True]  # a machine found it so
     assert write_trials_report(stand.folder).invalid == ((reason, 1),)
 
 
 def test_reflex_counts_against_the_policy(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", ONE, episodes=1)
-
     def script(operator: Operator) -> None:
         operator.begin()
-        next_chunk()
         operator.press(1)
-        stand.duo.arms[Side.RIGHT].fail("cartesian_reflex")  # type: ignore[attr-defined]
-        toys.Patient.gate.release()
-        operator.phase("judging")
-        assert "counts against the policy" in operator.status["message"]
+        operator.next_chunk(lambda: operator.fail(Side.RIGHT, "cartesian_reflex"))
+        assert "counts against the policy" in operator.phase("judging")["message"]
         operator.finish()
 
-    with stand.ending:
-        assert run(stand, script)
-    record = only_record(stand)
+    stand = played(tmp_path / "t", script, ONE)
+    record, judged = only_record(stand)
     assert (record.final_stage, record.success, record.truncated) == (1, False, True)
-    assert record.judged is not None
-    assert record.judged.reflex
-    assert "cartesian_reflex" in record.judged.stopped
-    report = write_trials_report(stand.folder)
-    assert report.policies[0].reflexes == 1
+    assert judged.reflex
+    assert "cartesian_reflex" in judged.stopped
+    assert write_trials_report(stand.folder).policies[0].reflexes == 1
     assert "cartesian_reflex" in stand.folder.run.page.read_text()
 
 
 def test_operator_holds_the_arms_at_once(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", ONE, episodes=1)
+    def hold(operator: Operator) -> None:
+        operator.say("hold")
+        operator.wait_for_hold()
 
     def script(operator: Operator) -> None:
         operator.begin()
-        next_chunk()
-        operator.say("hold")
-        while stand.duo.held is None:
-            pass
-        toys.Patient.gate.release()
+        operator.next_chunk(lambda: hold(operator))
         operator.phase("judging")
         operator.finish()
 
-    with stand.ending:
-        assert run(stand, script)
-    record = only_record(stand)
-    assert record.steps == 1
-    assert record.judged is not None
-    assert record.judged.stopped == HELD_BY_OPERATOR
-    assert not record.judged.reflex
+    record, judged = only_record(played(tmp_path / "t", script, ONE))
+    assert (record.steps, judged.stopped, judged.reflex) == (1, HELD_BY_OPERATOR, False)
 
 
 def test_lost_page_holds_the_arms_and_the_trial_does_not_count(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", ONE, episodes=1)
+    def leave(operator: Operator) -> None:
+        operator.page.connection.close()
+        operator.wait_for_hold()
 
     def script(operator: Operator) -> None:
         operator.begin()
-        next_chunk()
-        operator.page.connection.close()
-        while stand.duo.held is None:
-            pass
-        toys.Patient.gate.release()
-        with open_page(stand.server.url) as page:
+        operator.next_chunk(lambda: leave(operator))
+        with open_page(operator.stand.server.url) as page:
             again = Operator(page)
-            again.until(lambda status: status["trial"]["attempt"] == 2)
+            again.attempt(2)
             again.begin()
             again.play([])
             again.finish()
 
-    with stand.ending:
-        assert run(stand, script)
-    (reason,) = reasons(stand.folder)
+    (reason,) = reasons(played(tmp_path / "t", script, ONE))
     assert "lost its connection" in reason
 
 
 def test_silent_page_holds_the_arms(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", ONE, episodes=1, silence_s=0.5)
-
     def script(operator: Operator) -> None:
         operator.begin()
-        next_chunk()
-        threading.Event().wait(0.7)
-        toys.Patient.gate.release()
-        operator.until(lambda status: status["trial"]["attempt"] == 2)
-        stand.session.stop()
+        operator.next_chunk(lambda: time.sleep(0.7))
+        operator.attempt(2)
+        operator.stand.session.stop()
 
-    with stand.ending:
-        assert not run(stand, script)
-    (reason,) = reasons(stand.folder)
+    stand = played(tmp_path / "t", script, ONE, is_complete=False, silence_s=0.5)
+    (reason,) = reasons(stand)
     assert "gave no sign" in reason
 
 
 def test_success_that_was_taken_back_does_not_count(tmp_path: Path) -> None:
     """The press of the last stage ended the episode: the policy was cut short."""
-    stand = Stand(tmp_path / "t", ONE, episodes=1)
 
     def script(operator: Operator) -> None:
         operator.begin()
@@ -169,31 +142,25 @@ def test_success_that_was_taken_back_does_not_count(tmp_path: Path) -> None:
         operator.play([[LAST]])
         operator.finish()
 
-    with stand.ending:
-        assert run(stand, script)
-    record = only_record(stand)
-    assert record.success
-    assert record.steps == 1
-    assert reasons(stand.folder) == ["I pressed the wrong key."]
+    stand = played(tmp_path / "t", script, ONE)
+    record, _ = only_record(stand)
+    assert (record.success, record.steps) == (True, 1)
+    assert reasons(stand) == ["I pressed the wrong key."]
 
 
 def test_late_press_counts_and_policy_that_raises_has_failed(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", [*ONE, (f"{toys.MODULE}:Broken", "")], episodes=1)
-
     def script(operator: Operator) -> None:
         for _ in range(2):
             status = operator.begin()
-            for _ in range(2):  # chunks
-                next_chunk()
-                toys.Patient.gate.release()
+            operator.next_chunk()
+            operator.next_chunk()
             if "Patient" in status["trial"]["policy"]:
                 operator.play([], chunks=2)
             operator.phase("judging")
             operator.press(1)
             operator.finish()
 
-    with stand.ending:
-        assert run(stand, script)
+    stand = played(tmp_path / "t", script, [*ONE, (f"{toys.MODULE}:Broken", "")])
     (good,), (broken,) = records(stand.folder).values()
     assert good.stage_changes == ((STEPS, 1),)
     assert (broken.steps, broken.final_stage) == (toys.CHUNK, 1)
@@ -201,39 +168,32 @@ def test_late_press_counts_and_policy_that_raises_has_failed(tmp_path: Path) -> 
 
 
 def test_page_cannot_do_what_is_not_for_now(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", ONE, episodes=1)
-
-    def refusal(operator: Operator, kind: str, **fields: object) -> str:
-        count = len(operator.refused)
+    def check(operator: Operator, words: str, kind: str, **fields: object) -> None:
         operator.say(kind, **fields)
-        while len(operator.refused) == count:
-            message = operator.page.hear()
-            if message["kind"] == "refused":
-                operator.refused.append(message["reason"])
-        return operator.refused[-1]
+        assert words in operator.page.hear_of("refused")["reason"]
+
+    def check_playing(operator: Operator) -> None:
+        check(operator, "stages are 1 to 5", "stage", stage=9)
+        check(operator, "no press", "undo")
+        check(operator, "Not now", "finish")
 
     def script(operator: Operator) -> None:
         operator.phase("placing")
-        assert "Not now" in refusal(operator, "start")
-        assert "Not now" in refusal(operator, "stage", stage=1)
-        assert "refused" in refusal(operator, "dance")
-        assert "refused" in refusal(operator, "stage", stage=1.5)
-        with open_page(stand.server.url) as other:
+        check(operator, "Not now", "start")
+        check(operator, "Not now", "stage", stage=1)
+        check(operator, "refused", "dance")
+        check(operator, "refused", "stage", stage=1.5)
+        with open_page(operator.stand.server.url) as other:
             other.say(kind="placed")
             assert "You watch" in other.hear_of("refused")["reason"]
         operator.begin()
-        next_chunk()
-        assert "stages are 1 to 5" in refusal(operator, "stage", stage=9)
-        assert "no press" in refusal(operator, "undo")
-        assert "Not now" in refusal(operator, "finish")
-        toys.Patient.waiting.release()
-        operator.play([])
-        assert "one line" in refusal(operator, "note", text="a\nb")
+        operator.next_chunk(lambda: check_playing(operator))
+        operator.play([], chunks=STEPS // toys.CHUNK - 1)
+        check(operator, "one line", "note", text="a\nb")
         operator.finish()
 
-    with stand.ending:
-        assert run(stand, script)
-    assert only_record(stand).final_stage == 0
+    record, _ = only_record(played(tmp_path / "t", script, ONE))
+    assert record.final_stage == 0
 
 
 def test_killed_session_goes_on(tmp_path: Path) -> None:
@@ -267,30 +227,25 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
         again.play([[2]])
         again.finish()
 
-    stand = Stand(path, POLICIES, episodes=1)
-    with stand.ending:
-        assert run(stand, script)
-    assert reasons(stand.folder) == [CUT]
-    stages = {record.final_stage for (record,) in records(stand.folder).values()}
-    assert stages == {1, 2}
+    stand = played(path, script, POLICIES)
+    assert reasons(stand) == [CUT]
+    assert {record.final_stage for (record,) in records(stand.folder).values()} == {1, 2}
 
 
 def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
-    stand = Stand(tmp_path / "t", ONE, episodes=1)
-    stand.ending.close()
-    with pytest.raises(OtherRunError, match="this one has policy"):
-        Stand(tmp_path / "t", POLICIES, episodes=1)
-    Stand(tmp_path / "t", ONE, episodes=2).ending.close()
-    with pytest.raises(OtherRunError, match="episodes 1 instead of 2"):
-        Stand(tmp_path / "t", ONE, episodes=1)
-    with pytest.raises(PolicyError, match="reads the simulation"):
-        Stand(tmp_path / "u", [("expert", "")])
-    with pytest.raises(EvaluationError, match="same name"):
-        Stand(tmp_path / "u", [*ONE, *ONE])
+    for episodes in (1, 2):
+        Stand(tmp_path / "t", ONE, episodes=episodes).ending.close()
     (tmp_path / "v").mkdir()
     (tmp_path / "v" / "thesis.txt").write_text("mine")
-    with pytest.raises(OtherRunError, match="not empty"):
-        Stand(tmp_path / "v", ONE)
+    for folder, policies, error, words in (
+        ("t", POLICIES, OtherRunError, "this one has policy"),
+        ("t", ONE, OtherRunError, "episodes 1 instead of 2"),
+        ("u", [("expert", "")], PolicyError, "reads the simulation"),
+        ("u", [*ONE, *ONE], EvaluationError, "same name"),
+        ("v", ONE, OtherRunError, "not empty"),
+    ):
+        with pytest.raises(error, match=words):
+            Stand(tmp_path / folder, policies, episodes=1)
     with locked(tmp_path / "t"), pytest.raises(LockedError), locked(tmp_path / "t"):
         pass
 
@@ -302,11 +257,8 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
         operator.finish()
 
     for _ in range(2):
-        stand = Stand(tmp_path / "t", ONE, episodes=1)
-        with stand.ending:
-            assert run(stand, script)
-        (record,) = records(stand.folder)["A"]
-        stand.folder.run.record(record.key).unlink()
+        stand = played(tmp_path / "t", script, ONE)
+        stand.folder.run.record(only_record(stand)[0].key).unlink()
     assert TrialsProgress.of(stand.folder.read_log()).attempts == {0: 2}
 
 

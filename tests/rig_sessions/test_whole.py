@@ -3,6 +3,7 @@
 import json
 import random
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -11,8 +12,7 @@ from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.mixed import read_mixed, write_mixed
 from duobench.results.scores import wilson_interval
-from duobench.rig_sessions.trials_folder import TrialsFolder
-from duobench.rig_sessions.trials_log import LogKind
+from duobench.rig_sessions.trials_folder import LogKind, TrialsFolder
 from duobench.rig_sessions.trials_report import TrialsReport, write_trials_report
 from tests.results.samples import LIFT, sample_folder, sample_record, sample_run
 from tests.rig_sessions import toys
@@ -62,8 +62,14 @@ class Scripted:
         self.over = operator.until(lambda status: status.get("results"))
 
 
+class Whole(NamedTuple):
+    folder: TrialsFolder
+    report: TrialsReport
+    script: Scripted
+
+
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrialsFolder, TrialsReport, Scripted]:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     """All trials played and reported."""
     script = Scripted()
     stand = Stand(
@@ -76,21 +82,18 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[TrialsFolder, Trial
 
     with stand.ending:
         assert run(stand, script, report)
-    return stand.folder, write_trials_report(stand.folder), script
+    return Whole(stand.folder, write_trials_report(stand.folder), script)
 
 
-def test_every_trial_is_recorded_as_it_was_judged(
-    whole: tuple[TrialsFolder, TrialsReport, Scripted],
-) -> None:
-    folder, _, _ = whole
-    played = records(folder)
-    trials = folder.read_plan().trials()
+def test_every_trial_is_recorded_as_it_was_judged(whole: Whole) -> None:
+    played = records(whole.folder)
+    trials = whole.folder.read_plan().trials()
     for trial in trials:
         record = played["AB"[trial.policy]][trial.episode]
-        expected = 2 if trial.number == UNDO else said(trial.number)
-        assert record.final_stage == expected
-        assert record.success == (expected == LAST)
-        assert record.success_at_end == (record.success and trial.number % 2 == 0)
+        stage = 2 if trial.number == UNDO else said(trial.number)
+        is_solved = stage == LAST
+        assert (record.final_stage, record.success) == (stage, is_solved)
+        assert record.success_at_end == (is_solved and trial.number % 2 == 0)
         assert record.judged is not None
         assert record.judged.rater == "operator"
         assert record.layout["poses"].keys() >= {"white_cube", "black_bowl"}
@@ -100,10 +103,9 @@ def test_every_trial_is_recorded_as_it_was_judged(
     assert again.judged.repeated == (REASON,)
 
 
-def test_undone_presses_stay(whole: tuple[TrialsFolder, TrialsReport, Scripted]) -> None:
-    folder, _, _ = whole
-    trial = folder.read_plan().trials()[UNDO]
-    record = records(folder)["AB"[trial.policy]][trial.episode]
+def test_undone_presses_stay(whole: Whole) -> None:
+    trial = whole.folder.read_plan().trials()[UNDO]
+    record = records(whole.folder)["AB"[trial.policy]][trial.episode]
     assert record.judged is not None
     presses = record.judged.presses
     assert [(press.stage, press.step) for press in presses] == [
@@ -112,36 +114,27 @@ def test_undone_presses_stay(whole: tuple[TrialsFolder, TrialsReport, Scripted])
     assert record.stage_changes == ((toys.CHUNK, 1), (2 * toys.CHUNK, 2))
     logged = [
         (entry.stage, entry.step)
-        for entry in folder.read_log()
+        for entry in whole.folder.read_log()
         if entry.kind is LogKind.PRESS and entry.trial == UNDO
     ]
     assert logged == [(press.stage, press.step) for press in presses]
 
 
-def test_policies_take_turns_over_the_same_layouts(
-    whole: tuple[TrialsFolder, TrialsReport, Scripted],
-) -> None:
-    folder, _, _ = whole
-    played = records(folder)
+def test_policies_take_turns_over_the_same_layouts(whole: Whole) -> None:
+    played = records(whole.folder)
     for one, other in zip(played["A"], played["B"], strict=True):
         assert (one.seed, one.layout) == (other.seed, other.layout)
-    firsts = {trial.policy for trial in folder.read_plan().trials()[::2]}
-    assert firsts == {0, 1}
+    assert {trial.policy for trial in whole.folder.read_plan().trials()[::2]} == {0, 1}
 
 
-def test_page_hides_the_names_until_the_end(
-    whole: tuple[TrialsFolder, TrialsReport, Scripted],
-) -> None:
-    _, _, script = whole
-    for text in script.names:
-        assert "Patient" not in text
-        assert "Keen" not in text
-    assert "Patient" in json.dumps(script.over)
+def test_page_hides_the_names_until_the_end(whole: Whole) -> None:
+    shown = " ".join(whole.script.names)
+    assert "Patient" not in shown
+    assert "Keen" not in shown
+    assert "Patient" in json.dumps(whole.script.over)
 
 
-def test_report_has_intervals_and_invalid_trials(
-    whole: tuple[TrialsFolder, TrialsReport, Scripted],
-) -> None:
+def test_report_has_intervals_and_invalid_trials(whole: Whole) -> None:
     folder, report, _ = whole
     for one, played in zip(report.policies, records(folder).values(), strict=True):
         successes = sum(record.success for record in played)
@@ -156,23 +149,19 @@ def test_report_has_intervals_and_invalid_trials(
         assert "real arms" in (folder.run.path / one.page / "index.html").read_text()
 
 
-def test_nothing_can_be_played_again(whole: tuple[TrialsFolder, TrialsReport, Scripted]) -> None:
-    folder, _, _ = whole
-    found = verify(open_source(folder.run.path))
+def test_nothing_can_be_played_again(whole: Whole) -> None:
+    found = verify(open_source(whole.folder.run.path))
     assert not found.is_verified
     assert {each.verdict for each in found.findings} == {Verdict.UNVERIFIABLE}
     assert "real arms" in found.findings[0].reason
 
 
-def test_bundle_is_read_as_the_folder(
-    whole: tuple[TrialsFolder, TrialsReport, Scripted], tmp_path: Path
-) -> None:
-    folder, _, _ = whole
-    write_bundle(folder.run, tmp_path / "b.duobench.zip")
-    assert read_source(tmp_path / "b.duobench.zip") == read_source(folder.run.path)
+def test_bundle_is_read_as_the_folder(whole: Whole, tmp_path: Path) -> None:
+    write_bundle(whole.folder.run, tmp_path / "b.duobench.zip")
+    assert read_source(tmp_path / "b.duobench.zip") == read_source(whole.folder.run.path)
 
 
-def test_mixed_table(whole: tuple[TrialsFolder, TrialsReport, Scripted], tmp_path: Path) -> None:
+def test_mixed_table(whole: Whole, tmp_path: Path) -> None:
     folder, report, _ = whole
     task = folder.read_plan().task
     run_ = sample_run(tasks=(task,), episodes=2)

@@ -8,19 +8,13 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from duobench.errors import (
-    MachineryError,
-    OtherRunError,
-    PolicyError,
-    ServingError,
-    UnplayedError,
-)
+from duobench.errors import MachineryError, OtherRunError, PolicyError, ServingError, UnplayedError
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
@@ -64,33 +58,30 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return records
 
 
-@pytest.mark.parametrize("workers", [1, 4])
-def test_records_do_not_depend_on_the_workers(play, undisturbed, workers):
-    folder, results = play(named(toy_batches.Wanders), workers=workers, episodes=3)
+@pytest.mark.parametrize(("policy", "workers"), [("Wanders", 1), ("Wanders", 4), ("DiesOnce", 2)])
+def test_records_do_not_depend_on_the_workers_nor_on_a_death(play, undisturbed, policy, workers):
+    choice = named(getattr(toy_batches, policy))
+    folder, results = play(choice, workers=workers, episodes=3)
     assert results.overall.errors == 0
     assert episodes(folder) == undisturbed
-    record = results.tasks[0].records[0]
-    assert record.versions["inference"] == "fixed batches of 3, float32, cpu"
+    assert results.tasks[0].records[0].versions["inference"] == "fixed batches of 3, float32, cpu"
     assert folder.read_run().candidate.batching == FIXED
 
 
-def test_policy_whose_process_dies_is_made_again_for_the_same_result(play, undisturbed):
-    folder, results = play(named(toy_batches.DiesOnce), workers=2, episodes=3)
-    assert results.overall.errors == 0
-    assert episodes(folder) == undisturbed
+def but(records, *names):
+    """Records without some."""
+    return {name: content for name, content in records.items() if name not in names}
 
 
 @pytest.mark.parametrize("workers", [1, 3])
 def test_episode_in_which_the_policy_always_dies_is_set_aside_alone(play, undisturbed, workers):
     message = r"1 episode could not be played\. nod, episode 0: .* the policy, .*by SIGKILL"
+    asked = {"policy": named(toy_batches.DiesInOne), "workers": workers, "episodes": 3}
     with pytest.raises(UnplayedError, match=message):
-        play(named(toy_batches.DiesInOne), workers=workers, episodes=3)
-    folder, results = play(
-        named(toy_batches.DiesInOne), workers=workers, episodes=3, unplayed_count_as_failures=True
-    )
+        play(**asked)
+    folder, results = play(**asked, unplayed_count_as_failures=True)
     assert results.overall.errors == 1
-    name = "nod/00000.json"
-    assert {**episodes(folder), name: b""} == {**undisturbed, name: b""}
+    assert but(episodes(folder), "nod/00000.json") == but(undisturbed, "nod/00000.json")
 
 
 @pytest.mark.parametrize("workers", [1, 3])
@@ -101,8 +92,7 @@ def test_policy_that_hangs_fails_its_episode_only(play, undisturbed, workers):
     record = results.tasks[0].records[0]
     assert record.reason.startswith("PolicyTimeoutError: The policy did not answer within 4 s")
     assert record.steps == 6
-    name = "wave/00000.json"
-    assert {**episodes(folder), name: b""} == {**undisturbed, name: b""}
+    assert but(episodes(folder), "wave/00000.json") == but(undisturbed, "wave/00000.json")
 
 
 def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(play, undisturbed):
@@ -111,9 +101,8 @@ def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(play, undisturbed
     assert reasons[0] == "ZeroDivisionError: my policy is broken"
     assert "returned nan" in reasons[1]
     assert len(reasons) == results.overall.errors == 2
-    broken = {"wave/00000.json", "wave/00001.json"}
-    intact = {name: c for name, c in undisturbed.items() if name not in broken}
-    assert intact.items() <= episodes(folder).items()
+    broken = ("wave/00000.json", "wave/00001.json")
+    assert but(episodes(folder), *broken) == but(undisturbed, *broken)
 
 
 def test_other_batches_are_another_run(play):
@@ -143,16 +132,13 @@ def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play):
         with pytest.raises(ServingError, match="A server of DuoBench needs no format"):
             OpenpiPolicy(replace(server, message_format=MessageFormat()))
     assert results.overall.errors == 0
-    own = rb'\n  "versions": .*'
-    played = [
-        {name: re.sub(own, b"", content) for name, content in episodes(folder).items()}
-        for folder in (plain, batched, served)
-    ]
-    assert played == played[:1] * 3
+    played = []
     for folder in (plain, batched, served):
-        run = folder.read_run()
-        candidate = run.candidate
+        records = episodes(folder).items()
+        played.append({name: re.sub(rb'\n  "versions": .*', b"", one) for name, one in records})
+        candidate = folder.read_run().candidate
         assert (candidate.privileged, candidate.config.object_state) == (True, True)
+    assert played == played[:1] * 3
 
 
 class Serving:
@@ -170,13 +156,7 @@ class Serving:
     @contextmanager
     def process(self) -> Iterator[subprocess.Popen[bytes]]:
         """Serve as long as the block lasts, or until it is killed."""
-        words = [
-            "serve",
-            "--policy",
-            named(toy_batches.Wanders).name.text,
-            "--port",
-            str(self.port),
-        ]
+        words = ["serve", "--policy", f"{toy_batches.__name__}:Wanders", "--port", str(self.port)]
         source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
         with subprocess.Popen(
             [sys.executable, "-m", "duobench", *words, "--max-batch", str(FIXED.size)],
@@ -191,32 +171,34 @@ class Serving:
                 process.kill()
 
 
-def records_of(folder: Path) -> Callable[[], list[Path]]:
-    return lambda: list(folder.glob("records/*/*/*.json"))
+@contextmanager
+def after_a_record(folder: Path, do: Callable[[], None]) -> Iterator[Callable[[], list[Path]]]:
+    """Do something once a run has a record; the block begins at once, and gets the records."""
+
+    def found() -> list[Path]:
+        return list(folder.glob("records/*/*/*.json"))
+
+    doing = threading.Thread(target=lambda: (wait_until(found, "a record"), do()))
+    doing.start()
+    yield found
+    doing.join()
 
 
 def test_server_that_is_killed_and_started_again_gives_the_undisturbed_result(
     play, undisturbed, tmp_path
 ):
-    serving = Serving()
+    serving, asked = Serving(), {"workers": 1, "episodes": 3}
     with ExitStack() as servers:
         first = servers.enter_context(serving.process())
-        found = records_of(tmp_path / "run")
 
         def restart() -> None:
-            wait_until(found, "a record")
             first.send_signal(signal.SIGKILL)
             first.wait()
             servers.enter_context(serving.process())
 
-        killer = threading.Thread(target=restart)
-        killer.start()
-        try:
-            folder, results = play(serving.choice, workers=1, episodes=3)
-        except MachineryError:  # three attempts took less time than the start of a server
-            killer.join()
-            folder, results = play(serving.choice, workers=1, episodes=3)
-        killer.join()
+        with after_a_record(tmp_path / "run", restart), suppress(MachineryError):
+            play(serving.choice, **asked)  # three attempts may take less than a server's start
+        folder, results = play(serving.choice, **asked)
     assert results.overall.errors == 0
     assert episodes(folder) == undisturbed
     for path in folder.path.rglob("*"):
@@ -227,18 +209,12 @@ def test_server_that_is_killed_and_started_again_gives_the_undisturbed_result(
 
 def test_server_that_dies_ends_the_run_with_the_rest_unplayed(play, tmp_path):
     serving = Serving()
-    with serving.process() as server:
-        found = records_of(tmp_path / "run")
-
-        def kill() -> None:
-            wait_until(found, "a record")
-            server.kill()
-
-        killer = threading.Thread(target=kill)
-        killer.start()
-        with pytest.raises(MachineryError, match="cannot be played; in each of 3 attempts"):
-            play(serving.choice, workers=1, episodes=20)
-        killer.join()
+    with (
+        serving.process() as server,
+        after_a_record(tmp_path / "run", server.kill) as found,
+        pytest.raises(MachineryError, match="cannot be played; in each of 3 attempts"),
+    ):
+        play(serving.choice, workers=1, episodes=20)
     kept = found()
     assert 1 <= len(kept) < 40
     assert all(b'"error": null' in path.read_bytes() for path in kept)

@@ -5,13 +5,14 @@ import math
 import pytest
 
 from duobench.experts.handling import pick, pick_cube
-from duobench.experts.motion import Arms, Script, down, move, nearest_turn, release, wait
+from duobench.experts.motion import Arms, Script, down, move, nearest_turn, release
 from duobench.scene.naming import TABLE
 from duobench.stages.logic import Predicate
 from duobench.stages.placing import lifted_off, low_over, put
 from duobench.tasks.bin_sort import TASK
 from duobench.types import Side
 from tests.predicate_probe import PredicateProbe
+from tests.steps import do, pause, to
 from tests.task_harness import TaskHarness
 
 CUBE = "white_cube"
@@ -30,8 +31,7 @@ def lower(arms: Arms, height: float) -> Script:
     yield from move(arms, {Side.LEFT: low}, speed=0.1)
 
 
-def pick_up(arms: Arms) -> Script:
-    yield from pick_cube(arms, Side.LEFT, CUBE, 0.028)
+pick_up = do((pick_cube, Side.LEFT, CUBE, 0.028))
 
 
 def let_go(bench: TaskHarness, question: Predicate, height: float) -> bool:
@@ -40,11 +40,7 @@ def let_go(bench: TaskHarness, question: Predicate, height: float) -> bool:
     bench.act(pick_up)
     probe = PredicateProbe(question, bench.sim)
 
-    def script(arms: Arms) -> Script:
-        yield from lower(arms, height)
-        yield from release(arms, Side.LEFT)
-        yield from move(arms, {Side.LEFT: down(0.45, 0.3, 0.3)})
-
+    script = do((lower, height), (release, Side.LEFT), (to, Side.LEFT, down(0.45, 0.3, 0.3)))
     answers = [probe.ask() for _ in bench.steps(script)]
     assert bench.sim.contacts.between(CUBE, TABLE)
     return answers[-1]
@@ -72,15 +68,13 @@ def test_what_was_dropped_is_put_when_a_hand_has_lifted_it_again(
     near = low_over(CUBE, TABLE, 0.0, 0.05)
     probe = PredicateProbe(put(CUBE, near, again=lifted_off(CUBE, TABLE, 0.0)), bench.sim)
 
-    def script(arms: Arms) -> Script:
-        yield from lower(arms, 0.08)
-        yield from release(arms, Side.LEFT)
+    def pick_again(arms: Arms) -> Script:
         x, y, _ = arms.sim.position(CUBE)
         grasp = down(x, y, 0.028, yaw=nearest_turn(arms.sim.pose(CUBE).yaw, math.pi / 2))
         yield from pick(arms, Side.LEFT, grasp, lift=lift)
-        yield from wait(10)
-        yield from release(arms, Side.LEFT)
-        yield from move(arms, {Side.LEFT: down(0.45, 0.3, 0.3)})
 
+    left, away = Side.LEFT, down(0.45, 0.3, 0.3)
+    again = (pick_again, (pause, 10), (release, left), (to, left, away))
+    script = do((lower, 0.08), (release, left), *again)
     answers = [probe.ask() for _ in bench.steps(script)]
     assert answers[-1] == counts

@@ -14,6 +14,7 @@ import gymnasium as gym
 import pytest
 
 import duobench
+from duobench.envs.registration import NAMESPACE, env_id
 from duobench.errors import UnknownNameError
 from duobench.scene.naming import TABLE
 from duobench.sim.placement import REACH_X, REACH_Y
@@ -152,3 +153,13 @@ def test_a_given_layout_begins_the_same_episode(env: gym.Env) -> None:
         assert again["seed"] is None
         assert again["layout"] == info["layout"]
         assert again["instruction"] == info["instruction"]
+
+
+def test_a_task_is_found_by_id_and_by_path() -> None:
+    assert catalog.get("bin_sort") is catalog.get("duobench.tasks.bin_sort:TASK")
+
+
+def test_the_id_of_an_environment_names_its_task_too(task: Task) -> None:
+    for spelling in (task.id, env_id(task.id), f"{NAMESPACE}:{env_id(task.id)}"):
+        assert catalog.plain(spelling) == task.id
+    assert catalog.plain("mine:TASK") == "mine:TASK"

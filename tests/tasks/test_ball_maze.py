@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from duobench.experts.handling import carry
-from duobench.experts.motion import Arms, Script, down, grip, move, release, wait
+from duobench.experts.motion import down, grip, release
 from duobench.experts.scripts.ball_maze import grasp, lift, script
 from duobench.objects.maze_board import (
     BALL_RADIUS,
@@ -27,6 +27,7 @@ from duobench.stages.placing import REST_SECONDS
 from duobench.stages.rolling import SLIP_SECONDS
 from duobench.tasks.ball_maze import AT_GOAL, RAISE, TASK
 from duobench.types import CONTROL_HZ, SIDES, Side
+from tests.steps import do, pause, to
 from tests.task_harness import TaskHarness
 
 HALF_ROOM = (CELLS * PITCH - WALL) / 2 - BALL_RADIUS
@@ -70,19 +71,14 @@ def ball(bench: TaskHarness) -> tuple[float, float, float]:
     return bench.sim.relative_position("ball", "board")
 
 
-def grasp_by_both(arms: Arms) -> Script:
-    yield from grasp(arms, *SIDES)
-
-
-def lift_by_both(arms: Arms) -> Script:
-    yield from grasp(arms, *SIDES)
-    yield from lift(arms, *SIDES)
+GRASP = do((grasp, *SIDES))
+LIFT = do(GRASP, (lift, *SIDES))
 
 
 def grasped(bench: TaskHarness) -> np.ndarray:
     """An episode in which both arms grasp the board, which lies on the table; the state."""
     bench.start(0)
-    assert bench.act(grasp_by_both) == 2
+    assert bench.act(GRASP) == 2
     assert bench.sim.contacts.between("board", "table")
     return bench.sim.get_state()
 
@@ -92,7 +88,7 @@ def lifted(bench: TaskHarness, *cells: Cell, seed: int = 0) -> np.ndarray:
     the state. Then the ball is put into cells.
     """
     bench.start(seed)
-    assert bench.act(lift_by_both) == 2
+    assert bench.act(LIFT) == 2
     aloft = bench.sim.get_state()
     put_in(bench, *cells)
     return aloft
@@ -130,9 +126,7 @@ def test_a_ball_that_passes_the_goal_does_not_count(bench: TaskHarness) -> None:
         put_in(bench, MIDDLE)
         assert rest_at_goal(bench, REST - 1) == 3
     assert rest_at_goal(bench, 1) == 4
-
-
-def test_a_ball_at_the_goal_that_skipped_the_way_takes_a_step_more(bench: TaskHarness) -> None:
+    # One that skipped the way takes a step more.
     lifted(bench)
     assert rest_at_goal(bench) == 3
     assert rest_at_goal(bench, 1) == 4
@@ -169,7 +163,7 @@ def test_the_half_second_is_not_broken_by_a_grasp_that_slips(
     bench: TaskHarness, steps: int, stage: int
 ) -> None:
     lifted(bench)
-    bench.act(lambda arms: release(arms, Side.LEFT))
+    bench.act(do((release, Side.LEFT)))
     bench.hold(30)
     slipped = bench.sim.get_state()
     aloft = lifted(bench, MIDDLE)
@@ -184,7 +178,7 @@ def test_at_the_end_of_the_half_second_both_arms_hold_the_board(bench: TaskHarne
     lifted(bench, MIDDLE)
     aloft = bench.sim.get_state()
     assert rest_at_goal(bench, REST - 1) == 3
-    bench.act(lambda arms: release(arms, Side.LEFT))
+    bench.act(do((release, Side.LEFT)))
     assert rest_at_goal(bench, 2 * REST) == 3
     bench.sim.set_state(aloft)
     bench.judge()
@@ -211,7 +205,7 @@ def test_a_ball_that_rolls_on_a_board_put_down_again_does_not_count(
 
 def test_a_ball_at_the_goal_of_a_board_on_the_table_does_not_count(bench: TaskHarness) -> None:
     on_table = grasped(bench)
-    assert bench.act(lambda arms: lift(arms, *SIDES)) == 2
+    assert bench.act(do((lift, *SIDES))) == 2
     aloft = bench.sim.get_state()
     put_in(bench, MIDDLE)
     # What came to another cell down there has to begin again.
@@ -242,11 +236,7 @@ def test_a_board_that_leans_on_the_table_is_not_lifted(bench: TaskHarness) -> No
     leaning = SE3(turn.rotation @ pose.rotation, low)
     at = ball(bench)
 
-    def lean(arms: Arms) -> Script:
-        yield from carry(arms, "board", leaning, speed=0.1)
-        yield from wait(12)
-
-    for _ in lean(bench.arms):
+    for _ in do((carry, "board", leaning, {"speed": 0.1}), (pause, 12))(bench.arms):
         bench.advance()
         bench.put(ball=on_board(bench, *at))
     assert bench.sim.contacts.between("board", "table")
@@ -305,16 +295,13 @@ def test_a_ball_that_hops_higher_than_the_walls_does_not_count(
 
 
 def test_a_touch_before_the_board_is_taken_up_does_no_harm(bench: TaskHarness) -> None:
-    def touch(arms: Arms) -> Script:
-        x, y, z = arms.sim.position("ball")
-        above = down(x, y, z + 0.10)
-        yield from grip(arms, Side.LEFT)
-        yield from move(arms, {Side.LEFT: above})
-        yield from move(arms, {Side.LEFT: above.moved(z=-0.07)}, speed=0.15)
-        yield from move(arms, {Side.LEFT: above}, speed=0.3)
-        yield from move(arms, {Side.LEFT: down(0.5, 0.25, 0.3)})
-
     bench.start(layout=layout_of(bench, 0))
+    x, y, z = bench.sim.position("ball")
+    above, left = down(x, y, z + 0.10), Side.LEFT
+    touch = do(
+        *((grip, left), (to, left, above), (to, left, above.moved(z=-0.07), {"speed": 0.15})),
+        *((to, left, above, {"speed": 0.3}), (to, left, down(0.5, 0.25, 0.3))),
+    )
     bench.act(touch)
     assert bench.run_for(script, TASK.horizon) == 4
 

@@ -1,11 +1,10 @@
 import math
-from collections.abc import Callable
 from itertools import product
 
 import pytest
 
 from duobench.experts.handling import pick_cube
-from duobench.experts.motion import Arms, Script, down, move, release
+from duobench.experts.motion import Arms, down, release
 from duobench.objects.blocks import CUBE_EDGE
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.scene.naming import TABLE
@@ -14,6 +13,7 @@ from duobench.stages.placing import REST_SECONDS
 from duobench.stages.vessels import Vessel
 from duobench.types import CONTROL_HZ, SIDES, Side
 from tests.predicate_probe import PredicateProbe
+from tests.steps import Act, by, do, to
 from tests.task_harness import TaskHarness
 
 IN_BOWL = SE3.at(z=FLOOR + CUBE_EDGE / 2 - 0.0002)
@@ -31,24 +31,22 @@ def lies(bench: TaskHarness) -> bool:
     return PredicateProbe(BOWL.holds("white_cube"), bench.sim).ask()
 
 
-def bring(side: Side, height: float = IN_THE_BOWL) -> Callable[[Arms], Script]:
+def bring(side: Side, height: float = IN_THE_BOWL) -> Act:
     """An arm picks up the cube on its side and brings it into its bowl, the tool at a height."""
 
-    def run(arms: Arms) -> Script:
-        yield from pick_cube(arms, side, f"{COLOUR[side]}_cube", GRASP_HEIGHT)
+    def low(arms: Arms, z: float) -> SE3:
         x, y, _ = arms.sim.position(f"{COLOUR[side]}_bowl")
-        yield from move(arms, {side: down(x, y, 0.12)})
-        yield from move(arms, {side: down(x, y, height)}, speed=0.1)
+        return down(x, y, z)
 
-    return run
+    return do(
+        (pick_cube, side, f"{COLOUR[side]}_cube", GRASP_HEIGHT),
+        (to, side, lambda arms: low(arms, 0.12)),
+        (to, side, lambda arms: low(arms, height), {"speed": 0.1}),
+    )
 
 
-def let_go(side: Side) -> Callable[[Arms], Script]:
-    def run(arms: Arms) -> Script:
-        yield from release(arms, side)
-        yield from move(arms, {side: arms.targets[side].moved(z=0.1)})
-
-    return run
+def let_go(side: Side) -> Act:
+    return do((release, side), (by, side, {"z": 0.1}))
 
 
 @pytest.mark.parametrize(("one", "other"), [SIDES, SIDES[::-1]])
@@ -82,9 +80,8 @@ def test_a_cube_that_is_dropped_may_be_picked_up_again(bench: TaskHarness) -> No
 
 def test_both_cubes_lifted_together_are_stage_two(bench: TaskHarness) -> None:
     bench.start(0)
-    for side, cube in ((Side.LEFT, "white_cube"), (Side.RIGHT, "black_cube")):
-        bench.act(lambda arms, side=side, cube=cube: pick_cube(arms, side, cube, 0.028))
-        assert bench.stage == (1 if side is Side.LEFT else 2)
+    for stage, side in enumerate(SIDES, 1):
+        assert bench.act(do((pick_cube, side, f"{COLOUR[side]}_cube", GRASP_HEIGHT))) == stage
 
 
 @pytest.mark.parametrize(

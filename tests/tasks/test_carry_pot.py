@@ -27,7 +27,6 @@ from tests.task_harness import TaskHarness
 
 ON_PLATE = PLATE[2] + HEIGHT / 2 + 0.0005
 REST_STEPS = round(REST_SECONDS * CONTROL_HZ)
-TOO_FAR = OFF_CENTRE[0] + 0.01
 
 
 def bring(arms: Arms, x: float = 0.0, y: float = 0.0, height: float = 0.04) -> Script:
@@ -37,6 +36,9 @@ def bring(arms: Arms, x: float = 0.0, y: float = 0.0, height: float = 0.04) -> S
     yield from carry_over(arms, goal_x, goal_y, height=height)
 
 
+PUT_TOO_FAR = do((bring, OFF_CENTRE[0] + 0.01), land, let_go)
+
+
 def put(bench: TaskHarness, x: float = 0.0, y: float = 0.0) -> int:
     """The stage after both arms put the pot onto the plate, beside the middle by x and y."""
 
@@ -44,14 +46,10 @@ def put(bench: TaskHarness, x: float = 0.0, y: float = 0.0) -> int:
     return bench.act(do((bring, x, y), land, let_go))
 
 
-def put_too_far(arms: Arms) -> Script:
-    yield from do((bring, TOO_FAR), land, let_go)(arms)
-
-
 def put_aside(bench: TaskHarness) -> None:
     """Both arms put the pot onto the plate, and all that is amiss is how far from the middle."""
     bench.start(0)
-    assert bench.act(put_too_far) == 2
+    assert bench.act(PUT_TOO_FAR) == 2
     assert bench.sim.contacts.partners("pot") == {"stove"}
 
 

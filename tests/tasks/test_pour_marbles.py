@@ -1,18 +1,18 @@
 import math
 
-import numpy as np
 import pytest
 
 from duobench.experts.motion import Arms, Script, move, release, together
 from duobench.experts.scripts.pour_marbles import script, take
-from duobench.objects.cup import HEAP, HEIGHT, INNER_RADIUS, MARBLE_RADIUS, OUTER_RADIUS, WALL
+from duobench.objects.cup import HEAP, HEIGHT, MARBLE_RADIUS, OUTER_RADIUS, WALL
 from duobench.sim.contacts import Limb, limb_owner
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
 from duobench.tasks.pour_marbles import CUPS, MARBLES, SQUARES, TASK
 from duobench.types import CONTROL_HZ, SIDES, Side
+from tests.steps import Act, back, do
 from tests.task_harness import TaskHarness
-from tests.ways.pour_marbles import Pouring, done, pour_with
+from tests.ways.pour_marbles import Pouring, done, marbles_in, pour_with
 
 IN_CUP = SE3.at(z=0.001)
 BESIDE_CUP = SE3.at(x=OUTER_RADIUS + MARBLE_RADIUS, z=MARBLE_RADIUS)
@@ -22,6 +22,14 @@ NEAR_FLOOR = SE3.at(z=WALL + 2 * MARBLE_RADIUS)
 REST_STEPS = round(REST_SECONDS * CONTROL_HZ) + 1
 SUNK = SE3.at(z=-0.0001)
 """As deep as things stand in the table."""
+
+
+def take_both(arms: Arms) -> Script:
+    yield from together(*(take(arms, side) for side in SIDES))
+
+
+def lower_both(arms: Arms) -> Script:
+    yield from move(arms, {side: arms.targets[side].moved(z=-0.06) for side in SIDES})
 
 
 def _sides(bench: TaskHarness, seed: int) -> tuple[Side, Side]:
@@ -60,12 +68,6 @@ def _put_moving(bench: TaskHarness, speed: float, prop: str, pose: SE3) -> int:
     bench.sim.place(prop, pose)
     bench.push(prop, speed, first=2)
     return bench.judge()
-
-
-def _in_cup(bench: TaskHarness, side: Side) -> int:
-    local = bench.sim.pose(CUPS[side]).inverse().apply([bench.sim.position(m) for m in MARBLES])
-    across = np.hypot(local[:, 0], local[:, 1]) < INNER_RADIUS
-    return int((across & (local[:, 2] > 0) & (local[:, 2] < HEIGHT)).sum())
 
 
 @pytest.mark.parametrize("source", SIDES)
@@ -181,15 +183,14 @@ def test_a_target_that_stood_with_marbles_must_be_emptied_first(bench: TaskHarne
 def _let_go(bench: TaskHarness) -> Side:
     """An episode after both cups were let go on the table, beside their squares: the target."""
     _, target = _sides(bench, 1)
-    assert bench.act(lambda arms: together(*(take(arms, side) for side in SIDES))) == 3
+    assert bench.act(take_both) == 3
     bench.put(**_into(bench, target))
-    low = {side: bench.arms.targets[side].moved(z=-0.06) for side in SIDES}
-    bench.act(lambda arms: move(arms, low))
+    bench.act(lower_both)
 
     def released() -> bool:
         return not any(bench.sim.contacts.gripper(side, CUPS[side]) for side in SIDES)
 
-    bench.run_until(lambda arms: release(arms, *SIDES), released)
+    bench.run_until(do((release, *SIDES)), released)
     away = {side: pose @ SE3.at(z=-0.1) for side, pose in bench.arms.targets.items()}
     bench.act(lambda arms: move(arms, away))
     aside = {name: pose.moved(x=0.07) for name, pose in _home(bench).items()}
@@ -251,20 +252,15 @@ def test_full_marks_need_every_marble_to_stay_in_the_target(bench: TaskHarness) 
 def test_full_marks_need_both_cups_released(bench: TaskHarness, side: Side) -> None:
     _, target = _sides(bench, 1)
 
-    def leave(arms: Arms, side: Side) -> Script:
-        yield from release(arms, side)
-        yield from move(arms, {side: arms.targets[side] @ SE3.at(z=-0.1)})
+    def leave(side: Side) -> Act:
+        return do((release, side), (back, side, 0.1))
 
-    def lower(arms: Arms) -> Script:
-        yield from move(arms, {s: arms.targets[s].moved(z=-0.06) for s in SIDES})
-        yield from leave(arms, side.other)
-
-    assert bench.act(lambda arms: together(*(take(arms, s) for s in SIDES))) == 3
+    assert bench.act(take_both) == 3
     bench.put(**_into(bench, target))
     assert bench.stage == 5
-    assert bench.act(lower) == 5
+    assert bench.act(do(lower_both, leave(side.other))) == 5
     assert bench.hold(REST_STEPS) == 5
-    bench.act(lambda arms: leave(arms, side))
+    bench.act(leave(side))
     assert bench.hold(REST_STEPS) == 6
 
 
@@ -272,4 +268,4 @@ def test_every_marble_begins_in_the_full_cup(bench: TaskHarness) -> None:
     for seed in range(2):
         source, _ = _sides(bench, seed)
         assert bench.hold(30) == 0
-        assert _in_cup(bench, source) == len(MARBLES)
+        assert marbles_in(bench.sim, source) == len(MARBLES)

@@ -3,7 +3,6 @@ import math
 import numpy as np
 import pytest
 
-from duobench.experts.motion import Arms, Script, move, wait
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT
 from duobench.sim.layout import Layout
@@ -11,7 +10,7 @@ from duobench.spatial import SE3
 from duobench.stages.placing import PUT_HEIGHT
 from duobench.stages.predicates import STILL_SPEED
 from duobench.types import Side
-from tests.steps import bring, drop
+from tests.steps import bring, by, do, drop, pause
 from tests.task_harness import TaskHarness
 from tests.ways.transfer_cube import both_hold, hand_over
 
@@ -27,14 +26,7 @@ ON_RIM = SE3.at(x=RADIUS - 0.001, z=RIM_HEIGHT + CUBE_EDGE / 2 - 0.0005)
 TOO_HIGH = SE3.at(z=RIM_HEIGHT + PUT_HEIGHT + CUBE_EDGE / 2 + 0.001)
 
 
-def hand_over_and_bring(arms: Arms) -> Script:
-    yield from hand_over(arms)
-    yield from bring(arms, LEFT, "cube", LOW_IN_BOWL)
-
-
-def withdraw(arms: Arms) -> Script:
-    """Take the hand out of the bowl, when the block has been put elsewhere."""
-    yield from move(arms, {LEFT: arms.targets[LEFT].moved(z=0.25)})
+BRING = do(hand_over, (bring, LEFT, "cube", LOW_IN_BOWL))
 
 
 def in_bowl(bench: TaskHarness) -> bool:
@@ -44,7 +36,7 @@ def in_bowl(bench: TaskHarness) -> bool:
     return bool(np.hypot(*offset[:2]) < RADIUS) and "bowl" in touching and "table" not in touching
 
 
-# --- what must not count; what two arms can do of it is in tests/ways ---------------------
+# --- what must not count; what two arms can do of it is in tests/ways ----------------------------
 
 
 def test_both_arms_hold_what_they_have_lifted(table: TaskHarness) -> None:
@@ -55,15 +47,10 @@ def test_both_arms_hold_what_they_have_lifted(table: TaskHarness) -> None:
 
 
 def test_a_block_that_is_still_held_in_the_bowl_does_not_count(table: TaskHarness) -> None:
-    def hold_on(arms: Arms) -> Script:
-        yield from hand_over(arms)
-        yield from bring(arms, LEFT, "cube", LOW_IN_BOWL)
-        yield from wait(30)
-
-    assert table.act(hold_on) == 3
+    assert table.act(do(BRING, (pause, 30))) == 3
     assert in_bowl(table)
     assert max(table.sim.speed("cube")) < STILL_SPEED
-    table.act(lambda arms: drop(arms, LEFT))
+    table.act(do((drop, LEFT)))
     assert table.hold(20) == 4
 
 
@@ -75,9 +62,9 @@ def test_a_block_that_is_still_held_in_the_bowl_does_not_count(table: TaskHarnes
 def test_a_block_that_left_the_bowl_again_does_not_count(
     table: TaskHarness, elsewhere: SE3
 ) -> None:
-    table.act(hand_over_and_bring)
+    table.act(BRING)
     table.put(cube=table.sim.pose("bowl") @ elsewhere)
-    assert table.act(withdraw) == 3
+    assert table.act(do((by, LEFT, {"z": 0.25}))) == 3  # the hand leaves the bowl
     table.put(cube=table.sim.pose("bowl") @ LYING)
     assert table.hold(20) == 3
     assert in_bowl(table)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from duobench.experts.handover import pick_bar
-from duobench.experts.motion import Arms, Script, down, grip, move, wait
+from duobench.experts.motion import down, grip
 from duobench.experts.scripts.transfer_gate import BAR, lower_onto_mat
 from duobench.objects import gate as gates
 from duobench.objects.blocks import CUBE_EDGE
@@ -14,7 +14,7 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.tasks.transfer_gate import CROSSING_RADIUS, TASK
 from duobench.types import Side
-from tests.steps import drop
+from tests.steps import do, drop, pause, to
 from tests.task_harness import TaskHarness
 from tests.ways.transfer_gate import hand_over
 
@@ -49,7 +49,7 @@ def on_mat_in_hand(bench: TaskHarness) -> bool:
     return contacts.grasped(LEFT, "block") and contacts.between("block", "mat")
 
 
-# --- what must not count; what two arms can do of it is in tests/ways ---------------------
+# --- what must not count; what two arms can do of it is in tests/ways ----------------------------
 
 
 @pytest.mark.parametrize(
@@ -59,19 +59,15 @@ def on_mat_in_hand(bench: TaskHarness) -> bool:
 def test_the_plane_must_be_crossed_inside_the_ring(
     table: TaskHarness, aside: float, stage: int
 ) -> None:
-    assert table.act(lambda arms: pick_bar(arms, BAR)) == 1
+    assert table.act(do((pick_bar, BAR))) == 1
     slide_gate_over_block(table, aside=aside)
     assert table.stage == stage
 
 
 def test_crossing_on_the_table_does_not_count(table: TaskHarness) -> None:
-    def grasp(arms: Arms) -> Script:
-        x, y, z = arms.sim.position("block")
-        yield from move(arms, {RIGHT: down(x, y, z + 0.1, yaw=0.3)})
-        yield from move(arms, {RIGHT: down(x, y, z + 0.012, yaw=0.3)})
-        yield from grip(arms, RIGHT)
-
-    table.act(grasp)
+    x, y, z = table.sim.position("block")
+    above, low = (down(x, y, z + height, yaw=0.3) for height in (0.1, 0.012))
+    table.act(do((to, RIGHT, above), (to, RIGHT, low), (grip, RIGHT)))
     assert table.sim.contacts.grasped(RIGHT, "block")
     assert table.sim.contacts.between("block", "table")
     slide_gate_over_block(table)
@@ -79,27 +75,20 @@ def test_crossing_on_the_table_does_not_count(table: TaskHarness) -> None:
 
 
 def test_a_block_that_is_still_held_on_the_mat_does_not_count(table: TaskHarness) -> None:
-    def hold_on(arms: Arms) -> Script:
-        yield from hand_over(arms)
-        yield from lower_onto_mat(arms, LEFT)
-        yield from wait(20)
-
-    assert table.act(hold_on) == 3
+    assert table.act(do(hand_over, (lower_onto_mat, LEFT), (pause, 20))) == 3
     assert on_mat_in_hand(table)
-    table.act(lambda arms: drop(arms, LEFT))
+    table.act(do((drop, LEFT)))
     assert table.hold(20) == 4
 
 
 def test_only_a_block_that_rests_on_the_mat_counts(table: TaskHarness) -> None:
-    table.act(hand_over)
-    assert table.act(lambda arms: lower_onto_mat(arms, LEFT)) == 3
+    assert table.act(do(hand_over, (lower_onto_mat, LEFT))) == 3
     assert on_mat_in_hand(table)
     beside = SE3.at(MAT[0], MAT[1] + HALF_MAT + 0.002, LYING_HEIGHT - 0.0002)
     table.put(mat=SE3.at(*MAT), block=beside)
     assert on_mat(table)
     assert table.stage == 3
-    for _ in range(20):
-        assert table.judge() == 3
+    assert table.rest(20) == 3
     table.put(block=beside.moved(y=-0.004))
     assert on_mat(table)
     assert table.stage == 3, "it has not rested for half a second"

@@ -1,12 +1,11 @@
 import math
-from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
 import pytest
 
 from duobench.experts.handover import let_go, pick_bar
-from duobench.experts.motion import Arms, Script, wait
+from duobench.experts.motion import Arms, Script
 from duobench.experts.scripts.transfer_reorient import (
     BAR,
     MEETING_POINT,
@@ -37,8 +36,8 @@ from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import STILL_SPEED
 from duobench.tasks.transfer_reorient import DEPTH
 from duobench.types import CONTROL_HZ, Side
-from tests.steps import meet
-from tests.task_harness import TaskHarness
+from tests.steps import do, meet, pause
+from tests.task_harness import Moments, TaskHarness
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 BOARD = SE3.at(0.5, 0.2)
@@ -52,59 +51,45 @@ UPRIGHT = SE3.about((0, 1, 0), math.pi / 2)
 
 
 @pytest.fixture(scope="module")
-def moments(bench: TaskHarness) -> dict[str, np.ndarray]:
+def moments(bench: TaskHarness) -> Moments:
     """States by letter: held by (r)ight, (b)oth, (l)eft alone, by left (i)n the hole, by left with
     the (t)ip in it, by left a little (a)bove it, by left (o)ut of it, (f)ree in the hole.
     """
-    saved = {}
+    moments = Moments(bench, LAYOUT)
+    keep = moments.keep
 
     def whole_way(arms: Arms) -> Script:
         yield from pick_bar(arms, BAR)
-        saved["r"] = bench.sim.get_state()
+        keep("r")
         yield from meet(arms, BAR, MEETING_POINT, rise=RISE, grip_at=RECEIVER_GRIP)
-        saved["b"] = bench.sim.get_state()
+        keep("b")
         yield from let_go(arms, RIGHT)
-        saved["l"] = bench.sim.get_state()
+        keep("l")
         yield from insert(arms, LEFT, mouth(HEXAGON))
-        saved["i"] = bench.sim.get_state()
+        keep("i")
         for letter, height in (("t", -0.006), ("a", 0.008), ("o", 0.020)):
             goal = upright(arms, LEFT, mouth(HEXAGON)).moved(z=height)
             yield from lead(arms, LEFT, goal, speed=0.06)
-            saved[letter] = bench.sim.get_state()
+            keep(letter)
         yield from insert(arms, LEFT, mouth(HEXAGON))
         yield from let_go(arms, LEFT)
-        saved["f"] = bench.sim.get_state()
+        keep("f")
 
-    bench.start(layout=LAYOUT)
+    moments.start()
     bench.act(whole_way)
-    return saved
+    return moments
 
 
-@dataclass(frozen=True)
-class Replay:
-    """Moments, one after another."""
-
-    table: TaskHarness
-    moments: dict[str, np.ndarray]
-
-    def stage_after(self, letters: str, **peg: SE3) -> int:
-        """The stage after moments, and then with the peg free at a pose, for as long as it rests
-        before it counts.
-        """
-        for letter in letters:
-            self.table.sim.set_state(self.moments[letter])
-            self.table.rest(REST_STEPS if letter == "f" else 1)
-        if peg:
-            self.table.sim.set_state(self.moments["f"])
-            self.table.put(**peg)
-            self.table.rest(REST_STEPS)
-        return self.table.stage
-
-
-@pytest.fixture
-def replay(table: TaskHarness, moments: dict[str, np.ndarray]) -> Replay:
-    table.start(layout=LAYOUT)  # once more: `moments` may have been played in between
-    return Replay(table, moments)
+def stage_after(moments: Moments, letters: str, **peg: SE3) -> int:
+    """The stage after moments, and then with the peg free at a pose, for as long as it rests before
+    it counts.
+    """
+    stage = moments.stage_after(letters.replace("f", "f" * REST_STEPS))
+    if not peg:
+        return stage
+    moments.at("f")
+    moments.bench.put(**peg)
+    return moments.bench.rest(REST_STEPS)
 
 
 def mouth(hole: PolygonHole) -> SE3:
@@ -117,7 +102,7 @@ def standing(hole: PolygonHole, depth: float, *, aside: float = 0.0, lean: float
     return turned @ SE3.at(z=PEG_LENGTH / 2) @ UPRIGHT
 
 
-# --- what must not count; what two arms can do of it is in tests/ways ---------------------
+# --- what must not count; what two arms can do of it is in tests/ways ----------------------------
 
 
 @pytest.mark.parametrize(
@@ -136,9 +121,9 @@ def standing(hole: PolygonHole, depth: float, *, aside: float = 0.0, lean: float
     ],
 )
 def test_a_peg_counts_where_it_was_led_in_and_let_go(
-    replay: Replay, letters: str, stage: int
+    moments: Moments, letters: str, stage: int
 ) -> None:
-    assert replay.stage_after(letters) == stage
+    assert stage_after(moments, letters) == stage
 
 
 @pytest.mark.parametrize(
@@ -161,29 +146,25 @@ def test_a_peg_counts_where_it_was_led_in_and_let_go(
     ids=["in", "too high", "aside", "leaning", "other end", "square", "triangle", "on the board"],
 )
 def test_depth_offset_and_angle_are_those_of_the_task(
-    replay: Replay, pose: SE3, stage: int
+    moments: Moments, pose: SE3, stage: int
 ) -> None:
-    assert replay.stage_after("rbli", peg=pose) == stage
+    assert stage_after(moments, "rbli", peg=pose) == stage
 
 
-def test_a_peg_that_moves_does_not_count(replay: Replay) -> None:
-    replay.stage_after("rbli")
-    replay.table.sim.set_state(replay.moments["f"])
-    for speed in (STILL_SPEED + 0.01, 0.0):
-        replay.table.push("peg", speed)
-        assert replay.table.rest(REST_STEPS) == (3 if speed else 4)
+def test_a_peg_that_moves_does_not_count(moments: Moments) -> None:
+    stage_after(moments, "rbli")
+    moments.at("f")
+    for speed, stage in ((STILL_SPEED + 0.01, 3), (0.0, 4)):
+        moments.bench.push("peg", speed)
+        assert moments.bench.rest(REST_STEPS) == stage
 
 
 @pytest.mark.parametrize("hole", [SQUARE, TRIANGLE], ids=["square", "triangle"])
-def test_the_peg_does_not_go_into_another_hole(replay: Replay, hole: PolygonHole) -> None:
-    def into(arms: Arms) -> Script:
-        yield from insert(arms, LEFT, mouth(hole))
-        yield from wait(10)
-
-    table = replay.table
-    assert replay.stage_after("rbl") == 3
+def test_the_peg_does_not_go_into_another_hole(moments: Moments, hole: PolygonHole) -> None:
+    table = moments.bench
+    assert stage_after(moments, "rbl") == 3
     table.arms = Arms(table.sim)
-    assert table.act(into) == 3
+    assert table.act(do((insert, LEFT, mouth(hole)), (pause, 10))) == 3
     assert table.sim.contacts.between("peg", "board")
     assert table.sim.min_height("peg") > BOARD_HEIGHT - TILTED_IN[hole]
 

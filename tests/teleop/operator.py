@@ -16,12 +16,25 @@ from duobench.experts.expert import find_script
 from duobench.experts.motion import Arms
 from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
 from duobench.spatial import SE3
+from duobench.teleop.messages import Message
 from duobench.types import CONTROL_HZ, SIDES
+from duobench.web.messages import reader
 
 ROOM_FROM_WORLD = SE3.at(0.3, -0.2, 1.1)
 """The operator stands somewhere else; the axes are those of the room."""
 HELD = {side: SE3.about((0.2, 1.0, 0.3), 0.7 + side.index) for side in SIDES}
 """Nobody holds a controller as the robot holds its tool."""
+
+
+HOMES = {side: SE3.at(0.1, 0.2 * side.sign, 0.3) for side in SIDES}
+"""Two hands beside each other, for sessions that are led without an expert."""
+NEITHER = {"left": False, "right": False}
+"""The clutches while no arm is led."""
+
+
+def led(*, left: bool = False, right: bool = False) -> dict[str, bool]:
+    """The clutches while some arms are led."""
+    return {"left": left, "right": right}
 
 
 def hand(pose: SE3, *, squeeze: float = 0.0, trigger: float = 0.0, **more: Any) -> dict[str, Any]:
@@ -37,13 +50,19 @@ def message(number: int, left: Any, right: Any, sent: float | None = None) -> by
     return json.dumps(said).encode()
 
 
+def said(text: bytes | str) -> Message:
+    """A message as the page's server hands it on."""
+    return read(text if isinstance(text, str) else text.decode())
+
+
+read = reader(Message)
+
+
 class Operator:
     """Leads one episode of a session after the other."""
 
-    def __init__(self, session: Teleoperation) -> None:
-        """Take a place in front of a session."""
-        self._session = session
-        self._number = 0
+    def __init__(self, session: Teleoperation, number: int = 0) -> None:
+        self._session, self._number = session, number
         self._arms: Arms | None = None
 
     def next_message(self) -> bytes:
@@ -64,7 +83,6 @@ class Operator:
         env = sim_of(self._session.env)
         self._arms = Arms(env.simulation)
         self._script = find_script(env.definition)(self._arms)
-        self._started = False
 
     def _hand(self, side: Any, squeeze: float) -> dict[str, Any]:
         assert self._arms is not None

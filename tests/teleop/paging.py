@@ -1,10 +1,12 @@
-"""Records episodes through the page: a program in the place of the browser leads both arms."""
+"""Sessions in lockstep, and episodes that are recorded through the page by a program."""
 
 from __future__ import annotations
 
 import threading
-import time
+from collections.abc import Callable
 from contextlib import closing
+from pathlib import Path
+from typing import Any
 
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.rig_sessions.teleop_page import TeleopPage, run
@@ -18,22 +20,42 @@ from tests.web.pages import TIMEOUT_S, open_page
 OPERATOR = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
 
 
-def record(task: str, data: DataSet, episodes: int) -> None:
-    """Record episodes in lockstep: each control step waits for hands that came over the socket."""
-    device = HandDevice(lockstep=True)
-    recorder = make_recorder(task, data, OPERATOR)
-    session = Teleoperation(recorder, device, episodes=episodes, lockstep=True)
+def lockstep_session(
+    task: str,
+    data: DataSet | Path | None,
+    *,
+    actor: Actor = OPERATOR,
+    episodes: int = 1,
+    **options: Any,
+) -> Teleoperation:
+    """A session in which each control step waits for hands."""
+    recorder = make_recorder(task, data, actor, **options)
+    return Teleoperation(recorder, HandDevice(lockstep=True), episodes=episodes, lockstep=True)
+
+
+def record(
+    task: str,
+    data: DataSet,
+    episodes: int,
+    watch: Callable[[Teleoperation], None] = lambda _session: None,
+) -> Teleoperation:
+    """Record episodes with hands that follow an expert's tools and come over the socket.
+
+    What watches is called before each message. Returns the session, which is closed.
+    """
     arrived = threading.Event()
-
-    def take(is_driver: bool, message: bytes) -> str | None:
-        assert is_driver
-        session.receive(message, time.monotonic())
-        arrived.set()
-        return None
-
-    with closing(session), closing(PageServer(assets())) as server:
+    with (
+        closing(lockstep_session(task, data, episodes=episodes)) as session,
+        closing(PageServer(assets())) as server,
+    ):
         TeleopPage(session, server)
-        server.on_message = take  # as it does, and notes that a message has arrived
+        take = server.on_message
+
+        def take_and_note(message: Any) -> None:
+            take(message)
+            arrived.set()
+
+        server.on_message = take_and_note
         operator = Operator(session)
         with open_page(server.url) as page:
             page.say(kind="drive")
@@ -41,9 +63,11 @@ def record(task: str, data: DataSet, episodes: int) -> None:
 
             def send() -> None:
                 if session.state is not TeleopState.OVER:
+                    watch(session)
                     page.connection.send(operator.next_message().decode())
                     assert arrived.wait(TIMEOUT_S)
                     arrived.clear()
 
             send()
             run(session, send)
+    return session

@@ -1,7 +1,5 @@
 """What is recorded in a session is data: checked, shown, replayed, exported as that of experts."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -9,7 +7,7 @@ import pytest
 from duobench.cli import main
 from duobench.data import DataSet, ExportOptions, export_lerobot, find_problems
 from duobench.replay import replay
-from tests.teleop.paging import OPERATOR, record
+from tests.teleop.paging import record
 
 TASKS = ("bin_sort", "carry_pot")
 EPISODES = 2
@@ -39,12 +37,6 @@ def test_nothing_is_wrong_with_it(data: DataSet, capsys: pytest.CaptureFixture[s
     assert not find_problems(data)
     main(["data", "check", str(data.path)])
     assert str(len(TASKS) * EPISODES) in capsys.readouterr().out
-    for recording in data.recordings():
-        outcome = recording.info.outcome
-        assert outcome is not None
-        assert (outcome.success, outcome.kept, outcome.cut) == (True, True, False)
-        assert recording.info.actor == OPERATOR
-        assert recording.clutch.all()
 
 
 def test_every_episode_is_replayed_to_the_last_bit(data: DataSet) -> None:

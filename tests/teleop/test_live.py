@@ -12,28 +12,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from duobench.data import Actor, ActorKind, DataSet
+from duobench.data import DataSet
 from duobench.envs.sim_env import sim_of
 from duobench.rig_sessions.teleop_page import WATCHING, TeleopPage
-from duobench.rig_sessions.teleoperation import AWAY, Teleoperation, make_recorder
+from duobench.rig_sessions.teleoperation import AWAY, Teleoperation
 from duobench.spatial import SE3
-from duobench.teleop.hands import HandDevice
 from duobench.web.geometry import Geometry
-from duobench.web.messages import unpack_frame
 from duobench.web.server import PageServer
-from tests.teleop.operator import hand, message
-from tests.web.pages import Page, open_page, wait_until
+from tests.teleop.operator import NEITHER, hand, led, message, said
+from tests.teleop.paging import lockstep_session
+from tests.web.pages import Page, open_page, unpack_frame, wait_until
 
 TASK = "carry_pot"
-ACTOR = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="follower", device="hands")
+BOTH = led(left=True, right=True)
 
 
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Teleoperation]:
-    device = HandDevice(lockstep=True)
-    session = Teleoperation(
-        make_recorder(TASK, DataSet.open(tmp_path), ACTOR), device, lockstep=True
-    )
+    session = lockstep_session(TASK, DataSet.open(tmp_path))
     yield session
     session.close()
 
@@ -52,10 +48,12 @@ def running(session: Teleoperation) -> Iterator[PageServer]:
 
 
 class Driver:
-    """Sends samples of two hands beside each other."""
+    """Takes the place of the driver, and sends samples of two hands beside each other."""
 
     def __init__(self, page: Page) -> None:
         self._page, self._number = page, 0
+        page.say(kind="drive")
+        page.hear_of("role", role="driver")
 
     def send(self, *, squeeze: float, height: float = 0.0) -> None:
         self._number += 1
@@ -69,10 +67,8 @@ def tool_heights(session: Teleoperation) -> np.ndarray:
 
 def test_whoever_drives_leads_and_the_others_watch(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page, open_page(server.url) as other:
-        other.say(kind="hands")
+        other.say(kind="keep")
         assert other.hear_of("refused")["reason"] == WATCHING
-        page.say(kind="drive")
-        page.hear_of("role", role="driver")
         driver, before = Driver(page), tool_heights(session)
         driver.send(squeeze=0)
         for number in range(20):
@@ -81,7 +77,7 @@ def test_whoever_drives_leads_and_the_others_watch(session: Teleoperation) -> No
             driver.send(squeeze=1, height=0.095)
         shown = other.hear_of("status", step=50)
         np.testing.assert_allclose(tool_heights(session) - before, 0.095, rtol=0, atol=0.002)
-        assert (shown["state"], shown["clutch"]) == ("recording", {"left": True, "right": True})
+        assert (shown["state"], shown["clutch"]) == ("recording", BOTH)
         assert shown["instruction"].startswith("Lift the pot by both handles")
         assert set(shown["tools"]) == {"left", "right"}
 
@@ -99,53 +95,33 @@ def test_frames_show_where_the_bodies_are(session: Teleoperation) -> None:
 def test_a_driver_who_leaves_lets_go_and_frees_the_place(session: Teleoperation) -> None:
     with running(session) as server:
         with open_page(server.url) as page:
-            page.say(kind="drive")
             driver = Driver(page)
             driver.send(squeeze=0)
             driver.send(squeeze=1)
             wait_until(lambda: session.device.clutch == (True, True))
         with open_page(server.url) as next_page:
-            next_page.say(kind="drive")
-            next_page.hear_of("role", role="driver")
-            # What is still squeezed is no new squeeze.
-            driver = Driver(next_page)
-            driver.send(squeeze=1)
-            next_page.hear_of("status", clutch={"left": False, "right": False})
+            Driver(next_page).send(squeeze=1)  # what is still squeezed is no new squeeze
+            next_page.hear_of("status", clutch=NEITHER)
             assert session.device.clutch == (False, False)
 
 
-def test_a_recording_waits_while_the_driver_is_away(session: Teleoperation) -> None:
+def test_watchers_are_told_that_the_recording_waits(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as watcher:
         with open_page(server.url) as page:
-            page.say(kind="drive")
             driver = Driver(page)
             driver.send(squeeze=0)
             for number in range(10):
                 driver.send(squeeze=1, height=0.005 * number)
             watcher.hear_of("status", step=10, state="recording")
-        paused = watcher.hear_of("status", state="paused")
-        assert paused["note"] == AWAY
-        commanded = session.env.base.backend.last_command.joints
+        assert watcher.hear_of("status", state="paused")["note"] == AWAY
         with open_page(server.url) as next_page:
-            next_page.say(kind="drive")
-            driver = Driver(next_page)
-            driver.send(squeeze=0)
+            Driver(next_page).send(squeeze=0)
             assert watcher.hear_of("status", state="recording")["note"] == ""
-            driver.send(squeeze=1)
-            led = {"left": True, "right": True}
-            assert watcher.hear_of("status", clutch=led)["step"] == 12
-    now = session.env.base.backend.last_command.joints
-    np.testing.assert_allclose(now, commanded, rtol=0, atol=1e-3)
-    session.close()
-    data = session.env.data
-    assert data is not None
-    (recording,) = data.recordings()
-    assert recording.clutch.tolist() == [[True, True]] * 10 + [[False, False], [True, True]]
 
 
 def test_what_is_no_message_is_refused_and_the_session_lives(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page:
-        page.say(kind="drive")
+        driver = Driver(page)
         for bad in (
             {"kind": "hands"},
             {"kind": "hands", "sent": 0, "seq": 1, "left": hand(SE3()) | {"squeeze": 2}},
@@ -153,7 +129,7 @@ def test_what_is_no_message_is_refused_and_the_session_lives(session: Teleoperat
         ):
             page.say(**bad)
             assert page.hear_of("refused")["reason"]
-        Driver(page).send(squeeze=0)
+        driver.send(squeeze=0)
         page.hear_of("status", note="Squeeze a clutch to begin.")
 
 
@@ -163,6 +139,6 @@ def test_nothing_is_computed_while_nobody_looks(
     asked: list[float] = []
     monkeypatch.setattr(Geometry, "poses", lambda _self, _data: asked.append(time.monotonic()))
     with running(session):
-        session.receive(message(0, hand(SE3()), hand(SE3())), time.monotonic())
+        session.receive(said(message(0, hand(SE3()), hand(SE3()))), time.monotonic())
         wait_until(lambda: "Squeeze" in session.note)
     assert asked == []

@@ -11,7 +11,8 @@ from duobench.rig_sessions.teleop_page import PERIOD_S, Timings, run
 from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make_recorder
 from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
-from tests.teleop.operator import hand, message
+from tests.teleop.operator import hand, message, said
+from tests.teleop.paging import lockstep_session
 
 STEPS = 15
 
@@ -30,7 +31,7 @@ def squeeze(session: Teleoperation, stop: threading.Event) -> None:
     while not stop.is_set():
         one = hand(SE3(), squeeze=float(number > 3))
         now = time.monotonic()
-        session.receive(message(number, one, one, sent=1000.0 * now), now)
+        session.receive(said(message(number, one, one, sent=1000.0 * now)), now)
         number += 1
         time.sleep(1 / 60)
 
@@ -68,15 +69,14 @@ def test_a_late_loop_slows_simulated_time_and_leaves_no_step_out(
 
 
 def test_in_lockstep_a_session_waits_for_its_messages() -> None:
-    env = make_recorder("bin_sort", None, Actor(), time_limit_s=STEPS * PERIOD_S)
-    session = Teleoperation(env, HandDevice(lockstep=True), episodes=1, lockstep=True)
+    session = lockstep_session("bin_sort", None, time_limit_s=STEPS * PERIOD_S)
     steps = []
 
     def send() -> None:
         """The next message comes when the page has seen what the last one did."""
         steps.append(session.status()["step"])
         one = hand(SE3(), squeeze=float(len(steps) > 1))
-        session.receive(message(len(steps), one, one), time.monotonic())
+        session.receive(said(message(len(steps), one, one)), time.monotonic())
 
     send()
     run(session, send, is_stopped=lambda: session.state is TeleopState.DECIDE)
@@ -86,6 +86,4 @@ def test_in_lockstep_a_session_waits_for_its_messages() -> None:
 
 
 def test_times_are_none_before_the_first_step() -> None:
-    timings = Timings()
-    assert timings.summary() == {}
-    assert timings.latency_ms is None
+    assert (Timings().summary(), Timings().latency_ms) == ({}, None)

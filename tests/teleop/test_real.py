@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +21,14 @@ from duobench.rig_sessions.rig_teleoperation import (
     make_real_recorder,
 )
 from duobench.rig_sessions.teleoperation import TeleopState
-from duobench.spatial import SE3
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
-from tests.teleop.operator import hand, message
+from duobench.web.server import PageServer
+from tests.teleop.operator import HOMES, hand, message, said
+from tests.web.pages import open_page, wait_until
 
 TASK = "carry_pot"
 PERSON = Actor(kind=ActorKind.PERSON, name="P07", device="headset")
-HOMES = {Side.LEFT: SE3.at(0.1, 0.2, 0.3), Side.RIGHT: SE3.at(0.1, -0.2, 0.3)}
 
 
 class Terminal:
@@ -59,7 +60,7 @@ class Bench:
     def send(self, squeeze: float = 0.0, height: float = 0.0) -> None:
         now = self.turn / CONTROL_HZ
         hands = [hand(HOMES[side].moved(0.0, 0.0, height), squeeze=squeeze) for side in SIDES]
-        self.session.receive(message(self.turn, *hands), now)
+        self.session.receive(said(message(self.turn, *hands)), now)
         self.session.advance(now)
         self.turn += 1
 
@@ -70,7 +71,7 @@ class Bench:
             self.send(1.0, 0.03 * min(1.0, step / 15))
 
     def say(self, kind: str) -> None:
-        self.session.receive(f'{{"kind": "{kind}"}}', self.turn / CONTROL_HZ)
+        self.session.receive(said(f'{{"kind": "{kind}"}}'), self.turn / CONTROL_HZ)
         self.session.advance(self.turn / CONTROL_HZ)
 
 
@@ -136,42 +137,22 @@ def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
     assert "joint_reflex" in str(episode.info.outcome.reason)
 
 
-class Page:
-    """A page that remembers what it was shown."""
-
-    has_viewers = True
-
-    def __init__(self) -> None:
-        self.frames: list[bytes] = []
-        self.scenes: list[str] = []
-        self.statuses: list[dict[str, Any]] = []
-        self.on_message: Any = None
-        self.on_driver_lost: Any = None
-
-    def publish_frame(self, frame: bytes) -> None:
-        self.frames.append(frame)
-
-    def publish_scene(self, name: str, data: bytes) -> None:
-        assert data
-        self.scenes.append(name)
-
-    def publish_status(self, status: dict[str, Any]) -> None:
-        self.statuses.append(status)
-
-    def pulse(self, *pulse: Any) -> None:
-        assert pulse
-
-
 def test_the_page_shows_the_arms_and_holds_them_when_it_is_lost(tmp_path: Path) -> None:
-    bench, page = Bench(tmp_path), Page()
-    live = RigTeleopPage(bench.session, page)  # type: ignore[arg-type]
-    first = page.frames[-1]
-    for _ in range(3):
-        bench.lead(10)
-        live.show()
-    assert page.frames[-1] != first
-    assert page.statuses[-1]["state"] == "recording"
-    page.on_driver_lost()
+    bench = Bench(tmp_path)
+    with closing(PageServer({})) as server:
+        live = RigTeleopPage(bench.session, server)
+        with open_page(server.url) as page:
+            page.say(kind="drive")
+            page.hear_of("role", role="driver")
+            live.show()
+            first = page.frame()
+            for _ in range(3):
+                bench.lead(10)
+                live.show()
+            page.hear_of("status", state="recording")
+            while page.frame()[16:] == first[16:]:  # the arms have moved in the newest one
+                pass
+        wait_until(lambda: not server.has_viewers)
     bench.send(1.0)
     assert bench.session.state is TeleopState.DECIDE
     assert "connection" in bench.session.note

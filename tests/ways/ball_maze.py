@@ -33,14 +33,11 @@ ONE_ARM = Side.LEFT
 """The arm that does everything where one is enough."""
 REST = 20
 """Control steps in which the ball comes to rest."""
-MAX_SOLVE = 500
-"""Control steps after which the ball is not rolled on: the board may have slipped out of a hand."""
-MAX_JERKS = 60
-"""How often the board is jerked at most."""
+MAX_SOLVE, MAX_JERKS, MAX_YANKS = 500, 60, 8
+"""Control steps after which the ball is not rolled on, as the board may have slipped out of a hand;
+how often the board is jerked or yanked at most."""
 YANK_UP, YANK_DOWN, YANK_ASIDE = 0.19, 0.11, 0.12
 """How far the board is yanked up, then down and to a side, in metres from where it is."""
-MAX_YANKS = 8
-"""How often the board is yanked at most."""
 BACK_STEPS = 25
 """Control steps for which the ball is let roll back."""
 LOOSE, LOOSENED = Side.LEFT, 0.25
@@ -181,12 +178,7 @@ def press_half_open_fingers(arms: Arms) -> Script:
 
 
 def loosened(steps: int, run: int) -> Callable[[Arms], Script]:
-    """During a run, one hand opens for some control steps, and takes its grip again.
-
-    Args:
-        steps: For how many.
-        run: In which run, from 0.
-    """
+    """During a run, from 0 on, one hand opens for some control steps, and takes its grip again."""
 
     def play(arms: Arms) -> Script:
         yield from take_up(arms)
@@ -235,14 +227,12 @@ ADVERSARIES: dict[str, Way] = {
 
 # --- sincere ways ---------------------------------------------------------------------------------
 
-NEAR_GOAL = 0.015
-"""Largest distance in metres of the ball from the goal's centre [task definitions]."""
-IN_THE_AIR = 0.010
-"""Height in metres by which a board in the air is raised at least."""
-REACH = 0.155
-"""Distance in metres from the board's middle to the farthest point of its grips."""
-CLEARANCE = 0.008
-"""Height in metres that a tilted board keeps above the table: it sags in the grippers."""
+NEAR_GOAL, IN_THE_AIR = 0.015, 0.010
+"""Largest distance in metres of the ball from the goal's centre [task definitions], and least
+height of a board in the air."""
+REACH, CLEARANCE = 0.155, 0.008
+"""Distance in metres from the board's middle to the farthest point of its grips, and height that a
+tilted board keeps above the table: it sags in the grippers."""
 
 
 def done(sim: Simulation) -> bool:
@@ -261,10 +251,7 @@ def done(sim: Simulation) -> bool:
 def comes_again(runs: int, handling: Handling) -> Callable[[Arms], Script]:
     """The ball rolls back after some runs, is caught, and comes again.
 
-    Args:
-        runs: How many runs it takes first; more than there are bring it to the goal, out of which
-            it rolls before half a second is over.
-        handling: How the board is taken and moved.
+    After more runs than there are it is at the goal, and rolls out before half a second is over.
     """
 
     def play(arms: Arms) -> Script:

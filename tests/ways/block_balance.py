@@ -23,20 +23,16 @@ LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR, FAR = 0.032, 0.078
 """Distances in metres of a block from the beam's middle: where one alone does not tip it, and at
 its end."""
-GRASP = 0.020
-"""Height in metres of the tool above a block's middle."""
-BEAM_GRASP = 0.014
-"""Height in metres of the tool above the beam's middle."""
-BESIDE = 0.03
-"""Height in metres of the beam's middle while it is held beside the cube."""
-OFF_CENTRE = 0.004
-"""How far outside the cube the middle of a beam is that slides off it, in metres."""
+GRASP, BEAM_GRASP = 0.020, 0.014
+"""Heights in metres of the tool above a block's middle, and above the beam's."""
+BESIDE, OFF_CENTRE = 0.03, 0.004
+"""Height in metres of the middle of a beam that is held beside the cube, and how far outside the
+cube the middle of one is that slides off it."""
 LEVEL, STANDING = math.radians(12.0), math.radians(20.0)
 """Largest tilts of a level beam [task definitions] and of a block that stands on it."""
-END = 0.060
-"""Distance in metres from the beam's middle from which on a block alone tips it."""
-HOVER = 0.03
-"""How high above the beam blocks wait before they go down one after the other, in metres."""
+END, HOVER = 0.060, 0.03
+"""Distance in metres from the beam's middle from which on a block alone tips it, and how high above
+the beam blocks wait before they go down one after the other."""
 
 
 def done(sim: Simulation) -> bool:
@@ -128,12 +124,14 @@ def slide(arms: Arms, side: Side, name: str) -> Script:
 
 
 def build(arms: Arms, *sides: Side) -> Script:
-    """Both blocks near the middle first, one after the other, then slid out one after the other;
-    the sides are the arms for the left and the right block.
-    """
+    """Both blocks near the middle, then slid out, each by the arm that is given for it."""
     for act in (put_near, slide):
         for side, name in zip(sides, BLOCKS, strict=True):
             yield from act(arms, side, name)
+
+
+def take_both(arms: Arms) -> Script:
+    yield from together(*(take_block(arms, side) for side in SIDES))
 
 
 def tool_at(arms: Arms, side: Side) -> SE3:
@@ -199,10 +197,6 @@ def lay_aslant(arms: Arms) -> Script:
     lying = SE3.at(x, y - CUBE_EDGE / 2 - OFF_CENTRE, CUBE_EDGE + BEAM[2] / 2)
     goal = tool_for(arms, RIGHT, "beam", lying)
     yield from place(arms, RIGHT, goal, above=0.06, retreat=0.15, speed=0.3)
-
-
-def take_both(arms: Arms) -> Script:
-    yield from together(*(take_block(arms, side) for side in SIDES))
 
 
 def put_on_and_off(arms: Arms) -> Script:
@@ -314,7 +308,7 @@ def apart(arms: Arms, seconds: float, *, twice: bool = False) -> Script:
     that, and put on again together.
     """
     yield from lay_beam(arms)
-    yield from together(*(take_block(arms, side) for side in SIDES))
+    yield from take_both(arms)
     yield from lower(arms, gap=HOVER)
     late = chain(wait(round(seconds * CONTROL_HZ)), down_by(arms, HOVER, RIGHT))
     yield from together(down_by(arms, HOVER, LEFT), late)

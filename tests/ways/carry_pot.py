@@ -21,8 +21,6 @@ from tests.steps import by, pause, to
 from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, random_tempo, ways_to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
-LOW = 0.025
-"""Height in metres that clears the plate and is less than the stage asks for."""
 NEAR_X, NEAR_Y = 0.10, 0.08
 """How far from the plate's centre the pot's may be, in metres [task definitions]."""
 MAX_TILT = math.radians(10.0)
@@ -78,8 +76,8 @@ def drag(arms: Arms) -> Script:
 
 
 def carry_alone(arms: Arms) -> Script:
-    """The right arm carries the pot level: it holds an end of its handle at a slant, which a search
-    found, and turns against the pot's weight as it lifts.
+    """The right arm holds an end of its handle at a slant, which a search found, and turns against
+    the pot's weight as it lifts.
     """
     pot = arms.sim.pose("pot") @ SE3.at(yaw=math.pi)
     end = pot @ SE3.at(0.035, HANDLE_OFFSET - 0.017, HANDLE_Z - 0.013)
@@ -108,8 +106,8 @@ def put_back(arms: Arms) -> Script:
 
 
 def skim(arms: Arms) -> Script:
-    """Both carry it, so low that it is hardly lifted."""
-    yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=LOW), speed=0.1)
+    """Both carry it so low that it clears the plate and is hardly lifted."""
+    yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=0.025), speed=0.1)
     yield from wait(10)
     x, y = middle(arms)
     low = arms.sim.pose("pot")

@@ -33,14 +33,12 @@ PICKING_STEPS = 300
 PADS_APART = 0.054
 """Least distance in metres along a bar between two tools that clasp it: pads reach 23 mm beyond the
 tool point, are 22 mm wide, and come at an angle. Nearer, one hand pinches the other one's pad."""
-FACING = math.radians(75)
-"""Turn in radians of the camera of a hand that leans, away from the other arm."""
-MUCH = 0.3
-"""Lean in radians from which a hand is turned there."""
-IN_THE_AIR = 0.10
-"""Height of a bar's lowest point in metres above which hands have it."""
-SEEN = 0.001
-"""How much higher than meant, in metres, a bar may be when it is let go."""
+FACING, MUCH = math.radians(75), 0.3
+"""Turn in radians of the camera of a hand that leans, away from the other arm, and the lean from
+which on a hand is turned there."""
+IN_THE_AIR, SEEN = 0.10, 0.001
+"""Height of a bar's lowest point above which hands have it, and how much higher than meant a bar
+may be when it is let go, in metres."""
 RETREAT = 0.10
 """How far a hand is drawn back, in metres."""
 RARELY = {"slowly": 0.12, "trembling": 0.12}
@@ -97,15 +95,8 @@ def hand_over(arms: Arms, meeting: Meeting) -> Script:
 
 
 def leaning(arms: Arms, side: Side, body: str, lean: float) -> SE3:
-    """Pose of a bar whose end in the hand leans outwards, to where the hand's camera looks.
-
-    Its position is the one that it has now.
-
-    Args:
-        arms: The arms.
-        side: Which arm holds the bar.
-        body: The bar.
-        lean: Angle in radians from upright.
+    """Pose of a bar whose end in the hand leans outwards, to where the hand's camera looks, by
+    an angle in radians from upright. Its position is the one that it has now.
     """
     standing = hanging(arms, side, body)
     facing = side.sign * (FACING - CAMERA_YAW) * min(1.0, lean / MUCH)
@@ -125,15 +116,10 @@ def low_end(pose: SE3) -> Array:
 
 
 def put_down(arms: Arms, side: Side, body: str, lean: float, spot: Array, *, low: float) -> Script:
-    """Bring a long block's lower end to a spot, let go there, and draw the hand back along itself.
+    """Bring the lower end of a long block, so far from upright, to a spot (3,), let go there, and
+    draw the hand back along itself.
 
-    Args:
-        arms: The arms.
-        side: Which arm holds the block.
-        body: The block.
-        lean: Its angle in radians from upright.
-        spot: Where the middle of its lower end goes (3,).
-        low: Height in metres at which a person sees that it is low enough to let go.
+    At a height of `low` metres a person sees that it is low enough to let go.
     """
     goal = leaning(arms, side, body, lean)
     goal = goal.moved(*(spot - low_end(goal)))
@@ -154,13 +140,8 @@ def at_rest(speed: tuple[float, float]) -> bool:
 def random_grasps(
     rng: np.random.Generator, bar: Bar, reach: float, left: float = 0.0
 ) -> dict[str, Any]:
-    """A giver's grasp and where the receiver clasps: anywhere that two hands have room.
-
-    Args:
-        rng: Random numbers.
-        bar: The bar as the expert holds it.
-        reach: How far from the bar's centre the receiver's tool is at most, in metres.
-        left: How often the left arm gives.
+    """A giver's grasp, now and then the left arm's, and where the receiver clasps: anywhere that
+    two hands have room, its tool at most `reach` metres from the bar's centre.
     """
     grip = rng.uniform(0.012, 0.040)
     bar = replace(

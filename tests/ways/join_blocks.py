@@ -43,14 +43,12 @@ LIGHT, DARK = "light_block", "dark_block"
 DEEP = 0.010
 """Depth in metres from which on a peg is inserted."""
 GRASP_HEIGHT, RETREAT = 0.026, 0.10
-HALF_OPEN = 0.2
-"""Opening at which the fingertips are less far apart than a block is wide."""
-FINGERTIP = 0.012
-"""How far the fingertips reach beyond the tool centre point, in metres."""
-BEFORE = 0.02
-"""Distance in metres between peg and socket from which a block is pushed in a straight line."""
-ROOM = 0.10
-"""Distance in metres to the wall at which the arms do not touch it."""
+HALF_OPEN, FINGERTIP = 0.2, 0.012
+"""Opening at which the fingertips are less far apart than a block is wide, and how far they reach
+beyond the tool centre point, in metres."""
+BEFORE, ROOM = 0.02, 0.10
+"""Distances in metres between peg and socket from which a block is pushed in a straight line, and
+to the wall at which the arms do not touch it."""
 RAISE, NOSE_UP = 0.008, 0.05
 """How far a joined pair is raised, in metres, and turned up, in radians, as it leaves the table."""
 SLOW = 0.05
@@ -317,10 +315,9 @@ ADVERSARIES: dict[str, Way] = {
 APART, BEFORE_WALL = 0.03, 0.012
 """Gaps in metres of the peg from the socket before an insertion, and of the wall's peg."""
 MEETING_X = 0.565
-ASIDE_X = 0.42
-"""Where a block is handed on by the table when the arms change roles, in metres."""
-FINGERS = 0.010
-"""How far behind a block's end closed fingertips stop before they push, in metres."""
+ASIDE_X, FINGERS = 0.42, 0.010
+"""Where a block is handed on by the table when the arms change roles, and how far behind a block's
+end closed fingertips stop before they push, in metres."""
 
 
 def join(arms: Arms, how: Joining) -> Script:

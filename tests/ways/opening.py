@@ -63,11 +63,8 @@ class Opening:
     def tap(self, arms: Arms, near: SE3, angle: float, onward: Callable[[SE3], SE3]) -> Script:
         """The holding hand comes to what is open, touches it for a moment, and leaves.
 
-        Args:
-            arms: The arms.
-            near: Tool pose from which it goes there.
-            angle: Angle in radians from which on it goes.
-            onward: The next pose on its way, one a control step.
+        It waits at a tool pose `near` it until this is open by an angle in radians, and goes
+        `onward` from pose to pose, one a control step.
         """
         yield from grip(arms, self.holder, opening=CLOSED)
         yield from move(arms, {self.holder: near}, tolerance=0.02)

@@ -48,10 +48,9 @@ MIDDLE = SE3.at(0.5, 0.0)
 """Where a cup stands between the squares."""
 TURN_STEPS, BACK = 60, 4
 """Control steps in which the pouring cup turns, and how many of them it goes back in one."""
-NEARBY = 0.06
-"""How far from there, in metres, a cup is still in the middle; the pouring one is farther away."""
-MOST = 15
-"""How many marbles are enough for a deed: one that falls beside the cup is no matter."""
+NEARBY, MOST = 0.06, 15
+"""How far from there, in metres, a cup is still in the middle; the pouring one is farther away. How
+many marbles are enough for a deed: one that falls beside the cup is no matter."""
 HOLD_LEAN, POUR_LEAN = math.radians(62.0), math.radians(60.0)
 """How far the hands are from the vertical when they grasp the target and the source, in radians."""
 SHORT = 0.003
@@ -91,7 +90,7 @@ class Pouring:
 
 
 def pour_with(arms: Arms, how: Pouring) -> Script:
-    source = max(SIDES, key=lambda side: _marbles_in(arms.sim, side))
+    source = max(SIDES, key=lambda side: marbles_in(arms.sim, side))
     hold = source.other
     from_source, from_target = how.grasps
     yield from together(
@@ -120,7 +119,7 @@ def pour_with(arms: Arms, how: Pouring) -> Script:
         yield from turn(0.5, 1.0)
     else:
         yield from turn(0.0, 1.0)
-    yield from wait_until(lambda: _marbles_in(arms.sim, source) == 0, 60)
+    yield from wait_until(lambda: marbles_in(arms.sim, source) == 0, 60)
     yield from wait(10)
     yield from together(_turn_upright(arms, source, how), set_down(arms, hold, how))
     yield from set_down(arms, source, how)
@@ -204,7 +203,7 @@ def push_home(arms: Arms, how: Pouring) -> Script:
         yield from move(arms, {side: arms.targets[side].moved(z=0.12)}, speed=0.3, arrive=False)
 
 
-def _marbles_in(sim: Simulation, side: Side) -> int:
+def marbles_in(sim: Simulation, side: Side) -> int:
     """How many marbles are between a cup's walls, below its rim."""
     places = (sim.relative_position(marble, CUPS[side]) for marble in MARBLES)
     return sum(math.hypot(x, y) < INNER_RADIUS and 0.0 < z < HEIGHT for x, y, z in places)
@@ -220,7 +219,7 @@ def done(sim: Simulation) -> bool:
         if not (stands and max(abs(x), abs(y)) <= HALF_SQUARE):
             return False
     target = Side(sim.variants["full"]).other
-    return _marbles_in(sim, target) == len(MARBLES)
+    return marbles_in(sim, target) == len(MARBLES)
 
 
 # --- adversaries ----------------------------------------------------------------------------------
@@ -233,7 +232,7 @@ def out_of(sim: Simulation, side: Side) -> int:
 
 def full(sim: Simulation) -> Side:
     """The side whose cup holds the most marbles: at the start the source, at the end the target."""
-    return max(SIDES, key=lambda side: _marbles_in(sim, side))
+    return max(SIDES, key=lambda side: marbles_in(sim, side))
 
 
 def home(arms: Arms, side: Side) -> Script:
@@ -331,7 +330,7 @@ def in_the_middle(*, on_table: bool) -> Callable[[Simulation], bool]:
         side = full(sim)
         away = sim.position(CUPS[side])[:2] - MIDDLE.translation[:2]
         there = np.hypot(*away) < NEARBY and sim.contacts.between(CUPS[side], TABLE) == on_table
-        return bool(there) and _marbles_in(sim, side) >= MOST
+        return bool(there) and marbles_in(sim, side) >= MOST
 
     return holds
 

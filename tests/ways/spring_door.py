@@ -111,12 +111,8 @@ def _take_the_door_again(arms: Arms) -> Script:
 
 
 def press_shut(arms: Arms, by: float) -> Script:
-    """The left hand opens its fingers around the bar and goes back, so that it presses the door
-    shut from outside, while the other arm holds it open.
-
-    Args:
-        arms: The arms.
-        by: How far it goes back, in radians of the door.
+    """The left hand opens its fingers around the bar and goes back, by so many radians of the
+    door, so that it presses the door shut from outside, while the other arm holds it open.
     """
     oven, angle = arms.sim.pose("microwave"), arms.sim.angle(DOOR.lid)
     yield from release(arms, HOLDER, opening=_AROUND_THE_BAR)

@@ -6,6 +6,7 @@ import random
 import socket
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -14,20 +15,31 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from duobench.errors import MessageError, ServingError
-from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, pack_frame, unpack_frame
+from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, PageMessage, pack_frame
 from duobench.web.server import PageServer
-from tests.web.pages import get, open_page, wait_until
+from tests.web.pages import get, open_page, unpack_frame, wait_until
 
 ASSETS = {"/": ("text/html; charset=utf-8", b"<p>page"), "/app.js": ("text/javascript", b"1;" * 99)}
+BROKEN = (
+    *("", "[" * 4000, '{"kind":"ping","x":' + "[" * 4000, '{"kind": 3}', '{"sent": 3}'),
+    *('{"kind": "ping", "sent": "now"}', '{"kind": "fly"}', '{"kind": "select"}'),
+)
 FUZZED = 10_000
 BIG = 40_000
 
 
+class Keep(PageMessage):
+    pass
+
+
+class Select(PageMessage):
+    id: str
+
+
 @pytest.fixture
 def server() -> Iterator[PageServer]:
-    server = PageServer(ASSETS)
-    yield server
-    server.close()
+    with closing(PageServer(ASSETS)) as server:
+        yield server
 
 
 def token_of(server: PageServer) -> str:
@@ -138,8 +150,8 @@ def test_other_machines_need_a_certificate(host: str) -> None:
 
 
 def test_what_concerns_the_server_alone_is_answered_by_it(server: PageServer) -> None:
-    heard = []
-    server.on_message = lambda is_driver, data: heard.append((is_driver, json.loads(data)))
+    heard: list[PageMessage] = []
+    server.listen(Keep | Select, heard.append)
     with open_page(server.url) as page:
         page.say(kind="ping", sent=12.5)
         assert page.hear_of("pong")["sent"] == 12.5
@@ -148,36 +160,42 @@ def test_what_concerns_the_server_alone_is_answered_by_it(server: PageServer) ->
         page.say(kind="keep")
         page.hear_of("role", role="driver")
         wait_until(lambda: len(heard) == 2)
-    assert heard == [(False, {"kind": "select", "id": "a"}), (True, {"kind": "keep"})]
+    assert heard == [Select("a"), Keep()]
+
+
+def test_those_who_watch_may_be_refused(server: PageServer) -> None:
+    heard: list[PageMessage] = []
+    server.listen(Keep, heard.append, watching="You watch.")
+    with open_page(server.url) as page:
+        page.say(kind="keep")
+        assert page.hear_of("refused")["reason"] == "You watch."
+        page.say(kind="drive")
+        page.say(kind="keep")
+        wait_until(lambda: heard == [Keep()])
 
 
 @pytest.mark.parametrize(
     ("data", "reason"),
     [
         (b'{"kind": "ping"}', "is text"),
-        ("", "cannot be read"),
-        ("[" * 4000, "cannot be read"),
-        ('{"kind":"ping","x":' + "[" * 4000, "cannot be read"),
-        ('{"kind": 3}', "cannot be read"),
-        ('{"sent": 3}', "cannot be read"),
-        ('{"kind": "ping", "sent": "now"}', "cannot be read"),
-        ('{"kind": "worse"}', "Something failed here"),
-        ('{"kind": "bad"}', "too bad"),
-        ('{"kind": "odd"}', "odd"),
+        *((broken, "This message is refused") for broken in BROKEN),
+        ('{"kind": "select", "id": "worse"}', "Something failed here"),
+        ('{"kind": "select", "id": "bad"}', "too bad"),
+        ('{"kind": "select", "id": "odd"}', "odd"),
     ],
 )
 def test_a_message_is_refused_with_a_word_and_the_session_lives(
     server: PageServer, data: str | bytes, reason: str
 ) -> None:
-    def act(_is_driver: bool, data: bytes) -> str:
-        match json.loads(data)["kind"]:
+    def act(message: Select) -> str:
+        match message.id:
             case "worse":
                 raise RuntimeError
             case "bad":
                 raise MessageError("too bad")
         return "odd"
 
-    server.on_message = act
+    server.listen(Select, act)
     with open_page(server.url) as page:
         page.connection.send(data)
         assert reason in page.hear_of("refused")["reason"]
@@ -240,7 +258,7 @@ def test_ten_thousand_fuzzed_messages(server: PageServer) -> None:
 
 def test_one_drives_and_others_watch(server: PageServer) -> None:
     lost = []
-    server.on_driver_lost = lambda: lost.append(time.monotonic())
+    server.listen(None, lambda _message: None, lambda: lost.append(time.monotonic()))
     with open_page(server.url) as first, open_page(server.url) as second:
         first.say(kind="drive")
         first.hear_of("role", role="driver", viewers=1)

@@ -36,7 +36,6 @@ class Problem:
 
     path: Path
     what: str
-    """A sentence."""
 
 
 def find_problems(

@@ -46,7 +46,6 @@ class ImageSource:
     ) -> None:
         definition = catalog.get(task)
         self.object_state: ObjectState = definition.object_state
-        """Which numbers of the objects there are."""
         self.simulation = Simulation(definition.props, definition.overview)
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)

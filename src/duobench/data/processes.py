@@ -30,7 +30,7 @@ _SAFE_PATH = "PYTHONSAFEPATH"
 def run_all(
     make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: int
 ) -> Generator[R, None, None]:
-    """Do jobs, each exactly once.
+    """Do jobs, each exactly once; the results come as they are finished, until this is closed.
 
     Args:
         make: Makes what does the jobs, one after the other, in the process that does them; it can
@@ -39,14 +39,9 @@ def run_all(
         workers: Most processes at a time; they are new ones (`spawn`), so that a script that calls
             this needs an `if __name__ == "__main__":` guard. With 0 this process does the jobs.
 
-    Yields:
-        The results, in the order in which they are finished. Processes go on until the iterator is
-        closed.
-
     Raises:
         DuoBenchError: A job raised it; the others end here.
-        DataError: Processes ended by themselves, again and again, or something unforeseen happened
-            in one.
+        DataError: Processes ended by themselves, again and again, or by an unforeseen error.
     """
     if workers < 0:
         raise DataError(
@@ -95,8 +90,6 @@ def _run(
 
 
 class _Member(Generic[J]):
-    """A process that does one job after the other."""
-
     def __init__(self, make: Callable[[], Callable[[J], Any]], job: J) -> None:
         context = get_context("spawn")
         self.connection, theirs = context.Pipe()
@@ -143,7 +136,6 @@ def _safe_path() -> Iterator[None]:
 
 
 def _work(parent: int, connection: Connection, make: Callable[[], Callable[[Any], Any]]) -> None:
-    """Do jobs until the parent ends this process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
     watch_parent(parent, partial(os._exit, 1))
     do: Callable[[Any], Any] | None = None

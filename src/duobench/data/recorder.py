@@ -182,7 +182,7 @@ class Recorder(DuoWrapper):
                 self._steps_left = left - 1 if left else self._steps_after_success
                 terminated, truncated = not self._steps_left, False
             if terminated or truncated:
-                self._end(cut=False, reason=reason)
+                self.finish(cut=False, reason=reason)
         return observation, float(reward), terminated, truncated, info
 
     def intend(self, action: ArrayLike) -> None:
@@ -201,16 +201,35 @@ class Recorder(DuoWrapper):
         self._leave(reason="Another state was restored.")
         return super().restore_state(state)
 
-    def finish(self, *, kept: bool = True, reason: str | None = None) -> None:
-        """End the recording of the running episode, if there is one, before its end.
+    def finish(self, *, cut: bool = True, kept: bool = True, reason: str | None = None) -> None:
+        """End the recording of the running episode, if there is one.
 
         One that has ended and waits for `keep` or `discard` goes on waiting.
 
         Args:
+            cut: Whether it ends before the environment ended it.
             kept: Whether it is meant to be used.
             reason: Why it ended, or why it is not.
         """
-        self._end(cut=True, kept=kept, reason=reason)
+        episode = self._running
+        if episode is None:
+            return
+        rows = episode.rows
+        if not len(rows):  # not even the reset could be recorded
+            self.discard()
+            return
+        outcome = outcome_of(episode.info, rows, kept=kept, reason=reason, cut=cut)
+        if not self._keep(outcome):
+            self.discard()
+            return
+        # A step that was broken off has left another state than that of the last row.
+        is_last = np.array_equal(self._physics(), rows[-1]["state"])
+        last_hash = self.state_hash() if self._sim is not None and is_last else None
+        episode.info = replace(episode.info, outcome=outcome, last_hash=last_hash)
+        if self._is_reviewed:
+            episode.flush()
+        else:
+            self._write()
 
     @property
     def pending(self) -> Outcome | None:
@@ -241,7 +260,6 @@ class Recorder(DuoWrapper):
         return self._episode if self.pending is None else None
 
     def _seen(self, episode: EpisodeRows, observation: Observation, info: Info) -> dict[str, Any]:
-        """What a row holds of what was seen."""
         backend = self.base.backend
         row: dict[str, Any] = {
             **{name: observation[name] for name in OBSERVED},
@@ -253,27 +271,6 @@ class Recorder(DuoWrapper):
             "state": self._physics(),
         }
         return row if self._rig is None else row | self._rig.seen(episode, row["time"])
-
-    def _end(self, *, cut: bool, kept: bool = True, reason: str | None = None) -> None:
-        episode = self._running
-        if episode is None:
-            return
-        rows = episode.rows
-        if not len(rows):  # not even the reset could be recorded
-            self.discard()
-            return
-        outcome = outcome_of(episode.info, rows, kept=kept, reason=reason, cut=cut)
-        if not self._keep(outcome):
-            self.discard()
-            return
-        # A step that was broken off has left another state than that of the last row.
-        is_last = np.array_equal(self._physics(), rows[-1]["state"])
-        last_hash = self.state_hash() if self._sim is not None and is_last else None
-        episode.info = replace(episode.info, outcome=outcome, last_hash=last_hash)
-        if self._is_reviewed:
-            episode.flush()
-        else:
-            self._write()
 
     def _write(self) -> None:
         """Write the episode that has ended; where that fails, it is left to `recover`."""
@@ -292,7 +289,6 @@ class Recorder(DuoWrapper):
             self._write()
 
     def _config(self) -> EnvConfig | None:
-        """The configuration, with the look of this episode."""
         config = self.base.config
         if config is None or self._sim is None or self._sim.look == as_look(config.look):
             return config

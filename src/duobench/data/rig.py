@@ -115,14 +115,10 @@ class RigRecorder:
         videos.listen()
 
     def seen(self, episode: EpisodeRows, time_s: float) -> dict[str, Any]:
-        """Columns of a row that a rig alone fills: the full states of its arms, and its frames.
+        """Columns that a rig alone fills, of a row at a time on its clock: full states, and frames.
 
         An arm whose driver says something else than when the episode began, as after a fault, has
         NaN.
-
-        Args:
-            episode: The episode.
-            time_s: Time of the row, on the clock of the rig.
         """
         row: dict[str, Any] = {}
         readings = self._duo.readings()

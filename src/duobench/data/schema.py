@@ -112,7 +112,6 @@ class RigFacts:
     """The rig that an episode was played on."""
 
     name: str
-    """Name of the lab or of the robot."""
     hash: str
     """SHA-256 of all that its file says."""
     drivers: tuple[str, ...] = ()
@@ -159,11 +158,9 @@ class Outcome:
     """How an episode ended."""
 
     success: bool
-    """Whether the last stage was reached."""
     stage: int
     """Highest stage that was reached."""
     max_stage: int
-    """Number of the task's last stage."""
     kept: bool = True
     """Whether it is meant to be used."""
     reason: str | None = None
@@ -208,7 +205,6 @@ class EpisodeInfo:
     action_names: tuple[str, ...] = JOINT_NAMES
     """What the numbers of `action` are."""
     action_mode: str = JOINT.name
-    """Name of what they mean."""
     after_success: float = 0.0
     """Seconds that it was to go on after success, a whole number of control steps."""
     cameras: dict[str, Any] = field(default_factory=dict)

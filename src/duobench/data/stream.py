@@ -64,7 +64,6 @@ class EpisodeRows:
         self.info = info
         """What is known about it, which grows."""
         self.videos: Videos | None = None
-        """Its videos, where it has some."""
         self._head = _Head(info=info, sizes=dict(sizes))
         self._rows = np.zeros(_FIRST_CAPACITY, self._head.row_type())
         self._count = 0
@@ -99,12 +98,7 @@ class EpisodeRows:
 
 
 class EpisodeStream(EpisodeRows):
-    """Takes the rows of one episode, in a file, which is locked for as long as it is open.
-
-    Args:
-        path: Where the finished episode will be.
-        info: As for `EpisodeRows`.
-        sizes: Likewise.
+    """Takes them in a file beside the finished episode, which is locked while it is open.
 
     Raises:
         OutputError: The file cannot be made or written.
@@ -248,11 +242,7 @@ def _recording(info: EpisodeInfo, rows: NDArray[Any]) -> Recording:
 
 
 def read_left(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
-    """What was known about an episode when its recording began, and its whole rows.
-
-    Raises:
-        DataError: See `recover`.
-    """
+    """What was known about an episode when it began, and its whole rows, with that error."""
     try:
         data = partial.read_bytes()
         end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")

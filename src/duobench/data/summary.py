@@ -56,13 +56,11 @@ class TaskSummary:
     horizon: int
     """Control steps after which an evaluation's episode is truncated."""
     stages: tuple[str, ...]
-    """Names of the stages 1 to n."""
     episodes: int
     successes: int
     discarded: int
     """How many are not meant to be used."""
     cut: int
-    """How many ended before their environment ended them."""
     frames: int
     """Actions of all episodes."""
     lengths: tuple[int, ...]
@@ -207,7 +205,6 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
 
 
 def _rig(info: EpisodeInfo) -> str:
-    """The rig of an episode in words."""
     rig = info.rig
     if rig is None:
         return "a rig without a name"
@@ -249,13 +246,20 @@ def _summarize_joints(
 
 def _smoothness(recordings: Sequence[Recording]) -> Smoothness:
     """How smooth some episodes are; as smooth as can be where there is no step."""
-    targets = [_labels(each) for each in recordings]
-    increments = [np.diff(each, axis=0) for each in targets]
-    steps = max(sum(map(len, targets)), 1)
+    steps = at_limit = reversals = jumps = 0
+    for recording in recordings:
+        targets = _labels(recording)
+        increments = np.diff(targets, axis=0)
+        before, after = increments[:-1], increments[1:]
+        are_long = np.minimum(np.abs(before), np.abs(after)) > REVERSAL
+        steps += len(targets)
+        at_limit += int(_at_limit(targets).any(axis=1).sum())
+        reversals += int((are_long & (before * after < 0)).sum())
+        jumps += int((np.abs(after - before) > JUMP).any(axis=1).sum())
     return Smoothness(
-        at_limit=sum(int(_at_limit(each).any(axis=1).sum()) for each in targets) / steps,
-        reversals=sum(int(_reversals(each).sum()) for each in increments) / max(len(targets), 1),
-        jumps=sum(int(_jumps(each).any(axis=1).sum()) for each in increments) / steps,
+        at_limit=at_limit / max(steps, 1),
+        reversals=reversals / max(len(recordings), 1),
+        jumps=jumps / max(steps, 1),
     )
 
 
@@ -270,13 +274,3 @@ def _at_limit(targets: Array) -> NDArray[np.bool_]:
     """Which joint targets (T, 14) are at an end of their joint's range (T, 14)."""
     low, high = _RANGES.T
     return (targets < low + AT_LIMIT) | (targets > high - AT_LIMIT)
-
-
-def _reversals(increments: Array) -> NDArray[np.bool_]:
-    before, after = increments[:-1], increments[1:]
-    is_long = np.minimum(np.abs(before), np.abs(after)) > REVERSAL
-    return is_long & (before * after < 0)
-
-
-def _jumps(increments: Array) -> NDArray[np.bool_]:
-    return np.abs(np.diff(increments, axis=0)) > JUMP

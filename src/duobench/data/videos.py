@@ -11,8 +11,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
-from queue import Empty, Full, Queue
+from queue import Full, Queue
 from typing import Any, NamedTuple, Protocol
 
 import av
@@ -66,13 +67,11 @@ def count_frames(path: Path) -> int:
     try:
         with path.open("rb") as file, av.open(file, "r") as container:
             count = 0
-            try:
+            with suppress(FFmpegError):  # at the end of what a killed process has left
                 for packet in container.demux(video=0):
                     if packet.is_corrupt:
                         break
                     count += bool(packet.size)
-            except FFmpegError:
-                pass  # the end of what a killed process has left
             return count
     except FileNotFoundError as error:
         raise DataError(f"{path} is missing.") from error
@@ -97,11 +96,6 @@ def recovered(
     """Rows of a killed recording that name frames which are there, and what is in its videos.
 
     Where a frame was not encoded yet, a row names the newest one before it, with its age.
-
-    Args:
-        partial: The stream that was left.
-        info: What was known about the episode when it began.
-        rows: Its rows, with a field for each column.
     """
     rows, videos = rows.copy(), {}
     for place, camera in enumerate(info.videos):
@@ -121,9 +115,7 @@ class _Accepted(NamedTuple):
     """A frame that is in the video, or will be."""
 
     place: int = -1
-    """Its place in the video."""
     number: int = -1
-    """Number that the camera gave it."""
     time_s: float = np.nan
 
 
@@ -182,29 +174,18 @@ class _Encoder:
             self._thread.join()
 
     def _run(self) -> None:
-        try:
-            while (image := self._queue.get()) is not None:
+        while (image := self._queue.get()) is not None:
+            if self._error is None:  # else the queue is emptied, so that nothing waits for it
                 begun = time.monotonic()
-                self._writer.add(image)
+                self._attempt(lambda image=image: self._writer.add(image))
                 self._pace_s += _SMOOTHING * (time.monotonic() - begun - self._pace_s)
-            self._writer.close()
-        except DuoBenchError as error:
-            self._error = error
-            self._drain()
+        self._attempt(self._writer.close)
 
-    def _drain(self) -> None:
-        """Empty the queue of an encoder that has ended, so that nothing waits for it."""
-        while not self._is_closed:
-            try:
-                self._queue.get(timeout=0.1)
-            except Empty:
-                continue
-        while not self._queue.empty():
-            self._queue.get()
+    def _attempt(self, call: Callable[[], None]) -> None:
         try:
-            self._writer.close()
-        except DuoBenchError:
-            return  # the first error is the one that is said
+            call()
+        except DuoBenchError as error:
+            self._error = self._error or error  # the first one is the one that is said
 
 
 class Videos:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -86,17 +85,10 @@ class VideoFrames:
 
 
 class RecordedImages:
-    """Reads the images that belong to rows of an episode; fast where rows ascend.
+    """Reads the images that belong to rows of an episode, of some height and width in pixels.
 
-    Args:
-        recording: The episode.
-        path: Its file.
-        cameras: Which cameras to show.
-        size: Height and width of the images in pixels.
-        view_of: Gives the view of each camera.
-
-    Raises:
-        DataError: There is no video of a camera, or it cannot be read.
+    It is fast where rows ascend, and raises a `DataError` where a camera has no video, or one that
+    cannot be read.
     """
 
     def __init__(
@@ -112,12 +104,7 @@ class RecordedImages:
         self._size = size
         self._places = {name: recording.frame[:, list(info.videos).index(name)] for name in cameras}
         self._views = {name: view_of(name, info.cameras.get(name, {})) for name in cameras}
-        with ExitStack() as opening:
-            self._videos = {
-                name: opening.enter_context(closing(VideoFrames(video_path(path, name))))
-                for name in cameras
-            }
-            self._opened = opening.pop_all()
+        self._videos = {name: VideoFrames(video_path(path, name)) for name in cameras}
 
     def images(self, row: int) -> dict[str, Image]:
         """The images (height, width, 3) of a row, by camera."""
@@ -128,7 +115,8 @@ class RecordedImages:
 
     def close(self) -> None:
         """Close the videos."""
-        self._opened.close()
+        for video in self._videos.values():
+            video.close()
 
 
 def check_cameras(recording: Recording, path: Path, cameras: Sequence[str]) -> None:

@@ -1,7 +1,5 @@
-"""The evaluation protocol: which wrappers an environment is made of.
+"""The evaluation protocol: which wrappers an environment is made of, from the inside out.
 
-From the inside out: the base environment, random resets, stages, the horizon, the action mode,
-binary grippers, action chunks, object states, cameras, and worse sensing where it is shifted.
 Nothing here loads the simulation before it is asked for.
 """
 

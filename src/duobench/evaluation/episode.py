@@ -216,10 +216,7 @@ class EpisodeRunner:
             policy=name.text, metadata=metadata, config=config, batching=source.batching
         )
         self.run = Run(
-            candidates=(candidate,),
-            suite=job.suite,
-            limits=job.limits,
-            versions=package_versions(),
+            candidates=(candidate,), suite=job.suite, limits=job.limits, versions=package_versions()
         )
         kind = ActorKind.EXPERT if name.kind is PolicyKind.EXPERT else ActorKind.POLICY
         self._actor = Actor(kind=kind, name=name.text, version=metadata.version)

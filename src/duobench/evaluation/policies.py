@@ -37,13 +37,7 @@ from duobench.policy.registry import (
     no_batches,
     source_version,
 )
-from duobench.policy.serving.address import (
-    MAX_S,
-    OPENPI,
-    SERVED,
-    PolicyAddress,
-    RemoteServer,
-)
+from duobench.policy.serving.address import MAX_S, OPENPI, SERVED, PolicyAddress, RemoteServer
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
 

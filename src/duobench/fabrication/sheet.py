@@ -50,12 +50,11 @@ def outlines_of(
     Args:
         prop: The object.
         variants: Those of the layout, `Layout.variants`; the first of each by default.
-        below: Only what is lower than this, in metres above its lowest point; by default all of it,
-            as seen from above.
+        below: Only what is lower than this, in metres above its lowest point; by default all of it.
 
     Returns:
-        Outer outlines in the object's own frame, in metres: points (n, 2), counter-clockwise, the
-        longest outline first. Holes in them are left out.
+        Outer outlines without their holes in the object's own frame, in metres: points (n, 2),
+        counter-clockwise, the longest outline first.
 
     Raises:
         UnknownNameError: The variants lack a value of the object's choice.
@@ -78,6 +77,16 @@ def outlines_of(
     polygons = [np.array(polygon) for polygon in whole.simplify(1e-6).to_polygons()]
     outer = [polygon for polygon in polygons if _area(polygon) > _SMALLEST]
     return tuple(sorted(outer, key=_area, reverse=True))
+
+
+def outlines_on_table(prop: Prop, layout: Layout, below: float | None) -> tuple[Array, ...]:
+    """Outlines as of `outlines_of`, but in the table frame, where a layout has the object."""
+    pose = layout.poses[prop.name]
+    upright = SE3.at(*pose.translation[:2], yaw=pose.yaw)
+    return tuple(
+        upright.apply(np.column_stack([outline, np.zeros(len(outline))]))[:, :2]
+        for outline in outlines_of(prop, layout.variants, below=below)
+    )
 
 
 def neutral_layout(task: Task) -> Layout:
@@ -133,16 +142,10 @@ def _marks(task: Task, layout: Layout) -> Iterator[_Mark]:
             yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
             continue
         contact, seen = (
-            tuple(_on_table(each, pose) for each in outlines_of(prop, layout.variants, below=below))
+            tuple(1000 * outline for outline in outlines_on_table(prop, layout, below))
             for below in (CONTACT, None)
         )
         yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
-
-
-def _on_table(outline: Array, pose: SE3) -> Array:
-    """An outline in an object's frame as points (n, 2) of the table frame in mm."""
-    points = np.column_stack([outline, np.zeros(len(outline))])
-    return 1000 * SE3.at(*pose.translation[:2], yaw=pose.yaw).apply(points)[:, :2]
 
 
 def _area(polygon: Array) -> float:

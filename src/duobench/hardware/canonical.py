@@ -56,11 +56,9 @@ def nominal_pose(camera: str) -> SE3:
 
 
 def distorted(points: Array, lens: CameraCalibration) -> Array:
-    """Pixels (..., 2) in which a lens shows directions.
+    """Pixels (..., 2) in which a lens shows directions, by OpenCV's model, Brown and Conrady.
 
-    Args:
-        points: Directions (..., 2) as x / z and y / z, x right, y down, z forwards.
-        lens: The lens; the model is that of OpenCV, Brown and Conrady.
+    Directions (..., 2) are x / z and y / z, x right, y down, z forwards.
     """
     x, y = points[..., 0], points[..., 1]
     k1, k2, p1, p2, k3 = lens.distortion

@@ -63,10 +63,9 @@ class Follower:
         return not self.velocity.any()
 
     def aim(self, joints: Array) -> None:
-        """Approach a target, linearly over one control period from now; ends a hold.
+        """Approach joint positions (7,) in radians, linearly over one control period from now.
 
-        Args:
-            joints: Joint positions (7,) in radians; those out of range are clipped.
+        Those out of range are clipped. It ends a hold.
 
         Raises:
             ActionError: They are not seven finite numbers. Nothing changes.
@@ -80,13 +79,9 @@ class Follower:
         self._is_held = True
 
     def advance(self, dt: float) -> tuple[Array, Array]:
-        """Move the reference on.
+        """Move the reference on by the seconds since the last call.
 
-        Args:
-            dt: Seconds since the last call.
-
-        Returns:
-            Joint positions (7,) in radians and velocities (7,) in rad/s for the arm to track.
+        The arm is to track the joint positions (7,) in radians and velocities (7,) in rad/s.
         """
         dt = min(max(dt, 0.0), MAX_STEP_S)
         if dt == 0.0:

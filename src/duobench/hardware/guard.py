@@ -101,15 +101,10 @@ class Guard:
         return str(nearest) if nearest is not None and nearest.room < 0.0 else None
 
     def plan_path(self, start: Array, end: Array) -> list[Array]:
-        """A path on which nothing comes too near anything.
+        """A path between joint positions (2, 7) on which nothing comes too near anything.
 
-        Args:
-            start: Joint positions (2, 7) in radians where the arms are. They may be too near
-                something; then the path comes no nearer.
-            end: Where they are to go.
-
-        Returns:
-            Joint positions to go through, `end` last, each on a straight line from the one before.
+        At its start the arms may be too near something; then it comes no nearer. It is what to go
+        through, `end` last, each on a straight line from the one before.
 
         Raises:
             BackendError: None was found; then people move the arms by hand.

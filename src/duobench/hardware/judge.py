@@ -108,12 +108,10 @@ class HumanJudge:
         film_s: float | None = None,
         note: Callable[[StageLabel], None] = lambda _label: None,
     ) -> StageLabel:
-        """Say that a stage is reached, or take the latest label back; earlier ones may be skipped.
+        """Say that a stage is reached, or with None take the latest label back.
 
-        Args:
-            stage: The stage; None takes back.
-            film_s: When it was reached, in seconds of the episode's film; None for now.
-            note: Writes the label down before anybody sees its effect.
+        Earlier stages may be skipped. It was reached now, or at `film_s` seconds of the episode's
+        film. `note` writes the label down before anybody sees its effect.
 
         Raises:
             OptionError: There is no such stage, or nothing to take back; nothing is noted.

@@ -29,12 +29,10 @@ and a clock, and a camera's with its name; their libraries are loaded when one i
 
 
 def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True) -> FrankaDuo:
-    """A rig, not connected yet: `start` does that.
+    """A rig, its file or "simulated", not connected yet: `start` does that.
 
-    Args:
-        rig: A rig, its file, or "simulated".
-        clock: Its clock; the machine's own where none is given.
-        guard: Whether our own simulation keeps the arms apart and off the table.
+    Without a clock it takes the machine's own. With a guard our own simulation keeps the arms apart
+    and off the table.
 
     Raises:
         FileError: The file cannot be read, or is no rig.

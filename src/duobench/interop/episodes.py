@@ -59,12 +59,7 @@ class Episodes:
         self._last: Step | None = None
 
     def begin(self, task: str, index: int) -> Step:
-        """Begin an episode of the evaluation.
-
-        Args:
-            task: Id of the task, or its import path "module:ATTRIBUTE".
-            index: Index of the episode.
-        """
+        """Begin an episode of a task, named by its id or import path, as the evaluation has it."""
         if task != self._import_path:
             self.close()
         if self._env is None:
@@ -85,16 +80,10 @@ class Episodes:
         return self._last
 
     def execute(self, actions: ArrayLike) -> Step:
-        """Execute a chunk, until its end or the episode's; the last control step.
+        """Execute an action (n,) or a chunk (H, n), until its end or the episode's.
 
-        Its observation has no images if the episode ended before the chunk did.
-
-        Args:
-            actions: One action (n,) or a chunk (H, n), in the format's order.
-
-        Raises:
-            PolicyError: If they are no chunk of finite numbers; the next episode can be played.
-            ResetNeededError: If no episode is running.
+        The last step has no images if the episode ended before the chunk did. After a `PolicyError`
+        about what is no chunk of finite numbers, the episode goes on.
         """
         if self._env is None or self._last is None:
             raise ResetNeededError("No episode is running; begin one first.")
@@ -144,11 +133,7 @@ def format_for(
     send_wrist_image: bool,
     camera_resolution: Resolution | None,
 ) -> MessageFormat:
-    """A format of a name or a file, with what parameters of `vla_eval.DuoBench` change about it.
-
-    Raises:
-        DuoBenchError: If there is no such format, or no environment like that.
-    """
+    """A format of a name or a file, with what parameters of `vla_eval.DuoBench` change about it."""
     message_format = read_format(name)
     mode = _mode(message_format.actions.mode, control_mode, relative_to)
     shown = message_format.images.items()

@@ -1,7 +1,6 @@
 """DuoBench as a benchmark of vla-eval 0.8: `benchmark: duobench.interop.vla_eval:DuoBench`.
 
-The parameters of vla-eval's own DuoBench have their names here too. What is played are the episodes
-of our evaluation, so that success and progress of the same actions are the same.
+What is played are the episodes of our evaluation, so that the same actions score the same.
 """
 
 from __future__ import annotations
@@ -28,23 +27,8 @@ from duobench.tasks import catalog
 class DuoBench(StepBenchmark):
     """The tasks of DuoBench, with actions and observations as a format says.
 
-    Args:
-        task_ids: Ids of tasks, or "module:ATTRIBUTE"; all tasks if none is given.
-        seed: Index of the first episode: vla-eval's episode i is episode `seed + i` of
-            `duobench eval`.
-        frequency: Control steps a second; there is only 30.
-        max_steps: Control steps after which an episode is truncated, as a chunk of H actions
-            takes H of them; None takes each task's own.
-        send_state: Whether observations have a state.
-        send_wrist_image: Whether the wrist cameras are shown.
-        camera_resolution: [height, width] of the images, or a map from each camera to the same.
-        control_mode: "joints", "cartesian_tquat" or "cartesian_rotvec"; None takes the
-            format's, which is "joints".
-        relative_to: "none" or "last_step"; None takes the format's, which is "none".
-        binary_gripper: Whether openings are rounded to open or closed.
-        format: Names and orders of observations and actions: the name of a format, or the path
-            of a TOML file.
-        look: How images look.
+    The parameters, from `task_ids` to `look`, are those of the table in docs/serving.md; vla-eval's
+    episode i is episode `seed + i` of `duobench eval`.
 
     Raises:
         DuoBenchError: If there is no such task or format, or no environment like that.
@@ -94,10 +78,7 @@ class DuoBench(StepBenchmark):
 
     @classmethod
     def configure_render(cls, mode: str) -> dict[str, str]:
-        """Choose what renders; with "gpu" DuoBench takes the best that works, as it always does.
-
-        Returns the environment variables that were set for "cpu".
-        """
+        """Choose what renders: the best that works, or with "cpu" by the variables returned."""
         if mode == "gpu":
             return {}
         chosen = {"LIBGL_ALWAYS_SOFTWARE": "1"}

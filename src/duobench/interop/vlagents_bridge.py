@@ -1,7 +1,7 @@
 """An agent at a server of VLAgents 0.3 as a policy, for `duobench serve`.
 
-It runs where VLAgents is installed, and asks with VLAgents' own client. That unpickles what its
-server sends: connect to servers that you trust.
+It asks with VLAgents' own client, which unpickles what its server sends: connect to servers that
+you trust.
 """
 
 from __future__ import annotations
@@ -52,9 +52,6 @@ class VLAgentsPolicy:
 
     The server has no word for the start of an episode, so an agent that remembers something goes
     on with it. An observation is sent once: VLAgents' client would send it again after any error.
-
-    Raises:
-        DuoBenchError: If there is no such server or agent, or the format is one for others.
     """
 
     def __init__(self) -> None:

@@ -1,8 +1,4 @@
-"""Policies that answer many episodes at a time: the state of an episode is not in the policy.
-
-A plain policy is one of them through a `PolicyPool`, and one of them is plain through a
-`SessionPolicy`.
-"""
+"""Policies that answer many episodes at a time: the state of an episode is not in the policy."""
 
 from __future__ import annotations
 

@@ -93,14 +93,7 @@ class InferenceLoop:
         self._is_over = False
 
     def begin(self, instruction: str, seed: int) -> Future[Session]:
-        """Begin an episode.
-
-        Returns:
-            The session, or what the policy raised, as a `PolicyError`.
-
-        Raises:
-            BusyError: If too many requests wait, or the loop has ended.
-        """
+        """Begin an episode: the session, or what the policy raised, as a `PolicyError`."""
         future: Future[Session] = Future()
         self._queue((future, partial(begin, self._policy, instruction, seed)), self._calls)
         return future
@@ -108,13 +101,8 @@ class InferenceLoop:
     def act(self, session: Session, observation: Observation) -> Answer:
         """Ask for the next actions of an episode, once its last request is answered.
 
-        A future that is cancelled before its batch begins gives its place back.
-
-        Returns:
-            A chunk (H, n), or what the policy raised, as a `PolicyError`.
-
-        Raises:
-            BusyError: If too many requests wait, or the loop has ended.
+        A future that is cancelled before its batch begins gives its place back. It holds a chunk
+        (H, n), or what the policy raised, as a `PolicyError`; without a place it is a `BusyError`.
         """
         request = Answer(session, observation)
         self._queue(request, self._requests, back=session)

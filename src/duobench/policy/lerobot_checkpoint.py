@@ -61,14 +61,7 @@ class Address:
 
 
 def parse(text: str) -> Address:
-    """Read what stands after `lerobot:`.
-
-    Args:
-        text: A folder or an id, then perhaps `?` and options, joined by `&`.
-
-    Raises:
-        UnknownNameError: There is no such option.
-        PolicyError: There is no checkpoint, or a value is invalid.
+    """Read what stands after `lerobot:`: a folder or an id, then perhaps `?` and options.
 
     Example:
         >>> parse("runs/act/checkpoints/last/pretrained_model?steps=10").steps
@@ -94,10 +87,7 @@ def parse(text: str) -> Address:
 
 
 def find(checkpoint: str) -> Path:
-    """The folder of a checkpoint; one on the Hub is downloaded.
-
-    Args:
-        checkpoint: A folder, or an id `user/name` on the Hub.
+    """The folder of a checkpoint, from itself or from an id `user/name` on the Hub.
 
     Raises:
         PolicyError: It is neither, cannot be downloaded, or files are missing.
@@ -168,15 +158,11 @@ def read(path: Path) -> Mapping[str, Any]:
 def inputs(
     config: Any, rename_map: Mapping[str, str]
 ) -> tuple[tuple[str, ...], tuple[int, int] | None]:
-    """What a checkpoint sees, in the names of this benchmark.
+    """What a checkpoint sees, in names of this benchmark: cameras, and the size of their images.
 
     Args:
         config: Its configuration, LeRobot's `PreTrainedConfig`.
         rename_map: From names of the environment to names in the checkpoint.
-
-    Returns:
-        Cameras of the environment, each shown as `observation.images.<camera>`; height and width of
-        their images, None without cameras.
 
     Raises:
         PolicyError: It sees or controls what this benchmark does not have.
@@ -203,11 +189,7 @@ def inputs(
 
 
 def horizon(config: Any) -> int:
-    """Actions that a checkpoint predicts, from the current observation on.
-
-    Raises:
-        PolicyError: It is of a kind that is not supported, or must act at every step.
-    """
+    """Actions that a checkpoint predicts from the current observation on."""
     if getattr(config, "temporal_ensemble_coeff", None) is not None:
         raise PolicyError(
             "The checkpoint averages overlapping chunks (temporal_ensemble_coeff), which must be "
@@ -251,15 +233,10 @@ def _with_near_miss(key: str) -> str:
 
 
 def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
-    """What the numbers of a checkpoint's actions are.
+    """What the `size` numbers of a checkpoint's actions are; a mode says it whatever names do.
 
     Their names stand beside the checkpoint, where `duobench train` writes them, or else in the
     data set, as long as it is where it was. Sixteen numbers without names are joint targets.
-
-    Args:
-        folder: The folder of the checkpoint.
-        size: How many numbers an action has.
-        mode: The mode that they are meant for, whatever the names say.
 
     Raises:
         PolicyError: They are not known, or are not as many.

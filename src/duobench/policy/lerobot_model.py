@@ -56,14 +56,8 @@ class LeRobotPolicy:
     The model is asked for a chunk with `predict_action_chunk`; the queues inside LeRobot's policies
     stay empty, so that the state of an episode is in its session alone. A model that sees the last
     n observations is shown n consecutive ones, as in training: the last n - 1 actions of a chunk
-    are given one at a time.
-
-    Args:
-        text: What stands after `lerobot:` in its name; see `lerobot_checkpoint.Address`.
-
-    Raises:
-        PolicyError: It cannot be loaded, or does not fit this benchmark.
-        UnknownNameError: There is no such option.
+    are given one at a time. The text is what `lerobot_checkpoint.parse` reads; what cannot be
+    loaded, or does not fit this benchmark, is a `PolicyError`.
     """
 
     def __init__(self, text: str) -> None:
@@ -248,13 +242,10 @@ def _version(folder: Path, steps: int, mode: str, model: Any, device: str, amp: 
 class EpisodeNoise(TorchFunctionMode):
     """While active, normal noise for a batch is made row by row, each from its own generator.
 
-    Models differ in whether they take noise as an argument and how often they sample: diffusion
-    does in every denoising step, X-VLA takes none. All of them sample with torch and put the batch
-    first, so noise is replaced there. It is made on the processor by NumPy, so that it is the same
-    on every device.
-
-    Args:
-        keys: Seed of the episode and number of the call in it, for each row of the batch.
+    Models differ in whether they take noise as an argument and how often they sample, but all of
+    them sample with torch and put the batch first, so noise is replaced there. It is made on the
+    processor by NumPy, the same on every device, from the seed of the episode and the number of the
+    call in it, for each row.
     """
 
     def __init__(self, keys: Sequence[tuple[int, int]]) -> None:

@@ -25,20 +25,16 @@ BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
 
 
 class PolicyKind(StrEnum):
-    """Where a policy comes from."""
+    """Where a policy comes from: the first two read the simulation, a baseline needs nothing."""
 
     EXPERT = "expert"
-    """Each task's scripted expert, which needs the simulator."""
     BLIND = "blind"
-    """The baseline that plays without a look at what changes from episode to episode."""
+    """The scripted policy without a look at what changes from episode to episode."""
     BASELINE = "baseline"
-    """One that comes with the package and needs nothing."""
     LEROBOT = "lerobot"
-    """A checkpoint of LeRobot."""
     MODULE = "module"
     """Anyone's own, from a module."""
     SERVED = "served"
-    """One that a server answers."""
 
 
 MADE_ALONE: Mapping[str, PolicyKind] = MappingProxyType(
@@ -59,7 +55,6 @@ class PolicyName:
     text: str
     """The name as the user gave it."""
     kind: PolicyKind
-    """Where the policy comes from."""
     reference: str
     """What is made: a word, `module:attribute`, or what follows `lerobot:`."""
     variety: str | None = None
@@ -72,10 +67,6 @@ class PolicyName:
         Args:
             text: A word, `expert:VARIETY`, `lerobot:PATH_OR_ID`, or `module:attribute`.
             words: What a word may be, and what it names.
-
-        Raises:
-            UnknownNameError: There is none of that name.
-            PolicyError: It is no text that can be written down.
         """
         if not text.isprintable():
             raise PolicyError(f"The name of a policy is printable text, got {text!a}.")
@@ -137,8 +128,8 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
             raise
         trace = traceback_text(error, skip=1).strip()
         raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
-    is_one = isinstance(policy, Policy | BatchPolicy)
-    if not is_one or not isinstance(policy.metadata, PolicyMetadata):
+    is_policy = isinstance(policy, Policy | BatchPolicy)
+    if not (is_policy and isinstance(policy.metadata, PolicyMetadata)):
         raise PolicyError(
             f"{name.text} gave a {type(policy).__name__}, which is no policy. A policy has "
             "`metadata` (a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
@@ -172,15 +163,13 @@ def make_batched(
 
     Args:
         name: That of a policy that is not scripted.
-        batching: How many observations a `BatchPolicy` answers together; None takes the default.
+        batching: How many observations a `BatchPolicy` answers together; None takes the default,
+            and anything else is an error for one object of a plain policy.
         objects: How many episodes a plain policy may play side by side, with an object for each.
 
     Returns:
         The policy; its metadata, with the hash of its source where it has no version; and how many
         observations it answers together, None for a plain policy.
-
-    Raises:
-        PolicyError: Also if batches are asked of one object of a plain policy.
     """
     policy = make_any(name)
     metadata = policy.metadata
@@ -203,11 +192,7 @@ def no_batches(name: PolicyName) -> PolicyError:
 
 
 def source_version(*modules: str) -> str | None:
-    """A version made of the source files of modules; None if one of them has no file.
-
-    Args:
-        modules: Names of imported modules, in any order.
-    """
+    """A version made of the source files of imported modules; None if one of them has no file."""
     digest = hashlib.sha256()
     for name in sorted(set(modules)):
         file = getattr(sys.modules.get(name), "__file__", None)

@@ -294,11 +294,7 @@ ViewSource = TaskSource | DataSource | RunSource | FollowedRun
 
 
 def open_view(
-    what: str,
-    look: str | Look = DEFAULT,
-    tasks: Sequence[str] = (),
-    *,
-    import_tasks: bool = False,
+    what: str, look: str | Look = DEFAULT, tasks: Sequence[str] = (), *, import_tasks: bool = False
 ) -> ViewSource:
     """What a word names: a data set or a run by its folder, a bundle of a run, or a task.
 

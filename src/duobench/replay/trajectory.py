@@ -80,11 +80,7 @@ class TrajectoryRecorder:
         self._stage_changes: list[tuple[int, int]] = []
 
     def begin(
-        self,
-        simulation: Simulation,
-        task: Task,
-        instruction: str,
-        subinstructions: tuple[str, ...],
+        self, simulation: Simulation, task: Task, instruction: str, subinstructions: tuple[str, ...]
     ) -> None:
         """Begin an episode, which the simulation shows already; nothing of it is kept yet."""
         self._simulation, self._task = simulation, task

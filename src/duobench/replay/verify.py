@@ -19,13 +19,7 @@ import numpy as np
 
 from duobench.data.processes import Progress, run_all
 from duobench.envs import action_modes
-from duobench.errors import (
-    DuoBenchError,
-    ImportPathError,
-    OtherRunError,
-    UnknownNameError,
-    escaped,
-)
+from duobench.errors import DuoBenchError, ImportPathError, OtherRunError, UnknownNameError, escaped
 from duobench.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.folder import RunReader
 from duobench.results.records import EpisodeRecord, Key

@@ -12,28 +12,26 @@ import queue
 import threading
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
+import gymnasium as gym
 import msgspec
 from PIL import Image as Pillow
 
 from duobench.backend import Image
 from duobench.data.views import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
+from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.hardware.canonical import CanonicalView
+from duobench.hardware.devices import Frame
 from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, HEAD
 from duobench.video import VP9, VideoWriter
-
-if TYPE_CHECKING:
-    import gymnasium as gym
-
-    from duobench.evaluation.rollout import Info, Observation, Step
-    from duobench.hardware.devices import Frame
-    from duobench.web.server import PageServer
+from duobench.web.server import PageServer
 
 _log = logging.getLogger(__name__)
 
@@ -114,10 +112,10 @@ class Film:
 
     def _encode(self) -> None:
         writer = VideoWriter(self._file, VP9, FILM_RATE)
-        for image in iter(self._frames.get, None):
+        while (image := self._frames.get()) is not None:
             self._show(jpeg(image))
             if self._error is None:
-                self._try(lambda image=image: writer.add(image))
+                self._try(partial(writer.add, image))
         self._try(writer.close)
 
     def _try(self, act: Callable[[], None]) -> None:

@@ -18,27 +18,27 @@ def _check_line(text: str) -> None:
         raise ValueError("a note or a reason is one line that can be printed")
 
 
-class Alive(PageMessage):
+class Alive(PageMessage, frozen=True):
     """The page is open, and somebody can press its buttons."""
 
 
-class Home(PageMessage):
+class Home(PageMessage, frozen=True):
     """The operator confirms that both arms may go home, slowly."""
 
 
-class Placed(PageMessage):
+class Placed(PageMessage, frozen=True):
     """The objects are where they shall be."""
 
 
-class PlaceAgain(PageMessage):
+class PlaceAgain(PageMessage, frozen=True):
     """They are not, after all."""
 
 
-class Start(PageMessage):
+class Start(PageMessage, frozen=True):
     """The operator confirms that the arms may move, and the policy begins."""
 
 
-class Stage(PageMessage):
+class Stage(PageMessage, frozen=True):
     """A stage is reached."""
 
     stage: Annotated[int, msgspec.Meta(ge=1, le=99)]
@@ -46,21 +46,21 @@ class Stage(PageMessage):
     """When it was reached, in seconds of the film of an episode that is over; None for now."""
 
 
-class Undo(PageMessage):
+class Undo(PageMessage, frozen=True):
     """The latest press that stands is taken back."""
 
 
-class Hold(PageMessage):
+class Hold(PageMessage, frozen=True):
     """Both arms come to rest and are held."""
 
 
-class AtEnd(PageMessage):
+class AtEnd(PageMessage, frozen=True):
     """Whether the last stage still held at the end."""
 
     holds: bool
 
 
-class Note(PageMessage):
+class Note(PageMessage, frozen=True):
     """A remark about the episode."""
 
     text: Annotated[str, msgspec.Meta(max_length=LONGEST_TEXT)]
@@ -70,11 +70,11 @@ class Note(PageMessage):
         _check_line(self.text)
 
 
-class Finish(PageMessage):
+class Finish(PageMessage, frozen=True):
     """The episode counts as it was judged, or is kept."""
 
 
-class Invalid(PageMessage):
+class Invalid(PageMessage, frozen=True):
     """It does not count, and is played again, or it is discarded."""
 
     reason: Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST_TEXT)]
@@ -83,7 +83,7 @@ class Invalid(PageMessage):
         _check_line(self.reason)
 
 
-class Recover(PageMessage):
+class Recover(PageMessage, frozen=True):
     """The operator has looked at the fault, and wants it cleared; nothing moves."""
 
 

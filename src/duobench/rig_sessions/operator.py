@@ -29,6 +29,7 @@ class Operator(Protocol):
 
     def ask(self, text: str, keys: str) -> str:
         """Ask for one of some keys, and wait for it; `QUIT` if nobody can answer any more."""
+        ...
 
     def listen(self, call: Callable[[str], None] | None) -> None:
         """Have every key given to a call at once, from any thread; None ends it.

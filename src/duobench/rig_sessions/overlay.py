@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ from PIL import Image as Pillow
 
 from duobench.backend import Image
 from duobench.errors import RenderingError
-from duobench.fabrication.sheet import CONTACT, outlines_of
+from duobench.fabrication.sheet import CONTACT, outlines_on_table
 from duobench.hardware.rig import Rig
 from duobench.objects.prop import Prop
 from duobench.rig_sessions.cameras import jpeg
@@ -77,14 +77,11 @@ def footprints(props: Sequence[Prop], layout: Layout) -> list[Footprint]:
     for prop in props:
         pose = layout.poses[prop.name]
         x_mm, y_mm, z_mm = (1e3 * pose.translation).tolist()
-        on_table = pose.translation[:2]
+        x, y, _ = pose.translation.tolist()
         below = (outline for other in found if z_mm > other.z_mm for outline in other.seen)
-        if any(Path(outline).contains_point(on_table) for outline in below):
+        if any(Path(outline).contains_point((x, y)) for outline in below):
             continue
-        seen, contact = (
-            _on_table(outlines_of(prop, layout.variants, below=below), pose)
-            for below in (None, CONTACT)
-        )
+        seen, contact = (outlines_on_table(prop, layout, below) for below in (None, CONTACT))
         found.append(
             Footprint(
                 number=len(found) + 1,
@@ -113,14 +110,6 @@ def project(points: Array, table_from_camera: SE3 = TABLE_FROM_HEAD) -> Array:
     depth = np.where(camera[:, 2:] > _NEAREST_M, camera[:, 2:], np.nan)
     middle = np.array([(NATIVE_WIDTH - 1) / 2, (NATIVE_HEIGHT - 1) / 2])
     return HEAD_FOCAL * camera[:, :2] / depth + middle
-
-
-def _on_table(outlines: Iterable[Array], pose: SE3) -> tuple[Array, ...]:
-    upright = SE3.at(*pose.translation[:2], yaw=pose.yaw)
-    return tuple(
-        upright.apply(np.column_stack([outline, np.zeros(len(outline))]))[:, :2]
-        for outline in outlines
-    )
 
 
 class Overlay:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 
@@ -15,7 +15,7 @@ from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
 from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
-from duobench.evaluation.rollout import Watcher, rollout
+from duobench.evaluation.rollout import Info, Observation, Step, Watcher, rollout
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
@@ -23,9 +23,6 @@ from duobench.hardware.env import FAULT_KIND
 from duobench.policy.serving.address import RemoteServer
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
-
-if TYPE_CHECKING:
-    from duobench.evaluation.rollout import Info, Observation, Step
 
 
 class FixedLayout(DuoWrapper):
@@ -118,23 +115,13 @@ class PolicyRunner:
         seed: int,
         options: Mapping[str, Any],
         watchers: Sequence[Watcher] = (),
-        on_start: Callable[[], None] = lambda: None,
-        on_step: Callable[[int], None] = lambda _number: None,
     ) -> PlayedEpisode:
-        """Play an episode.
-
-        Args:
-            seed: Seed of the episode.
-            options: Options of the reset, the layout among them.
-            watchers: Called in this order.
-            on_start: Called once the arms are at home and the policy begins.
-            on_step: Called with the number of each control step, after the watchers.
-        """
+        """Play an episode, with options of the reset, the layout among them."""
         self.env.options = options
-        ending = _Ending(on_start, on_step)
+        ending = _LastStep()
         error = failure = None
         try:
-            rollout(self.env, self.policy, seed=seed, watchers=[*watchers, ending])
+            rollout(self.env, self.policy, seed=seed, watchers=[ending, *watchers])
         except PolicyError as caught:
             error = caught
         except DuoBenchError as caught:
@@ -160,20 +147,17 @@ class PolicyRunner:
                 recorder.discard()
 
 
-class _Ending:
-    """A watcher that keeps the last step, and says how far the episode is."""
+class _LastStep:
+    """A watcher that keeps what the last step said."""
 
-    def __init__(self, on_start: Callable[[], None], on_step: Callable[[int], None]) -> None:
-        self._on_start, self._on_step = on_start, on_step
+    def __init__(self) -> None:
         self.info: Mapping[str, Any] = {}
         self.number = 0
         self.terminated = False
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        self._on_start()
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None: ...
 
     def on_step(self, step: Step) -> None:
         self.info, self.number, self.terminated = step.info, step.number, step.terminated
-        self._on_step(step.number)
 
     def on_episode_end(self, error: BaseException | None) -> None: ...

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
+import mujoco
 import numpy as np
 
 from duobench.data import Actor, DataSet, Recorder
@@ -33,11 +34,7 @@ from duobench.sim.simulation import Simulation
 from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, DuoCommand
 from duobench.web.geometry import Geometry
-
-if TYPE_CHECKING:
-    import mujoco
-
-    from duobench.web.server import PageServer
+from duobench.web.server import PageServer
 
 SOLVED = "Solved, as you said: open the hands and retreat. It will be kept."
 CONNECTION_LOST = "The operator's page lost its connection."

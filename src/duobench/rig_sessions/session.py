@@ -13,13 +13,15 @@ from contextlib import AbstractContextManager
 from enum import StrEnum
 from typing import Any, Protocol
 
+import gymnasium as gym
+
 from duobench.errors import BackendError, MessageError
-from duobench.evaluation.rollout import Watcher
+from duobench.evaluation.rollout import Info, Observation, Step, Watcher
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge, StageLabel
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
-from duobench.rig_sessions.trials_log import LogKind
+from duobench.rig_sessions.trials_folder import LogKind
 
 HELD_BY_OPERATOR = "The operator held the arms."
 CUT_SHORT = (
@@ -78,6 +80,7 @@ class SessionView(Protocol):
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
+        ...
 
 
 class RigSession:
@@ -145,7 +148,7 @@ class RigSession:
         return True
 
     def write(self, kind: LogKind, **more: Any) -> None:
-        """Write down what happens, before anybody sees its effect; see `trials_log.LogEntry`."""
+        """Write down what happens, before anybody sees its effect; see `LogEntry`."""
 
     def _write_label(self, label: StageLabel) -> None:
         self.write(LogKind.PRESS, stage=label.stage, step=label.step, time_s=label.time_s)
@@ -191,7 +194,7 @@ class RigSession:
         self.phase, self.message, self.lost = Phase.MOVING, "", ""
         self.view.publish()
         with self.view.moving():
-            played = runner.play(seed, options, watchers, self._on_start, self.on_step)
+            played = runner.play(seed, options, [*watchers, self])
         self.duo.hold("The episode is over.")
         failure = "" if played.failure is None else played.invalid
         self.write(
@@ -202,12 +205,16 @@ class RigSession:
         )
         return played
 
-    def _on_start(self) -> None:
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """The arms are at home, and the policy begins."""
         self.phase = Phase.PLAYING
         self.view.publish()
 
-    def on_step(self, number: int) -> None:
-        """Called after each control step."""
+    def on_step(self, step: Step) -> None:
+        """A control step is over."""
+
+    def on_episode_end(self, error: BaseException | None) -> None:
+        """The policy plays no more."""
 
     def decide(self, played: PlayedEpisode, message: str) -> str:
         """Wait for the operator's word; why the episode does not count, empty if it does.

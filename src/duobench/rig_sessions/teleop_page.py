@@ -9,8 +9,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
+import mujoco
 import numpy as np
 
 from duobench.envs.sim_env import SimEnv
@@ -20,9 +21,6 @@ from duobench.types import CONTROL_HZ, SIDES
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
 from duobench.web.server import PageServer
-
-if TYPE_CHECKING:
-    import mujoco
 
 _QUIET = ("step", "lost")
 """What of a status changes all the time, and is sent once in a while or with something else."""
@@ -150,7 +148,7 @@ class TeleopPage:
             self._server.publish_frame(pack_frame(poses, status["step"], time.monotonic()))
             self._tell(status)
         for pulse in self._session.haptics.take():
-            self._server.pulse(pulse["side"], pulse["strength"], pulse["ms"])
+            self._server.pulse(*pulse)
 
     def _new_geometry(self) -> Geometry:
         return Geometry(self._env.simulation.model, self._env.look)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.schema import AFTER_SUCCESS_S
@@ -15,6 +15,7 @@ from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
+from duobench.envs.sim_env import SimEnv
 from duobench.errors import BackendError, OptionError
 from duobench.looks.catalog import DEFAULT
 from duobench.looks.look import Look
@@ -24,9 +25,6 @@ from duobench.teleop.hands import KEEP, ButtonPresses
 from duobench.teleop.intent import Device, Intent
 from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message
 from duobench.types import CONTROL_HZ, SIDES, DuoState, Side
-
-if TYPE_CHECKING:
-    from duobench.envs.sim_env import SimEnv
 
 TIME_LIMIT_S = 180.0
 """Simulated seconds that an episode may take: with a mouse, a person needs several times as long
@@ -99,18 +97,11 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
-        self._state = TeleopState.WAITING
-        self._is_paused = False
-        self._wanted = episodes
-        self._instruction = instruction
-        self._inbox = Inbox()
-        self._presses = ButtonPresses()
-        self._is_kept = False
-        self._info: Info = {}
-        self._steps = 0
-        self._stage_changes: list[list[int]] = []
+        self._wanted, self._instruction = episodes, instruction
+        self._inbox, self._presses = Inbox(), ButtonPresses()
         data = env.data
-        self._kept = 0 if data is None else data.kept(env.task)
+        self.kept = 0 if data is None else data.kept(env.task)
+        """Episodes that were kept, those of earlier sessions counted."""
         self._number = 0 if data is None else data.next_number(env.task)
         self._reset()
 
@@ -164,9 +155,6 @@ class Teleoperation:
 
         An episode that has begun is written as one that is not meant to be used; one that waits
         for the operator is forgotten.
-
-        Raises:
-            OutputError: It cannot be written.
         """
         if self._state is TeleopState.WAITING:
             self.env.discard()
@@ -176,11 +164,6 @@ class Teleoperation:
     def state(self) -> TeleopState:
         """Where the episode is."""
         return TeleopState.PAUSED if self._is_paused else self._state
-
-    @property
-    def kept(self) -> int:
-        """Episodes that were kept, those of earlier sessions counted."""
-        return self._kept
 
     def status(self) -> dict[str, Any]:
         """What the page shows, as the fields of its message `status`."""
@@ -198,7 +181,7 @@ class Teleoperation:
             "state": str(self.state),
             "success": bool(info["success"]),
             "count": self._number,
-            "kept": self._kept,
+            "kept": self.kept,
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
@@ -264,7 +247,7 @@ class Teleoperation:
             self.note = UNSOLVED
         elif self._state is TeleopState.DECIDE:
             self.env.keep()
-            self._kept += 1
+            self.kept += 1
             self._next()
 
     def _discard(self) -> None:
@@ -282,7 +265,7 @@ class Teleoperation:
 
     def _next(self) -> None:
         self._number += 1
-        if self._kept >= self._wanted:
+        if self.kept >= self._wanted:
             self._state, self.note = TeleopState.OVER, "All episodes are recorded."
         else:
             self._reset()
@@ -291,10 +274,11 @@ class Teleoperation:
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._number, TRAIN)
         env.next_name = f"{self._number:05d}"
-        _, self._info = env.reset(seed=seed, options=self._reset_options(seed))
+        self._info: Info = env.reset(seed=seed, options=self._reset_options(seed))[1]
         self._seen: DuoState = env.base.backend.read()
-        self._steps, self._stage_changes, self._is_kept = 0, [], False
-        self._is_paused = False
+        self._steps = 0
+        self._stage_changes: list[list[int]] = []
+        self._is_kept = self._is_paused = False
         self._state, self.note = TeleopState.WAITING, ""
         self.device.begin(env.base.backend.last_command)
         self.haptics.begin()
@@ -308,9 +292,9 @@ class Haptics:
 
     def __init__(self, env: Recorder) -> None:
         # Real arms are asked for no contacts: they have none to tell.
-        self._sim = cast("SimEnv", env.base).simulation if hasattr(env.base, "simulation") else None
-        self._pulses: list[dict[str, Any]] = []
-        self._before: dict[tuple[Side, str], bool] = {}
+        self._sim = cast(SimEnv, env.base).simulation if hasattr(env.base, "simulation") else None
+        self._pulses: list[tuple[Side, float, int]] = []
+        self._before: dict[Side, dict[tuple[float, int], bool]] = {}
 
     def begin(self) -> None:
         """A new episode: nothing is felt yet."""
@@ -319,22 +303,20 @@ class Haptics:
     def update(self, intent: Intent) -> None:
         """A control step is over."""
         for side in SIDES:
-            self._note(side, "touch", self._touches(side), TOUCH)
-            self._note(side, "limit", intent.limited[side.index], LIMIT)
-            self._note(side, "loss", not intent.clutch[side.index], LOSS)
+            now = {
+                TOUCH: self._touches(side),
+                LIMIT: intent.limited[side.index],
+                LOSS: not intent.clutch[side.index],
+            }
+            before = self._before.get(side, now)
+            begun = [pulse for pulse in now if now[pulse] and not before[pulse]]
+            self._pulses += [(side, *pulse) for pulse in begun]
+            self._before[side] = now
 
-    def take(self) -> list[dict[str, Any]]:
-        """The pulses since the last call, as the page's messages `pulse`."""
+    def take(self) -> list[tuple[Side, float, int]]:
+        """The pulses since the last call: side, strength from 0 to 1, and length in ms."""
         pulses, self._pulses = self._pulses, []
         return pulses
-
-    def _note(self, side: Side, what: str, is_so: bool, pulse: tuple[float, int]) -> None:
-        if is_so and not self._before.get((side, what), True):
-            strength, ms = pulse
-            self._pulses.append(
-                {"kind": "pulse", "side": str(side), "strength": strength, "ms": ms}
-            )
-        self._before[side, what] = is_so
 
     def _touches(self, side: Side) -> bool:
         if self._sim is None:

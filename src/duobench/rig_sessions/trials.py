@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.envs.config import IMAGE_SIZE, LAYOUT, EnvConfig
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
+from duobench.evaluation.rollout import Step
 from duobench.fabrication.sheet import layout_sheet
 from duobench.files import write
 from duobench.hardware.devices import FaultKind
@@ -36,16 +37,18 @@ from duobench.rig_sessions.policy_runner import (
 )
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.rig_sessions.status_page import SILENCE_S, StatusPage
-from duobench.rig_sessions.trials_folder import TrialsFolder
-from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialsProgress
+from duobench.rig_sessions.trials_folder import (
+    LogEntry,
+    LogKind,
+    TrialsFolder,
+    TrialsProgress,
+)
 from duobench.rig_sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
+from duobench.tasks.task import Task
 from duobench.versions import package_versions, record_versions
 from duobench.web.server import PageServer
-
-if TYPE_CHECKING:
-    from duobench.tasks.task import Task
 
 
 class TrialsSession(RigSession):
@@ -112,10 +115,10 @@ class TrialsSession(RigSession):
         duo.start()
         duo.rig.write(folder.rig)
         super().__init__(duo, HumanJudge(plan.task.max_stage, duo.clock.now))
-        definition = cast("Task", catalog.get(task.reference))
+        definition = cast(Task, catalog.get(task.reference))
         self._overlay = Overlay(replace(definition, horizon=task.horizon), duo.rig)
         ending.callback(self._overlay.close)
-        self._folder, self._plan = folder, plan
+        self._folder, self._plan, self._server = folder, plan, server
         self._runners = [
             self._runner(candidate, sources[candidate.policy], data) for candidate in plan.policies
         ]
@@ -158,9 +161,9 @@ class TrialsSession(RigSession):
             number, attempt = self._trial.number, self._attempt
             self._log.add(LogEntry(kind=kind, trial=number, attempt=attempt, at=_now(), **more))
 
-    def on_step(self, number: int) -> None:
-        """See the page."""
-        self._page.on_step(number)
+    def on_step(self, step: Step) -> None:
+        """Hold where nobody is at the page, and show how it goes."""
+        self._page.on_step(step.number)
 
     def keep_placed(self) -> None:
         """Store what the head camera sees."""
@@ -183,7 +186,7 @@ class TrialsSession(RigSession):
         self.write(LogKind.BEGIN, text=self._plan.letter(trial.policy))
         self.place()
         recorder = EpisodeRecorder(episode)
-        film = Film(self.duo, self._page.show_frame)
+        film = Film(self.duo, self._server.publish_frame)
         runner = self._runners[trial.policy]
         played = self.play(runner, episode.seed, {LAYOUT: layout}, recorder, film)
         name = f"{trial.number}.{self._attempt}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from duobench.files import write
-from duobench.hardware.doctor.checks import Report
+from duobench.hardware.doctor.checks import Report, read_checks
 from duobench.pages import render
 from duobench.results import scores
 from duobench.results.compare import compare_parts
@@ -15,8 +15,7 @@ from duobench.results.folder import CONDITIONS
 from duobench.results.report import read_parts, write_report
 from duobench.results.scores import RunPart, Score
 from duobench.results.tables import verdict
-from duobench.rig_sessions.trials_folder import TrialsFolder
-from duobench.rig_sessions.trials_log import TrialsProgress
+from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_plan import TrialsPlan
 
 
@@ -106,7 +105,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         invalid=tuple(sorted(reasons.items())),
         missing=missing,
         verdicts=tuple(verdicts),
-        doctor=folder.read_doctor(),
+        doctor=read_checks(folder.path),
     )
     shown = {"report": report, "plan": plan, "scores": scores}
     write(folder.page, render("duobench.rig_sessions", "trials.html.j2", **shown))

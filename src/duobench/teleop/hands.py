@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 import numpy as np
 
 from duobench.envs.action_modes import CARTESIAN
 from duobench.kinematics.inverse import Kinematics
-from duobench.spatial import SE3
-from duobench.teleop.clutch import OPENS, Clutch
-from duobench.teleop.freshness import MAX_AGE_S, Freshness
+from duobench.spatial import SE3, product
 from duobench.teleop.intent import Intent
 from duobench.teleop.messages import Hand, Hands, Message, Recentre
 from duobench.teleop.shaping import Shaper
 from duobench.types import SIDES, DuoCommand, DuoState, Side
 
+MAX_AGE_S = 0.250
+"""Samples that were delayed by more than this, in seconds, are dropped; and a hand of which nothing
+was heard for as long is lost."""
+WINDOW_S = 30.0
+"""The smallest delay is that of the last one to two windows, in seconds: two clocks drift apart by
+some milliseconds a minute, and one may have stood still."""
+CLOSES, OPENS = 0.5, 0.3
+"""Squeeze from which the clutch closes, and below which it opens."""
 OPEN_TRIGGER = 0.5
 """A trigger below this is open enough for an episode to begin."""
 AWAY_S = 1.0
@@ -24,6 +31,91 @@ MEANT = 0.05
 """Change of a trigger from which on its gripper follows it."""
 KEEP, DISCARD = "keep", "discard"
 """Buttons that decide about an episode."""
+
+
+class Freshness:
+    """Judges the samples of one connection by the clock of who sends them.
+
+    When a page or a network stalls, the samples of the stall arrive together afterwards. By their
+    time of arrival all of them are fresh; by the sender's clock most are not. The two clocks begin
+    anywhere, so the smallest delay of the last while stands for no delay at all.
+    """
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        """Samples that were not fresh."""
+        self._window_end = -math.inf
+        self._least = self._least_before = math.inf
+        self._newest = -math.inf
+
+    def accepts(self, sent_ms: float, arrival_s: float) -> bool:
+        """Whether a sample is fresh when it arrives, and newer than all before it.
+
+        Args:
+            sent_ms: When it was sent, in ms of the sender's clock.
+            arrival_s: When it arrived, in seconds of our clock.
+        """
+        delay = arrival_s - sent_ms / 1000.0
+        if arrival_s >= self._window_end:
+            self._least_before = self._least if math.isfinite(self._window_end) else math.inf
+            self._least, self._window_end = math.inf, arrival_s + WINDOW_S
+        self._least = min(self._least, delay)
+        is_late = delay - min(self._least, self._least_before) > MAX_AGE_S
+        if is_late or sent_ms <= self._newest:
+            self.dropped += 1
+            return False
+        self._newest = sent_ms
+        return True
+
+
+class Clutch:
+    """One hand's hold on one tool, which is also the dead man's switch.
+
+    It closes on a squeeze that follows a release, so a hand that comes into view squeezed, or comes
+    back after it was lost, moves nothing. Where it closes, the poses of hand and tool are noted;
+    from there the tool moves by the same displacement, along the axes of the room, and turns by the
+    same rotation about them, however the hand was held.
+    """
+
+    def __init__(self) -> None:
+        self._is_armed = False
+        self._anchor: tuple[SE3, SE3] | None = None
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the hand leads the tool."""
+        return self._anchor is not None
+
+    def open(self) -> None:
+        """Let go; it takes a release and a new squeeze to close again."""
+        self._is_armed, self._anchor = False, None
+
+    def wants(self, hand: Hand | None) -> bool:
+        """Whether a hand, None if lost, keeps the clutch closed or would close it.
+
+        A release arms it.
+        """
+        if hand is None or not hand.sure:
+            self.open()
+            return False
+        if hand.squeeze < OPENS:
+            self._is_armed, self._anchor = True, None
+        return self.is_closed or (self._is_armed and hand.squeeze >= CLOSES)
+
+    def follow(self, hand: Hand | None, tool: SE3) -> SE3 | None:
+        """Where a hand, None if lost, leads a tool from where that was commanded to be last.
+
+        Both poses are in the table frame; there is none while the clutch is open.
+        """
+        if not self.wants(hand) or hand is None:
+            return None
+        now = hand.world_from_hand
+        if self._anchor is None:
+            self._anchor = now, tool
+        hand_then, tool_then = self._anchor
+        shift = now.translation - hand_then.translation
+        turn = product(now.rotation, hand_then.rotation.T)
+        return SE3(product(turn, tool_then.rotation), tool_then.translation + shift)
 
 
 class TriggeredGripper:
@@ -70,10 +162,7 @@ class LedArm:
     def lead(self, hand: Hand | None, measured: SE3, commanded: SE3) -> tuple[SE3, bool]:
         """Where the tool is led, and whether it was kept from where the hand wants it.
 
-        Args:
-            hand: The hand; None where it is lost.
-            measured: Where the tool is, in the table frame.
-            commanded: Where it was commanded to be last.
+        A hand that is lost is None; the tool is measured and commanded in the table frame.
         """
         if hand is None or not hand.sure:
             self.gripper.lose()
@@ -95,8 +184,7 @@ class LedArm:
 class HandDevice:
     """Both hands, from a mouse, keys, a gamepad or a headset: they all speak one message.
 
-    Args:
-        lockstep: Whether simulated time waits for every sample, so that none is ever late.
+    In lockstep simulated time waits for every sample, so that none is ever late.
     """
 
     action_mode = CARTESIAN.name
@@ -133,7 +221,9 @@ class HandDevice:
         """Take over a fresh sample; `recentre` lets both hands go."""
         if isinstance(message, Recentre):
             self._let_go()
-        elif isinstance(message, Hands) and self._is_fresh(message, arrival_s):
+        elif isinstance(message, Hands) and (
+            self._lockstep or self._freshness.accepts(message.sent, arrival_s)
+        ):
             hands = (message.left, message.right)
             is_moving = any(hand is not None and hand.buttons.recentre for hand in hands)
             if is_moving or self.is_lost(arrival_s):
@@ -147,17 +237,15 @@ class HandDevice:
         self._hands = self.sampled_s = None
         self._let_go()
 
-    def is_lost(self, now_s: float) -> bool:
-        """Whether nothing fresh was heard for too long."""
+    def is_lost(self, now_s: float, for_s: float = MAX_AGE_S) -> bool:
+        """Whether nothing fresh was heard for `MAX_AGE_S`, or another time."""
         if self.sampled_s is None:
             return True
-        return not self._lockstep and now_s - self.sampled_s > MAX_AGE_S
+        return not self._lockstep and now_s - self.sampled_s > for_s
 
     def is_away(self, now_s: float) -> bool:
         """Whether the operator has gone, or nothing fresh was heard of one for `AWAY_S`."""
-        if self.sampled_s is None:
-            return True
-        return not self._lockstep and now_s - self.sampled_s > AWAY_S
+        return self.is_lost(now_s, AWAY_S)
 
     def prompt(self, now_s: float) -> str | None:
         """What to do before the episode begins: open both hands, then squeeze one."""
@@ -189,9 +277,6 @@ class HandDevice:
             clutch=self.clutch,
             limited=cast("tuple[bool, bool]", tuple(limited)),
         )
-
-    def _is_fresh(self, message: Hands, arrival_s: float) -> bool:
-        return self._lockstep or self._freshness.accepts(message.sent, arrival_s)
 
     def _let_go(self) -> None:
         for arm in self._arms.values():

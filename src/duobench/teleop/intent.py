@@ -38,21 +38,27 @@ class Device(Protocol):
 
     def is_away(self, now_s: float) -> bool:
         """Whether nobody leads for so long that the recording has to wait."""
+        ...
 
     def prompt(self, now_s: float) -> str | None:
         """What the operator has to do before the episode begins; None once it has begun."""
+        ...
 
     def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
         """The next action, from where the arms are and where they were commanded to be last."""
+        ...
 
     @property
     def clutch(self) -> tuple[bool, bool]:
         """Whether the left and the right hand lead their arm."""
+        ...
 
     @property
     def dropped(self) -> int:
         """Samples that arrived too late."""
+        ...
 
     @property
     def sampled_s(self) -> float | None:
         """When the newest sample arrived, in seconds; None before the first one."""
+        ...

@@ -64,7 +64,7 @@ class Hand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         return SE3.from_wxyz(self.pose[3:], self.pose[:3])
 
 
-class Hands(PageMessage):
+class Hands(PageMessage, frozen=True):
     """Both hands at one moment."""
 
     sent: float
@@ -80,19 +80,19 @@ class Hands(PageMessage):
             raise ValueError(f"`sent` is a time in ms from 0 on, got {self.sent}")
 
 
-class Keep(PageMessage):
+class Keep(PageMessage, frozen=True):
     """Keep the episode."""
 
 
-class Discard(PageMessage):
+class Discard(PageMessage, frozen=True):
     """Discard the episode, and begin the next one."""
 
 
-class Recentre(PageMessage):
+class Recentre(PageMessage, frozen=True):
     """The operator moves to another place: both hands let go."""
 
 
-class Instruction(PageMessage):
+class Instruction(PageMessage, frozen=True):
     """What the operator says that the arms will do; empty for the task's own words."""
 
     text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)]

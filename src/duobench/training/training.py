@@ -97,8 +97,8 @@ def plan_all(
     Args:
         kind: Name of a recipe.
         data: Folder of a data set in LeRobot's format v3.0, or of one for each task.
-        out: Folder of the training; with several, that of their folders, which are named as their
-            tasks.
+        out: Folder of the training, new or with one that goes on; with several, that of their
+            folders, which are named as their tasks.
         tasks: Ids of the tasks to learn, or `ALL`. A policy that takes no instruction learns each
             in a training of its own, unless only one is named.
         steps: Steps of the optimizer; None takes the recipe's.
@@ -113,41 +113,37 @@ def plan_all(
     """
     data = data.absolute()
     wanted = () if ALL in tasks else tuple(tasks)
-    one = partial(plan, kind, steps=steps, small=small, domain_ids=domain_ids)
+    one = partial(_plan, kind, steps=steps, small=small, domain_ids=domain_ids)
     folders = {path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")}
     if folders:  # of an export with a data set for each task
         for task in wanted:
             check_known(f"task in {data}", task, folders)
-        chosen = wanted or tuple(sorted(folders))
-        if not all(_recipe(kind, small, LearningData(folders[task])).one_task for task in chosen):
+        sources = [(task, LearningData(folders[task])) for task in wanted or sorted(folders)]
+        if not all(_recipe(kind, small, source).one_task for _, source in sources):
             raise DataError(
                 f"{kind} learns several tasks from one data set, and {data} holds one for each "
                 "task: export all tasks into one."
             )
-        return tuple(one(folders[task], out / task) for task in chosen)
+        return tuple(one(source, out / task) for task, source in sources)
     source = LearningData(data)
     is_alone = ALL not in tasks and len(set(tasks)) <= 1
     if is_alone or not _recipe(kind, small, source).one_task:
-        return (one(data, out, tasks=wanted),)
+        return (one(source, out, tasks=wanted),)
     learned = _tasks(source, wanted, needed=True)
-    return tuple(one(data, out / task, tasks=[task]) for task in learned)
+    return tuple(one(source, out / task, tasks=[task]) for task in learned)
 
 
-def plan(
+def _plan(
     kind: str,
-    data: Path,
+    source: LearningData,
     out: Path,
     *,
     tasks: Sequence[str] = (),
-    steps: int | None = None,
-    small: bool = False,
-    domain_ids: bool = False,
+    steps: int | None,
+    small: bool,
+    domain_ids: bool,
 ) -> Training:
-    """Prepare one training, of all tasks of one data set if none is named; see `plan_all`.
-
-    The folder of the training does not exist, or holds one that goes on.
-    """
-    source = LearningData(data.absolute())
+    """One training, of all tasks of one data set if none is named."""
     recipe = _recipe(kind, small, source)
     learned = _tasks(source, tasks)
     if recipe.one_task and len(learned) > 1:
@@ -338,18 +334,15 @@ class LearningData:
     @property
     def holds_objects_alone(self) -> bool:
         """Whether there are object states, and no images."""
-        return OBJECT_STATE in self._features and not any(
-            key.startswith(IMAGE_PREFIX) for key in self._features
-        )
+        has_images = any(key.startswith(IMAGE_PREFIX) for key in self._features)
+        return OBJECT_STATE in self._features and not has_images
 
     def mixes_domains(self) -> bool:
         """Whether there are simulated and real episodes."""
         domains = (self._read("meta/stats.json") or {}).get(DOMAIN)
-        return (
-            DOMAIN in self._features
-            and isinstance(domains, dict)
-            and domains.get("min") != domains.get("max")
-        )
+        if DOMAIN not in self._features or not isinstance(domains, dict):
+            return False
+        return domains.get("min") != domains.get("max")
 
 
 def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:

@@ -36,18 +36,18 @@ class PageMessage(
     """A message from a page; the `kind` of a class `TakeOver` below this one is "take_over"."""
 
 
-class Ping(PageMessage):
+class Ping(PageMessage, frozen=True):
     """The page asks whether the server is there."""
 
     sent: float | None = None
     """When it was sent, in milliseconds of the page's clock."""
 
 
-class Drive(PageMessage):
+class Drive(PageMessage, frozen=True):
     """Its visitor wants to drive, if nobody does."""
 
 
-class TakeOver(PageMessage):
+class TakeOver(PageMessage, frozen=True):
     """Its visitor wants to drive in the place of whoever does."""
 
 
@@ -83,20 +83,6 @@ def pack_frame(poses: NDArray[np.float32], step: int, time_s: float) -> bytes:
         time_s: Time in seconds on a clock of the server that never goes back.
     """
     return _FRAME.pack(time_s, step, len(poses)) + poses.astype("<f4").tobytes()
-
-
-def unpack_frame(data: bytes) -> tuple[NDArray[np.float32], int, float]:
-    """Poses (bodies, 7), step and time of a frame.
-
-    Raises:
-        MessageError: It is none.
-    """
-    try:
-        time_s, step, bodies = _FRAME.unpack_from(data)
-        poses = np.frombuffer(data, "<f4", offset=_FRAME.size).reshape(bodies, 7)
-    except (struct.error, ValueError) as error:
-        raise MessageError(f"This is no frame: {error}.") from error
-    return poses.astype(np.float32), step, time_s
 
 
 def encode(**fields: Any) -> str:

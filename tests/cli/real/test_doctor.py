@@ -41,33 +41,6 @@ def test_a_check_that_fails_ends_with_1_and_leaves_the_file(
     assert document["rig_hash"] == Rig.read(rig).hash
 
 
-VIEWS = "--rig rig.json --views v"
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("doctor --rig none.json --out x", "There is no file none.json"),
-        ("doctor --rig simulated --out x --seconds 0", "more than 0"),
-        ("doctor --rig simulated --out x --store-reference", "no file beside which"),
-        ("calibrate gripper left --rig rig.json", "has no positions to measure"),
-        ("doctr", "Did you mean `duobench real doctor`"),
-        ("calibrate bord", "Did you mean `duobench real calibrate board`"),
-        ("calibrate head --rig none.json --views v", "There is no file none.json"),
-        (f"calibrate head {VIEWS}", "say --ruler MM"),
-        (f"calibrate wrist left {VIEWS} --ruler 20", "is 200 mm long if it was printed to scale"),
-        (f"calibrate wrist left {VIEWS} --ruler 200", "OpenCV|The rig has no camera left_wrist"),
-    ],
-)
-def test_mistakes_are_told_in_words(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str, message: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    lab(tmp_path, "lavfi:testsrc2=size=1280x720")
-    errors = " ".join(refusal("real", *words.split()).split())
-    assert any(part in errors for part in message.split("|")), errors
-
-
 def test_the_board_is_written(tmp_path: Path, told: Told) -> None:
     said = told("real", "calibrate", "board", "--out", tmp_path / "board.pdf", "--paper", "a3")
     assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from duobench.files import write
 from duobench.results.folder import RunFolder
 from tests.cli.conftest import Told, refusal
 from tests.evaluation import toy_tasks
@@ -74,12 +73,3 @@ def test_unfinished_run_and_tasks_of_others_are_said(
     assert "With --import-tasks" not in out
     for said in (out, told("bundle", run, "--out", tmp_path / "part.zip")):
         assert "The run is unfinished: no record of 1 episode." in said
-
-
-@pytest.mark.parametrize("verb", ["verify", "bundle", "report"])
-def test_what_holds_no_run_is_told_in_words(verb: str, tmp_path: Path) -> None:
-    assert "There is no folder" in refusal(verb, tmp_path / "nowhere")
-    write(tmp_path / "notes.zip", "no archive")
-    words = ["--out", tmp_path / "out"] if verb == "report" else []
-    refused = refusal(verb, tmp_path / "notes.zip", *words)
-    assert re.search(r"error: .*(is no whole bundle|holds no evaluation)", refused)

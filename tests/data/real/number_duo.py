@@ -15,8 +15,8 @@ from duobench.data import Actor, Recorder
 from duobench.data.rig import RigRecorder
 from duobench.envs import DuoEnv, TaskStages, TimeLimit
 from duobench.hardware.devices import ArmReading, Frame
+from duobench.hardware.judge import HumanJudge
 from duobench.hardware.rig import Rig
-from duobench.stages.progress import ProgressState
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS, SIDES, DuoCommand, Side
 from tests.envs.number_arms import NumberArms
@@ -73,6 +73,7 @@ class NumberDuo(NumberArms):
         super().__init__()
         self.rig = Rig.simulated()
         self.cameras = {name: CountingCamera() for name in cameras}
+        self.clock = SimpleNamespace(now=lambda: self.time)
         self.state: dict[str, Any] = {"tau_J": np.arange(7.0), "control_rate": np.array(1.0)}
         self.pass_time(1.0)
 
@@ -84,10 +85,6 @@ class NumberDuo(NumberArms):
     def command(self, command: DuoCommand) -> DuoCommand:
         self.pass_time(PERIOD_S)
         return super().command(command)
-
-    @property
-    def clock(self) -> SimpleNamespace:
-        return SimpleNamespace(now=lambda: self.time)
 
     def gripper_readings(self) -> Mapping[Side, SimpleNamespace]:
         openings = self.last_command.openings
@@ -110,35 +107,13 @@ class NumberDuo(NumberArms):
         }
 
 
-class Declared:
-    """A judge whose stage is what a test says."""
-
-    def __init__(self) -> None:
-        self.stage = 0
-
-    @property
-    def final_holds(self) -> bool:
-        return True
-
-    def begin(self) -> None:
-        self.stage = 0
-
-    def judge(self) -> None:
-        pass
-
-    def get_state(self) -> ProgressState:
-        return ProgressState(stage=self.stage)
-
-    def set_state(self, state: ProgressState) -> None:
-        self.stage = state.stage
-
-
 def real_recorder(
     folder: Path | None, duo: NumberDuo | None = None, horizon: int = HORIZON, **options: Any
 ) -> tuple[Recorder, NumberDuo]:
     """An environment on number arms, whose cameras are recorded without losing a frame."""
     duo = NumberDuo() if duo is None else duo
-    env = TimeLimit(TaskStages(DuoEnv(duo, catalog.get(TASK)), Declared()), horizon)
+    task = catalog.get(TASK)
+    env = TimeLimit(TaskStages(DuoEnv(duo, task), HumanJudge(task.max_stage)), horizon)
     rig = RigRecorder(duo, waits=True)
     return Recorder(env, folder, Actor(name="person"), rig=rig, **options), duo
 

@@ -13,23 +13,25 @@ from tests.policy.serving.hostile import ARRAY, DTYPES, SHAPES, messages
 MEBIBYTE = 1 << 20
 
 
-def test_array_has_the_bytes_of_the_protocol() -> None:
-    packed = pack({"a": np.array([[1, 2]], np.float32)})
-    expected = (
-        "81a161" "84c40b5f5f6e6461727261795f5fc3c40464617461c4080000803f00000040"
-        "c4056474797065a33c6634c4057368617065920102"
-    )  # fmt: skip
-    assert packed.hex() == expected
+ARRAY_HEX = (
+    "84c40b5f5f6e6461727261795f5fc3c40464617461c4080000803f00000040"
+    "c4056474797065a33c6634c4057368617065920102"
+)
+SCALAR_HEX = "83c40d5f5f6e7067656e657269635f5fc3c40464617461{}c4056474797065a3{}"
 
 
-def test_scalar_has_the_bytes_of_the_protocol() -> None:
-    packed = pack({"a": np.float32(2), "b": np.float64(2), "c": np.bool_(1)})
-    expected = (
-        "83a161" "83c40d5f5f6e7067656e657269635f5fc3c40464617461cb4000000000000000"
-        "c4056474797065a33c6634" "a162cb4000000000000000"
-        "a163" "83c40d5f5f6e7067656e657269635f5fc3c40464617461c3c4056474797065a37c6231"
-    )  # fmt: skip
-    assert packed.hex() == expected
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (np.array([[1, 2]], np.float32), ARRAY_HEX),
+        (np.float32(2), SCALAR_HEX.format("cb4000000000000000", "3c6634")),
+        (np.float64(2), "cb4000000000000000"),
+        (np.bool_(1), SCALAR_HEX.format("c3", "7c6231")),
+    ],
+    ids=repr,
+)
+def test_what_numpy_has_has_the_bytes_of_the_protocol(value: Any, expected: str) -> None:
+    assert pack({"a": value}).hex() == f"81a161{expected}"
 
 
 def test_scalar_beyond_its_dtype_is_infinite_without_a_warning() -> None:

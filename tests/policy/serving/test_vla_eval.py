@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
-from duobench.policy import Policy
+from duobench.policy import Policy, PolicyMetadata
 from duobench.policy.serving import limits
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.policy.serving.vla_eval import VlaEvalPolicy, action_spec, observation_spec
+from duobench.types import POLICY_CAMERAS
 from tests.policy.serving.model_server import Message, ModelServer, acting, frame
 from tests.policy.serving.serving import TIMEOUT_S, Serve
 from tests.policy.serving.test_message_format import observation
@@ -24,6 +25,7 @@ Connect = Callable[..., VlaEvalPolicy]
 THEIRS = np.concatenate([np.arange(7), np.arange(8, 15), [7, 15]]).astype(np.float32)
 OURS = np.arange(16, dtype=np.float32)
 CHUNK = np.stack([THEIRS, THEIRS + 100, THEIRS + 200])
+HEAD_ALONE = MessageFormat(images={"images.head": "head"}, prompt="task_description")
 
 
 @pytest.fixture
@@ -74,20 +76,16 @@ def test_metadata_is_that_of_the_format_and_what_the_server_tells(remote: Connec
     hello = {"model_server": "Pi0ModelServer", "observation_params": {"send_state": True}}
     with ModelServer(acting(CHUNK), hello).running() as port:
         metadata = remote(port, execute=30).metadata
-        assert metadata.name == "Pi0ModelServer"
-        assert metadata.cameras == ("head", "left_wrist", "right_wrist")
-        assert metadata.image_size == (224, 224)
-        assert not metadata.seeded
         version = metadata.version or ""
+        expected = {"cameras": POLICY_CAMERAS, "image_size": (224, 224), "seeded": False}
+        assert metadata == PolicyMetadata(name="Pi0ModelServer", version=version, **expected)
         assert version.startswith("vla-eval 0.8.0, Pi0ModelServer, format ")
         assert version.endswith("first 30 actions of a chunk")
         assert str(port) not in version
         assert remote(port, execute=2).metadata.version != version
-        message_format = MessageFormat(images={"images.head": "head"}, prompt="task_description")
         assert remote(port, execute=30, message_format=read_format("vla_eval")).metadata == metadata
     with ModelServer(acting(CHUNK)).running() as port:
-        other = remote(port, message_format=message_format).metadata
-        assert other.cameras == ("head",)
+        assert remote(port, message_format=HEAD_ALONE).metadata.cameras == ("head",)
 
 
 @pytest.mark.parametrize("version", [0, 2, "1", None, True])
@@ -120,19 +118,19 @@ def test_other_version_of_the_protocol_is_refused_by_name(remote: Connect, versi
 def test_server_that_contradicts_the_format_is_refused_before_the_first_step(
     remote: Connect, hello: Message, message: str
 ) -> None:
-    message_format = MessageFormat(images={"images.head": "head"}, prompt="task_description")
     server = ModelServer(acting(CHUNK), hello)
     with server.running() as port, pytest.raises(ServingError, match=message):
-        remote(port, message_format=message_format)
+        remote(port, message_format=HEAD_ALONE)
+
+
+FORMAT = read_format("vla_eval")
+SPECS = {"action_spec": action_spec(FORMAT), "observation_spec": observation_spec(FORMAT)}
 
 
 @pytest.mark.parametrize(
     "hello",
     [
-        {
-            "action_spec": action_spec(read_format("vla_eval")),
-            "observation_spec": observation_spec(read_format("vla_eval")),
-        },
+        SPECS,
         {"action_spec": {"actions": {"name": "raw", "dims": 0, "format": "raw"}}},
         {"observation_params": {"send_state": True, "send_wrist_image": True, "seed": 0}},
         {"observation_params": {"control_mode": "JOINTS", "relative_to": "none"}},

@@ -16,6 +16,7 @@ from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState, make
 from duobench.robot.joints import HOME_JOINTS
 from duobench.teleop.leaders.device import LeaderDevice
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
+from duobench.teleop.messages import Keep
 from duobench.types import CONTROL_HZ, DuoCommand
 
 HOME = DuoCommand(joints=np.array(HOME_JOINTS), openings=np.ones(2)).flat
@@ -72,7 +73,7 @@ def test_leaders_that_follow_an_expert_solve_a_task(tmp_path: Path) -> None:
         turn += 1
         session.advance(turn / CONTROL_HZ)
         if session.state is TeleopState.DECIDE:
-            session.receive(b'{"kind": "keep"}', turn / CONTROL_HZ)
+            session.receive(Keep(), turn / CONTROL_HZ)
     session.close()
     (recording,) = DataSet.open(tmp_path).recordings()
     assert recording.info.outcome is not None

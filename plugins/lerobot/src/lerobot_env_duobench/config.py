@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from lerobot.robots import Robot, RobotConfig
 from lerobot.teleoperators import TeleoperatorConfig
 
@@ -15,6 +16,11 @@ from duobench.types import POLICY_CAMERAS
 
 KEYS = tuple(f"{name}{POSITION}" for name in JOINT_NAMES)
 """Names of the numbers of an action: seven joints in radians and a gripper, left then right."""
+
+
+def by_key(numbers: np.ndarray) -> dict[str, float]:
+    """The 16 numbers of both arms by their names, as LeRobot passes them on."""
+    return dict(zip(KEYS, numbers.tolist(), strict=True))
 
 
 @TeleoperatorConfig.register_subclass("duobench")

@@ -13,7 +13,7 @@ from duobench.errors import ActionError, BackendError, OptionError, check_known
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.types import DuoCommand
-from lerobot_env_duobench.config import KEYS, Arms, DuoBenchDuoConfig
+from lerobot_env_duobench.config import KEYS, Arms, DuoBenchDuoConfig, by_key
 
 SIMULATED = "simulated"
 QUESTION = (
@@ -86,7 +86,7 @@ class DuoBenchDuo(Arms):
             BackendError: The arms are held, or an image is older than 0.1 s.
         """
         self._check()
-        numbers = dict(zip(KEYS, self._duo.read().flat.tolist(), strict=True))
+        numbers = by_key(self._duo.read().flat)
         size = (self.config.image_size, self.config.image_size)
         return {**numbers, **self._duo.images(self.config.views, size)}
 
@@ -114,7 +114,7 @@ class DuoBenchDuo(Arms):
         numbers = np.array([float(action[key]) for key in KEYS])
         sent = self._duo.command(DuoCommand.from_flat(numbers)).flat
         self._check()
-        return dict(zip(KEYS, sent.tolist(), strict=True))
+        return by_key(sent)
 
     @check_if_not_connected
     def disconnect(self) -> None:

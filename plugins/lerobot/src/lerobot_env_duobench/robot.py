@@ -14,7 +14,7 @@ from duobench.envs.protocol import make_base, with_wrappers
 from duobench.envs.sim_env import SimEnv, sim_of
 from duobench.randomness import episode_seed
 from duobench.types import CONTROL_HZ
-from lerobot_env_duobench.config import KEYS, Arms, DuoBenchRobotConfig
+from lerobot_env_duobench.config import KEYS, Arms, DuoBenchRobotConfig, by_key
 from lerobot_env_duobench.teleoperator import DuoBenchTeleoperator
 
 SOLVED = "Solved. End the episode in LeRobot's program, then keep it here for the next layout."
@@ -75,7 +75,7 @@ class DuoBenchRobot(Arms):
             if events[TeleopEvents.TERMINATE_EPISODE]:
                 self._number += 1
                 self._reset()
-        numbers = dict(zip(KEYS, self._seen["agent_pos"].tolist(), strict=True))
+        numbers = by_key(self._seen["agent_pos"])
         return {**numbers, **self._seen.get(PIXELS, {})}
 
     @check_if_not_connected
@@ -99,7 +99,7 @@ class DuoBenchRobot(Arms):
         self._seen, _, _, _, self._info = env.step(numbers)
         self._steps += 1
         self._tell()
-        return dict(zip(KEYS, self._info["sent"].tolist(), strict=True))
+        return by_key(self._info["sent"])
 
     @property
     def progress(self) -> dict[str, Any]:

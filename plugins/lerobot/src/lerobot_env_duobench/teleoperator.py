@@ -13,7 +13,7 @@ from lerobot.teleoperators import Teleoperator
 from lerobot.teleoperators.utils import TeleopEvents
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
-from duobench.cli.shared.page import serve_page
+from duobench.cli.shared.page import PageOptions
 from duobench.errors import LeaderError, check_known
 from duobench.looks.look import Look
 from duobench.rig_sessions.teleop_page import WATCHING
@@ -24,7 +24,7 @@ from duobench.teleop.messages import Message
 from duobench.types import SIDES, DuoCommand, DuoState
 from duobench.web.geometry import Geometry
 from duobench.web.messages import pack_frame
-from lerobot_env_duobench.config import KEYS, DuoBenchTeleoperatorConfig
+from lerobot_env_duobench.config import KEYS, DuoBenchTeleoperatorConfig, by_key
 from lerobot_env_duobench.hand_arms import OPEN_HOME, HandArms
 
 PULSES = {f"{side}_pulse": str(side) for side in SIDES}
@@ -124,7 +124,7 @@ class DuoBenchTeleoperator(Teleoperator):
         if self._shadow is not None:
             self._shadow.simulation.advance(command)
             self._page.show()
-        return dict(zip(KEYS, command.flat.tolist(), strict=True))
+        return by_key(command.flat)
 
     @check_if_not_connected
     def get_teleop_events(self) -> dict[TeleopEvents, bool]:
@@ -235,7 +235,7 @@ class _LivePage:
             ServingError: The port cannot be had, or there is no certificate for the network.
         """
         self._arms = arms
-        self._server = serve_page(port, lan)
+        self._server = PageOptions(port=port, lan=lan).serve()
         self._server.listen(
             Message,
             lambda message: arms.receive(message, time.monotonic()),

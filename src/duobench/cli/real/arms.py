@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +23,7 @@ from duobench.results.scores import interval_percent, percent
 from duobench.results.suite import find_tasks
 
 if TYPE_CHECKING:
-    from duobench.hardware.doctor import Report
+    from duobench.hardware.doctor.checks import Report
     from duobench.hardware.duo import FrankaDuo
     from duobench.rig_sessions.trials import TrialsSession
     from duobench.rig_sessions.trials_folder import TrialsFolder
@@ -51,8 +51,7 @@ def home(rig: str, check: bool = False, fast: bool = False) -> None:
         check: Only connect, and say where the arms are and which way they would go.
         fast: Do not wait for the clock, which only simulated drivers can do.
     """
-    duo = RigOptions(rig=rig, fast=fast).open()
-    try:
+    with closing(RigOptions(rig=rig, fast=fast).open()) as duo:
         duo.start()
         here = duo.read().joints
         assert duo.guard is not None
@@ -75,8 +74,6 @@ def home(rig: str, check: bool = False, fast: bool = False) -> None:
         with stopping(lambda: duo.hold("Ctrl-C.")):
             duo.home()
         say("Both arms are home.")
-    finally:
-        duo.close()
 
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -118,7 +115,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         source = find_policy(policy, tempo)
         duo = rig.open()
         data = DataSet.open(out, how=f"duobench real record --policy {policy}")
-        terminal = ending.enter_context(KeyTerminal())
+        terminal = ending.enter_context(closing(KeyTerminal()))
         session = RigRecording(
             duo,
             task,
@@ -175,6 +172,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     command = command_line("real eval", evaluate, locals())
     load_engine()
     from duobench.data import DataSet
+    from duobench.hardware.doctor.checks import read_checks
     from duobench.rig_sessions.trials import TrialsSession
 
     policies = _pairs(policy, trained_on)
@@ -196,7 +194,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             data=None if record is None else DataSet.open(record),
             command=command,
         )
-        if remark := _remark(folder.read_doctor(), duo.rig.hash):
+        if remark := _remark(read_checks(folder.path), duo.rig.hash):
             say(f"{remark} See: duobench real doctor --rig {rig.rig} --out {out}")
         _judge(session, folder, server, out)
 

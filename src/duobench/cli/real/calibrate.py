@@ -14,16 +14,19 @@ import tyro
 from duobench.cli.real.rigs import rig_file
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
+from duobench.hardware.calibration.board import RULER_MM, Board, Detector, write_board
 from duobench.hardware.canonical import nominal_pose
+from duobench.hardware.clock import SystemClock
 from duobench.hardware.rig import CameraCalibration, Rig
+from duobench.sheets import Paper
+from duobench.spatial import SE3
 from duobench.types import HEAD, Side, wrist_name
 
 if TYPE_CHECKING:
-    from duobench.hardware.calibration.board import Board
     from duobench.hardware.calibration.places import Measured
     from duobench.hardware.calibration.views import ViewFolder
 
-Paper = Literal["a4", "a3"]
+PaperName = Literal["a4", "a3"]
 _AT_REST = 0.01
 """Speed of a joint in rad/s under which an arm is at rest."""
 
@@ -32,16 +35,13 @@ def calibrate() -> None:
     """Measure lenses and places of cameras with a printed board; not yet tried on a camera."""
 
 
-def board(out: Path, paper: Paper = "a4") -> None:
+def board(out: Path, paper: PaperName = "a4") -> None:
     """Write the board as a PDF, to print at 100 %.
 
     Args:
         out: The PDF.
         paper: Size of the sheet.
     """
-    from duobench.hardware.calibration.board import RULER_MM, Board, write_board
-    from duobench.sheets import Paper
-
     write_board(Board(paper=paper), out)
     say(
         f"{out}: print it at 100 %, glue it flat onto a plate, and measure its ruler, which should "
@@ -53,7 +53,7 @@ def lens(
     camera: tyro.conf.Positional[Literal["head", "left_wrist", "right_wrist"]],
     rig: Path,
     views: Path,
-    paper: Paper = "a4",
+    paper: PaperName = "a4",
 ) -> None:
     """Measure the lens of a camera from 20 or more images of the board, held by hand.
 
@@ -63,8 +63,7 @@ def lens(
         views: Folder of images; if there are none in it, they are taken now, one at each Enter.
         paper: Sheet of the board.
     """
-    from duobench.hardware.calibration.board import Board
-    from duobench.hardware.calibration.lens import calibrate_lens
+    from duobench.hardware.calibration.places import calibrate_lens
 
     known, sheet = Rig.read(rig_file(rig)), Board(paper=paper)
     folder = _folder(known, views, camera, None, sheet)
@@ -83,7 +82,7 @@ def head(
     views: Path,
     ruler: float | None = None,
     at: tuple[float, float, float] = (400.0, 120.0, -90.0),
-    paper: Paper = "a4",
+    paper: PaperName = "a4",
 ) -> None:
     """Measure where the head camera is, from a board that lies at a known place on the table.
 
@@ -97,7 +96,6 @@ def head(
         paper: Sheet of the board.
     """
     from duobench.hardware.calibration.places import locate_head
-    from duobench.spatial import SE3
 
     known, sheet = Rig.read(rig_file(rig)), _measured(paper, ruler)
     seen = _lens(known, HEAD)
@@ -112,7 +110,7 @@ def wrist(
     rig: Path,
     views: Path,
     ruler: float | None = None,
-    paper: Paper = "a4",
+    paper: PaperName = "a4",
 ) -> None:
     """Measure where a wrist camera is, from 15 to 25 poses of its arm over a board that lies still.
 
@@ -143,7 +141,6 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
-    from duobench.hardware.clock import SystemClock
     from duobench.hardware.drivers.robotiq import measure_ends
     from duobench.hardware.rig import GripperDriver
 
@@ -162,9 +159,6 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
 
 
 def _measured(paper: str, ruler: float | None) -> Board:
-    from duobench.hardware.calibration.board import RULER_MM, Board
-    from duobench.sheets import Paper
-
     if ruler is None:
         wanted = RULER_MM[Paper(paper)]
         raise AdvisedError(
@@ -176,7 +170,6 @@ def _measured(paper: str, ruler: float | None) -> Board:
 
 def _lens(rig: Rig, camera: str) -> CameraCalibration:
     """The lens in the rig, or that which the camera itself tells."""
-    from duobench.hardware.clock import SystemClock
     from duobench.hardware.opening import open_rig
 
     config = rig.cameras.get(camera)
@@ -210,8 +203,6 @@ def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) 
 
 def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet: Board) -> None:
     """Take an image at each Enter; nothing moves by itself."""
-    from duobench.hardware.calibration.board import Detector
-    from duobench.hardware.clock import SystemClock
     from duobench.hardware.opening import open_rig
 
     if camera not in rig.cameras:

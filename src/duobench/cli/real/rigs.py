@@ -11,10 +11,10 @@ import tty
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from duobench.cli.shared.advice import AdvisedError
+from duobench.hardware.clock import VirtualClock
 
 if TYPE_CHECKING:
     from duobench.hardware.duo import FrankaDuo
@@ -50,7 +50,6 @@ class RigOptions:
             FileError: The file cannot be read, or is no rig.
         """
         from duobench.data.rig import drivers_of
-        from duobench.hardware.clock import VirtualClock
         from duobench.hardware.opening import SIMULATED, open_rig
 
         if self.rig != SIMULATED:
@@ -110,17 +109,6 @@ class KeyTerminal:
         before, self._before = self._before, None
         if before is not None:
             termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _read(self) -> None:
         while True:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from pathlib import Path
 
+from duobench.cli.shared.console import say
 from duobench.errors import (
     DuoBenchError,
     LockedError,
@@ -58,11 +59,10 @@ def find_run(path: Path) -> None:
         find_folder(path, "run.json")
 
 
-def importing(tasks: Set[str], *, import_tasks: bool) -> str:
-    """What would help where tasks are not of the benchmark; empty if they are, or are imported."""
-    if import_tasks or not tasks - set(catalog.names()):
-        return ""
-    return "With --import-tasks its tasks are imported; that runs the code of others."
+def offer_to_import(tasks: Set[str], *, import_tasks: bool) -> None:
+    """Say what would help where tasks are not of the benchmark, and not imported."""
+    if tasks - set(catalog.names()) and not import_tasks:
+        say("With --import-tasks its tasks are imported; that runs the code of others.")
 
 
 def relative(path: Path) -> Path:

@@ -25,23 +25,17 @@ class PageOptions:
     """Let other machines in the network open the page, which is encrypted then."""
 
     def serve(self, page: str = "live_page.html") -> PageServer:
-        """Serve a page, as `serve_page` does."""
-        return serve_page(self.port, self.lan, page)
+        """Serve a page; `web.page.assets` says which there are.
 
+        Raises:
+            ServingError: The port cannot be had, or there is no certificate for the network.
+        """
+        from duobench.web.access import make_certificate
+        from duobench.web.page import assets
+        from duobench.web.server import PageServer
 
-def serve_page(port: int, lan: bool, page: str = "live_page.html") -> PageServer:
-    """Serve a page, to this machine or to the network; `web.page.assets` says which there are.
-
-    Raises:
-        ServingError: The port cannot be had, or there is no certificate for the network.
-    """
-    from duobench.web.access import make_certificate
-    from duobench.web.page import assets
-    from duobench.web.server import PageServer
-
-    if not lan:
-        return PageServer(assets(page), port=port)
-    return PageServer(assets(page), host="0.0.0.0", port=port, certificate=make_certificate())
+        network = {"host": "0.0.0.0", "certificate": make_certificate()} if self.lan else {}
+        return PageServer(assets(page), port=self.port, **network)
 
 
 @contextmanager
@@ -50,7 +44,7 @@ def followed(folder: RunFolder, port: int) -> Iterator[None]:
     from duobench.replay.sources import FollowedRun
     from duobench.replay.viewer import Viewer
 
-    with closing(serve_page(port, lan=False)) as server:
+    with closing(PageOptions(port=port).serve()) as server:
         source = FollowedRun(folder, server, import_tasks=True)  # which the run itself imports
         viewer = Viewer(source, server, source.refresh)
         thread = Thread(target=viewer.run, name="follower", daemon=True)

@@ -13,6 +13,7 @@ from rich.table import Table
 from duobench.cli.shared.advice import Advice, AdvisedError, advising, find_folder
 from duobench.cli.shared.console import counted, say, table, whole
 from duobench.cli.shared.process import load_engine, raising
+from duobench.cli.shared.progress import display
 from duobench.data.lerobot.options import ExportOptions
 from duobench.errors import DataError, NamesTakenError, OutputError, SeveralTasksError
 from duobench.files import locked
@@ -99,7 +100,6 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
         workers: Processes that check side by side.
     """
     source = opened(data)
-    from duobench.cli.shared.progress import display
     from duobench.data import find_problems
 
     with display("episode") as shown:
@@ -214,7 +214,6 @@ def lerobot(
     if not data:
         raise AdvisedError("Name the folder of a data set, such as duobench record makes.")
     sources = [opened(each) for each in data]
-    from duobench.cli.shared.progress import display
     from duobench.data import export_lerobot
     from duobench.rig_sessions.cameras import view_of
 

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from statistics import median
 from timeit import repeat
 from typing import TYPE_CHECKING
 
+import numpy as np
+from PIL import Image as Pictures
 from rich.text import Text
 
+from duobench.backend import Image
 from duobench.cli.real.rigs import rig_file
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import counted, say, table
 from duobench.cli.shared.process import load_engine
 from duobench.envs.config import IMAGE_SIZE
-from duobench.errors import DuoBenchError
+from duobench.errors import BackendError, DuoBenchError
+from duobench.hardware.canonical import NATIVE
+from duobench.hardware.clock import SystemClock, VirtualClock
+from duobench.hardware.rig import Rig
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.types import HEAD, POLICY_CAMERAS
 from duobench.versions import record_versions
 
 if TYPE_CHECKING:
-    from duobench.backend import Image
-    from duobench.hardware.doctor import Check
+    from duobench.hardware.doctor.checks import Check
     from duobench.hardware.duo import FrankaDuo
 
 
@@ -35,10 +41,10 @@ FRAMES = 20
 def doctor() -> None:
     """Show versions and graphics, with the time of an image; exit code 1 if one fails."""
     is_well = True
-    for heading, examine in (("Versions", _versions), ("Graphics", _graphics)):
+    for heading, look in (("Versions", _versions), ("Graphics", _graphics)):
         say(heading, style="bold")
         try:
-            for name, value in examine().items():
+            for name, value in look().items():
                 say(f"  {name:<16}{value}")
         except DuoBenchError as error:
             is_well = False
@@ -107,10 +113,9 @@ def examine_rig(
     """
     if seconds <= 0.0:
         raise AdvisedError("--seconds is more than 0.")
-    from duobench.hardware.clock import SystemClock, VirtualClock
-    from duobench.hardware.doctor import examine, write_checks
+    from duobench.hardware.doctor.checks import write_checks
+    from duobench.hardware.doctor.examine import examine
     from duobench.hardware.opening import SIMULATED, open_rig
-    from duobench.hardware.rig import Rig
 
     path = None if rig == SIMULATED else rig_file(rig, f", or {SIMULATED}")
     reference = path and path.with_suffix(".head.png")
@@ -118,28 +123,25 @@ def examine_rig(
         raise AdvisedError("The simulated rig has no file beside which a reference could be kept.")
     known = Rig.simulated() if path is None else Rig.read(path)
     # Where nothing is hardware, time is computed as well: nobody has to wait.
-    duo = open_rig(known, VirtualClock() if known.is_computed else SystemClock(), guard=False)
-    try:
+    clock = VirtualClock() if known.is_computed else SystemClock()
+    with closing(open_rig(known, clock, guard=False)) as duo:
         if hold:
             _ask(duo, is_simulated=known.is_computed)
         if store_reference and reference is not None:
-            _store(duo, reference)
+            duo.start()
+            Pictures.fromarray(duo.images([HEAD], NATIVE)[HEAD]).save(reference)
+            say(f"Reference: {reference}")
         checks = examine(duo, seconds=seconds, reference=_read(reference))
-    finally:
-        duo.close()
     written = write_checks(out, duo.rig.name, duo.rig.hash, checks)
     _show(checks)
     say(f"Written to {written}")
-    failed = sum(check.outcome == "failed" for check in checks)
-    if failed:
+    if failed := sum(check.outcome == "failed" for check in checks):
         say(f"{counted(failed, 'check')} failed.", style="bold red")
         sys.exit(1)
 
 
 def _ask(duo: FrankaDuo, *, is_simulated: bool) -> None:
     """Have the operator allow that the arms hold; errors of connecting are found again later."""
-    from duobench.errors import BackendError
-
     try:
         duo.start()
     except BackendError:
@@ -154,21 +156,7 @@ def _ask(duo: FrankaDuo, *, is_simulated: bool) -> None:
     duo.supervisor.confirm()
 
 
-def _store(duo: FrankaDuo, path: Path) -> None:
-    from PIL import Image as Pictures
-
-    from duobench.hardware.canonical import NATIVE
-    from duobench.types import HEAD
-
-    duo.start()
-    Pictures.fromarray(duo.images([HEAD], NATIVE)[HEAD]).save(path)
-    say(f"Reference: {path}")
-
-
 def _read(path: Path | None) -> Image | None:
-    import numpy as np
-    from PIL import Image as Pictures
-
     if path is None or not path.exists():
         return None
     with Pictures.open(path) as picture:

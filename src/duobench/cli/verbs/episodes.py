@@ -17,6 +17,7 @@ from duobench.cli.shared.advice import FOR_RECORDING, advising
 from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.options import command_line
 from duobench.cli.shared.process import load_engine, raising
+from duobench.cli.shared.progress import EpisodesKept, display
 from duobench.cli.verbs.data import opened
 from duobench.errors import DataError
 from duobench.files import replacing
@@ -70,7 +71,6 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     """
     command = command_line("record", record, locals())
     load_engine()
-    from duobench.cli.shared.progress import EpisodesKept, display
     from duobench.data import DataSet
     from duobench.runners import demonstrations
 

@@ -15,6 +15,7 @@ from duobench.cli.shared.console import counted, results_table, say
 from duobench.cli.shared.options import command_line
 from duobench.cli.shared.page import followed
 from duobench.cli.shared.process import load_engine, raising
+from duobench.cli.shared.progress import EpisodesPlayed, display
 from duobench.envs.execution import ChunkExecution
 from duobench.errors import EvaluationError, PolicyError
 from duobench.policy.batch import MAX_BATCH, Batching
@@ -133,7 +134,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
-    from duobench.cli.shared.progress import EpisodesPlayed, display
     from duobench.runners.evaluate import evaluate as play
 
     if executor != "ray" and cluster != _CLUSTER:

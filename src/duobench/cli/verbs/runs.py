@@ -18,11 +18,12 @@ from duobench.cli.shared.advice import (
     AdvisedError,
     advising,
     find_run,
-    importing,
+    offer_to_import,
     relative,
 )
 from duobench.cli.shared.console import counted, results_table, say
 from duobench.cli.shared.process import load_engine
+from duobench.cli.shared.progress import display
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEME, read_named, split_name
 from duobench.results.folder import RunFolder
@@ -112,7 +113,6 @@ def _make_chosen(
 
 
 def _make(what: str, make: Callable[..., RenderResult], import_tasks: bool) -> int:
-    from duobench.cli.shared.progress import display
 
     with display(what) as shown:
         found = make(progress=shown.tell)
@@ -120,9 +120,7 @@ def _make(what: str, make: Callable[..., RenderResult], import_tasks: bool) -> i
         shift = record.condition.shift
         under = "" if shift == NO_SHIFT else f", {shift}"
         say(f"No {what} of {record.task}, episode {record.episode}{under}: {reason}")
-    tasks = {record.task for record, _ in found.impossible}
-    if hint := importing(tasks, import_tasks=import_tasks):
-        say(hint)
+    offer_to_import({record.task for record, _ in found.impossible}, import_tasks=import_tasks)
     there = f", {len(found.there)} there before" if found.there else ""
     say(f"{counted(len(found.made), what)} made{there}")
     return len(found.impossible)
@@ -215,7 +213,6 @@ def verify(
     """
     find_run(source)
     load_engine()
-    from duobench.cli.shared.progress import display
     from duobench.replay.verify import verify as verify_run
 
     opened = open_source(source)
@@ -227,7 +224,6 @@ def verify(
 
 
 def _show_verification(found: Verification, import_tasks: bool) -> None:
-    """Print what does not agree, a line each, and how many episodes have which verdict."""
     from duobench.replay.verify import Verdict
 
     name = partial(_episode_name, found.run.conditions)
@@ -248,8 +244,7 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
     if found.missing:
         say(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}
-    if hint := importing(tasks, import_tasks=import_tasks):
-        say(hint)
+    offer_to_import(tasks, import_tasks=import_tasks)
     say("Verified." if found.is_verified else "Not verified.")
 
 
@@ -277,8 +272,7 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     path = out or relative(whole.with_name(f"{whole.name}{BUNDLE_SUFFIX}"))
     manifest = write_bundle(reader, path)
     if manifest.missing:
-        missing = counted(manifest.missing, "episode")
-        say(f"The run is unfinished: no record of {missing}.")
+        say(f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}.")
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
     say(f"SHA-256: {hashlib.sha256(path.read_bytes()).hexdigest()}")
 
@@ -297,7 +291,6 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
     if not folder.is_dir():
         raise AdvisedError(f"There is no folder {folder}. duobench bundle RUN makes a bundle.")
     load_engine()
-    from duobench.cli.shared.progress import display
     from duobench.replay.leaderboard import make_leaderboard
 
     shown = ExitStack()

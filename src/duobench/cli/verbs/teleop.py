@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -172,7 +172,7 @@ def teleop_rig(
     with ExitStack() as ending:
         led_by, actor = leading.open(ending)
         duo = rig.open()
-        terminal = ending.enter_context(KeyTerminal())
+        terminal = ending.enter_context(closing(KeyTerminal()))
         terminal.listen(lambda key: duo.hold(HELD_BY_OPERATOR) if key in {"", " "} else None)
         recorder = make_real_recorder(
             duo, task, out, actor, terminal, action_mode=led_by.action_mode

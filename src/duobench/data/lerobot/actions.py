@@ -26,26 +26,16 @@ from duobench.types import (
 )
 
 _kinematics = cache(Kinematics)
-"""The solver, made when it is first needed."""
 
 
 def labels_of(
     recording: Recording, mode: str, source: ActionSource
 ) -> tuple[Array, Residual | None]:
-    """The actions of a recording as labels to learn from.
+    """The actions as labels (T, n) of a mode, and the residual if inverse kinematics solved them.
 
     Actions that were not given in the wanted mode are joint targets, whose tool poses follow by
     forward kinematics. A relative one leads from the pose that was last sent, where the arms were
     in that row whatever an actor added to its own actions, to the one that the label means.
-
-    Args:
-        recording: The episode.
-        mode: Name of the mode, one of `duobench.envs.action_labels.LABELS`.
-        source: Which of its numbers to use; given actions are joint targets, tool poses, or
-            actions of the mode.
-
-    Returns:
-        Rows (T, n) of the mode's labels, and the residual if inverse kinematics solved for them.
     """
     is_own = mode == recording.info.mode.name and source is not ActionSource.SENT
     if is_own and mode != JOINT.name:

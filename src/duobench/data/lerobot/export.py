@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
-from duobench.data.lerobot import statistics
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
@@ -29,7 +28,7 @@ from duobench.data.lerobot.folder import (
     SourceEpisode,
     schema,
 )
-from duobench.data.lerobot.metadata import finish
+from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
 from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
@@ -61,7 +60,6 @@ class Exported:
     left_out: int
     """Episodes of the data set that are not in it."""
     residual: Residual | None
-    """What inverse kinematics left, if it was used."""
 
 
 def export_lerobot(
@@ -181,7 +179,6 @@ def _plan(
 
 
 def _object_state_names(tasks: Collection[str]) -> tuple[str, ...]:
-    """What the numbers of the object state are in all of some tasks."""
     names = {catalog.get(task).object_state.names for task in tasks}
     if len(names) > 1:
         raise SeveralTasksError(
@@ -197,7 +194,6 @@ def _export_all(
     workers: int,
     progress: Progress,
 ) -> None:
-    """Export every episode that is missing in its folder."""
     jobs = {
         (folder, index): episode
         for folder, export in plans.items()
@@ -221,11 +217,9 @@ def _export_all(
 def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
     """Whether an episode is exported: it is finished, was kept, and has actions."""
     outcome = recording.info.outcome
-    if outcome is None or not outcome.kept or not len(recording):
+    if outcome is None or (options.only_successes and not outcome.success):
         return False
-    if recording.info.domain not in options.domains:
-        return False
-    return outcome.success or not options.only_successes
+    return outcome.kept and len(recording) > 0 and recording.info.domain in options.domains
 
 
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
@@ -268,7 +262,7 @@ def _exporter(
             raise DataError(f"{path} has changed since the export began; begin it anew.")
         actions, residual = labels_of(recording, options.action, options.action_source)
         columns = _rows(recording, actions, export, index)
-        counts = {camera: statistics.no_counts() for camera in options.cameras}
+        counts = {camera: no_counts() for camera in options.cameras}
         shown = range(options.pairing.offset, options.pairing.offset + len(recording))
         if options.cameras:
             paths = {camera: folder.video(camera, index) for camera in options.cameras}
@@ -298,23 +292,18 @@ def _exporter(
 def _frames(
     images_of: Callable[[int], dict[str, Image]],
     rows: Iterable[int],
-    counts: dict[str, statistics.Counts],
+    counts: dict[str, Counts],
 ) -> Iterator[dict[str, Image]]:
     """The images of rows, whose values are counted."""
     for row in rows:
         images = images_of(row)
         for camera, image in images.items():
-            statistics.count_values(counts[camera], image)
+            count_values(counts[camera], image)
         yield images
 
 
 def write_videos(frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path]) -> None:
-    """Encode one video a camera side by side; each is whole or absent after a kill.
-
-    Args:
-        frames: Images (height, width, 3), both even, by camera, frame by frame.
-        paths: Where the video of each camera will be.
-    """
+    """Encode one video a camera side by side; each is whole or absent after a kill."""
     with ExitStack() as stack:
         writers = {}
         for camera, path in paths.items():

@@ -53,7 +53,6 @@ class SourceEpisode:
     file: str
     """Its file, from the folder of its data set."""
     sha256: str
-    """Hash of its file."""
     length: int
     """Number of its actions, and of its rows in the export."""
     instruction: str
@@ -75,7 +74,6 @@ class Export:
     object_state_names: tuple[str, ...] = ()
     """What the numbers of the object state are; none where it is not exported."""
     cameras: dict[str, Any] = field(default_factory=dict)
-    """Intrinsics and mounts of the cameras, by name."""
     domains: tuple[str, ...] = DOMAINS
     """What the numbers 0, 1 of the column `domain` stand for."""
 
@@ -154,7 +152,6 @@ class EpisodeFacts:
     counts: dict[str, list[list[int]]]
     """How often each value occurs in each channel (3, 256), by camera."""
     residual: Residual | None
-    """What inverse kinematics left, if it was used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,11 +164,6 @@ class ExportFolder:
     def meta(self) -> Path:
         """Folder of everything that describes the data set."""
         return self.path / "meta"
-
-    @property
-    def description(self) -> Path:
-        """What is exported: our own file, unknown to LeRobot."""
-        return self.meta / "duobench.json"
 
     def facts(self, index: int) -> Path:
         """What is noted about a finished episode."""
@@ -192,21 +184,15 @@ class ExportFolder:
 
     def begin(self, export: Export) -> None:
         """Begin an export in this folder, or continue the one that is there."""
-        begin_or_continue(
-            self.path,
-            self.description,
-            export,
-            SCHEMA,
-            what="export",
-            advice="Export into another folder.",
-        )
+        ours = self.meta / "duobench.json"  # unknown to LeRobot
+        advice = "Export into another folder."
+        begin_or_continue(self.path, ours, export, SCHEMA, what="export", advice=advice)
         remove_temporary(self.path)
 
     def read_facts(self, index: int) -> EpisodeFacts:
         """What was noted about a finished episode."""
-        return read(
-            self.facts(index), EpisodeFacts, SCHEMA, advice="Delete the file and export again."
-        )
+        advice = "Delete the file and export again."
+        return read(self.facts(index), EpisodeFacts, SCHEMA, advice=advice)
 
 
 def location(index: int) -> tuple[int, int]:
@@ -276,12 +262,9 @@ def schema(vectors: Vectors) -> pa.Schema:
     """The Arrow schema of the Parquet files, with the types that Hugging Face reads."""
     fields = [pa.field(name, pa.list_(pa.float32(), len(n))) for name, n in vectors.items()]
     fields += [pa.field(name, pa.from_numpy_dtype(dtype)) for name, dtype in _SCALARS.items()]
+    number = {"dtype": "float32", "_type": "Value"}
     types: dict[str, Any] = {
-        name: {
-            "feature": {"dtype": "float32", "_type": "Value"},
-            "length": len(names),
-            "_type": "List",
-        }
+        name: {"feature": number, "length": len(names), "_type": "List"}
         for name, names in vectors.items()
     }
     types |= {name: {"dtype": dtype, "_type": "Value"} for name, dtype in _SCALARS.items()}

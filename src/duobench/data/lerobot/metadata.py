@@ -1,6 +1,7 @@
 """What describes a finished export: `info.json`, `stats.json`, tables of tasks and episodes.
 
-All of it is computed from the files of the episodes and from what was noted beside them.
+All of it is computed from the files of the episodes and from what was noted beside them. Statistics
+are exact: of vectors from all rows, of images from counts of values.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from duobench.data.lerobot import statistics
+from duobench.backend import Image
 from duobench.data.lerobot.folder import (
     CHUNK_SIZE,
     FPS,
@@ -29,26 +30,32 @@ from duobench.data.lerobot.folder import (
 from duobench.data.recording import to_bytes, to_numpy
 from duobench.errors import DataError
 from duobench.files import write
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, Array
 
 FORMAT = "v3.0"
 ROBOT = "franka_fr3_duo"
 DATA_MB, VIDEO_MB = 100, 200
 """Sizes at which LeRobot's own writer begins another file; ours has one an episode."""
-_Statistics = dict[str, dict[str, list[Any]]]
-"""Lists of numbers by feature and name."""
+QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+"""The quantiles that LeRobot reads, by name."""
+LEVELS = 256
+"""Values that a channel of an image can have."""
+CHANNELS = 3
+
+Counts = NDArray[np.int64]
+"""How often each value occurs in each channel (3, 256)."""
+Statistics = dict[str, Array]
+"""Statistics of one feature by name."""
+_Lists = dict[str, dict[str, list[Any]]]
+"""Statistics of all features by name."""
 
 
 def finish(folder: ExportFolder, export: Export) -> list[Residual]:
-    """Write everything that describes the data set as a whole, whose episodes are all finished.
-
-    Returns:
-        What inverse kinematics left in each episode, where it was used.
-    """
+    """Describe the data set as a whole, whose episodes are all finished; give their residuals."""
     cameras = export.options.cameras
     names = columns(export.vectors)
     read: list[dict[str, NDArray[Any]]] = []
-    counts = {camera: statistics.no_counts() for camera in cameras}
+    counts = {camera: no_counts() for camera in cameras}
     residuals: list[Residual] = []
     episodes = []
     for index, source in enumerate(export.episodes):
@@ -82,19 +89,17 @@ def _read(
     return {name: to_numpy(table.column(name).combine_chunks()) for name in names}
 
 
-def _statistics(
-    rows: Mapping[str, NDArray[Any]], counts: Mapping[str, statistics.Counts]
-) -> _Statistics:
-    features = {name: statistics.of_rows(values) for name, values in rows.items()}
+def _statistics(rows: Mapping[str, NDArray[Any]], counts: Mapping[str, Counts]) -> _Lists:
+    features = {name: of_rows(values) for name, values in rows.items()}
     for camera, values in counts.items():
-        features[image_key(camera)] = statistics.of_counts(values, len(rows["index"]))
+        features[image_key(camera)] = of_counts(values, len(rows["index"]))
     return {
         feature: {name: value.tolist() for name, value in numbers.items()}
         for feature, numbers in features.items()
     }
 
 
-def _episode(export: Export, index: int, numbers: _Statistics) -> dict[str, Any]:
+def _episode(export: Export, index: int, numbers: _Lists) -> dict[str, Any]:
     """Where an episode is, and its statistics, as a row of the table of episodes."""
     source, (chunk, file) = export.episodes[index], location(index)
     first = export.first_row(index)
@@ -164,3 +169,55 @@ def _info(export: Export) -> dict[str, Any]:
 
 def _json(document: object) -> str:
     return json.dumps(document, indent=4, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def of_rows(rows: NDArray[Any]) -> Statistics:
+    """Statistics (n,) of a feature's rows (T,) or (T, n), n being 1 for plain numbers."""
+    values = rows.reshape(len(rows), -1).astype(np.float64)
+    numbers = {
+        "min": values.min(axis=0),
+        "max": values.max(axis=0),
+        "mean": values.mean(axis=0),
+        "std": values.std(axis=0),
+        "count": np.array([len(values)]),
+    }
+    quantiles = np.quantile(values, list(QUANTILES.values()), axis=0)
+    return numbers | dict(zip(QUANTILES, quantiles, strict=True))
+
+
+def no_counts() -> Counts:
+    """Counts of no image."""
+    return np.zeros((CHANNELS, LEVELS), dtype=np.int64)
+
+
+def count_values(counts: Counts, image: Image) -> None:
+    """Add an image (height, width, 3) to counts, in place."""
+    for channel in range(CHANNELS):
+        counts[channel] += np.bincount(image[..., channel].ravel(), minlength=LEVELS)
+
+
+def of_counts(counts: Counts, frames: int) -> Statistics:
+    """Statistics (3, 1, 1) of the counted images with channels in [0, 1], equal to NumPy's."""
+    channels = [_of_channel(each) for each in counts]
+    numbers = {
+        name: np.array([each[name] for each in channels]).reshape(CHANNELS, 1, 1)
+        for name in channels[0]
+    }
+    return numbers | {"count": np.array([frames])}
+
+
+def _of_channel(counts: NDArray[np.int64]) -> dict[str, float]:
+    """Statistics of a channel; quantiles lie between neighbours in the sorted pixels as NumPy's."""
+    levels, counts = np.flatnonzero(counts) / (LEVELS - 1), counts[counts > 0]
+    mean = np.average(levels, weights=counts)
+    ends = counts.cumsum()
+    places = np.column_stack([ends - counts, ends - 1])  # of a level's first and last pixel
+    wanted = np.array(list(QUANTILES.values())) * (ends[-1] - 1)
+    quantiles = np.interp(wanted, places.ravel(), levels.repeat(2))
+    return {
+        "min": levels[0],
+        "max": levels[-1],
+        "mean": mean,
+        "std": np.sqrt(np.average((levels - mean) ** 2, weights=counts)),
+        **dict(zip(QUANTILES, quantiles, strict=True)),
+    }

@@ -25,12 +25,7 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
 
 
 def computer_checks(rig: Rig, sys: Path = Path("/sys")) -> list[Check]:
-    """Look at the computer.
-
-    Args:
-        rig: What it leads; a rig without real arms asks little of it.
-        sys: Where Linux tells of devices.
-    """
+    """Look at the computer, of which a rig without real arms asks little."""
     is_needed = any(
         arm.driver is not ArmDriver.SIMULATED and arm.is_realtime for arm in rig.arms.values()
     )

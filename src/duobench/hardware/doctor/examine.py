@@ -70,15 +70,9 @@ def examine(
     """Look at everything; the rig is started if it was not, and not closed.
 
     If the operator has confirmed (`duo.supervisor.confirm`) the arms hold where they are for a
-    while, which measures how well they are reached; else that is skipped, and nothing moves.
-
-    Args:
-        duo: The rig.
-        seconds: How long is measured.
-        reference: Canonical image of the head camera that was stored when it was calibrated.
-
-    Returns:
-        What was found, in order; errors of devices are failed checks.
+    while, which measures how well they are reached; else that is skipped, and nothing moves. The
+    reference is a canonical image of the head camera that was stored when it was calibrated. Errors
+    of devices are failed checks.
     """
     checks = computer_checks(duo.rig)
     try:
@@ -197,14 +191,9 @@ images: 0.4 in the median; 0.16 at most between images of noise]."""
 
 
 def shift_between(image: Image, reference: Image) -> tuple[float, float] | None:
-    """How far the content of an image is from where it is in a reference.
+    """How far right and down in pixels an image's content is from that of one of the same size.
 
-    Args:
-        image: An image (height, width, 3).
-        reference: Another one of that size.
-
-    Returns:
-        Pixels to the right and down; None where too little of both is alike.
+    None where too little of both is alike.
 
     Raises:
         OptionError: The sizes differ.
@@ -264,16 +253,11 @@ CLEAR = 0.5
 
 
 def gravity_torques(joints: Array) -> Array:
-    """Torques with which the arms carry themselves, their grippers and cameras.
+    """Torques (2, 7) in N·m with which the arms carry themselves, grippers and cameras.
 
     Both arms hang tilted to their own side, so that gravity pulls other joints of the left arm than
-    of the right one. The torques are those of our own simulation; not tried on an arm.
-
-    Args:
-        joints: Joint positions (2, 7) in radians.
-
-    Returns:
-        Torques (2, 7) in N·m. MuJoCo is loaded here.
+    of the right one. The torques are those of our own simulation at joints (2, 7) in radians; not
+    tried on an arm.
     """
     import mujoco
 

@@ -23,10 +23,7 @@ JOIN_S = 3.0
 class LatestFrame:
     """The latest frame of a camera; frames come from one thread, questions from any.
 
-    Args:
-        config: Size and rate of its images.
-        clock: Gives the times of frames.
-        name: Name of the camera, for messages; that of its device where none is given.
+    Messages name the camera, or its device where no name is given.
     """
 
     stale_s = STALE_S
@@ -71,12 +68,7 @@ class LatestFrame:
         self._connected_at = self.clock.now()
 
     def publish(self, image: Image, time_s: float, index: int) -> None:
-        """Take a frame, and give it to who listens.
-
-        Args:
-            image: Red, green, blue (height, width, 3).
-            time_s: When it was taken, on the rig's clock.
-            index: Its number since the camera was connected.
+        """Take a frame, whose arguments are those of `Frame`, and give it to who listens.
 
         Raises:
             BackendError: It has another size than the rig says.
@@ -103,11 +95,7 @@ class TickedCamera(LatestFrame, ABC):
 
     @abstractmethod
     def _take(self) -> None:
-        """Publish the next image.
-
-        Raises:
-            BackendError: There is none.
-        """
+        """Publish the next image; BackendError where there is none."""
 
     def connect(self) -> None:
         """Begin to take images; the first one decides whether they are as the rig says."""
@@ -150,18 +138,13 @@ class ThreadedCamera(LatestFrame, ABC):
 
     @abstractmethod
     def _open(self) -> None:
-        """Open the camera, in its thread.
-
-        Raises:
-            BackendError: It cannot be opened.
-        """
+        """Open the camera, in its thread; BackendError where it cannot be opened."""
 
     @abstractmethod
     def _wait(self) -> tuple[Image, float, int] | None:
         """The next image with its time and number, or None after a short while without one.
 
-        Raises:
-            BackendError: There will be no more.
+        BackendError where there will be no more.
         """
 
     @abstractmethod

@@ -142,9 +142,6 @@ class RobotiqGripper:
         """Move the fingers through their whole range, unless it is active and well already.
 
         Only on a person's word: whatever is between the fingers is squeezed.
-
-        Raises:
-            BackendError: It does not become active in time, or reports a fault.
         """
         reading = self.read()
         if reading.is_active and reading.fault is None:

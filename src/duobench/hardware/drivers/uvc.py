@@ -150,10 +150,8 @@ def pixels(frame: Any, *, is_side_by_side: bool) -> Image:
 def lock_exposure(device: str, exposure_us: float | None, gain: float | None) -> None:
     """Set what is given, and keep the camera from changing it and its white balance.
 
-    Args:
-        device: A video device, such as /dev/video0.
-        exposure_us: Exposure in microseconds, in steps of 100; None leaves it alone.
-        gain: Gain in the camera's units; None leaves it alone.
+    Exposure is in microseconds, in steps of 100, and gain in the camera's units; None leaves one
+    alone.
 
     Raises:
         BackendError: The device has no such control, or does not take the value.

@@ -15,10 +15,7 @@ _SCHEMES = ("Api-Key", "Bearer")
 
 
 def read_key(file: Path | None = None) -> str | None:
-    """The key of a server, from a file or the environment; None if there is none.
-
-    Args:
-        file: File that holds the key and nothing else.
+    """The key of a server, from a file that holds nothing else or the environment; None if none is.
 
     Raises:
         ServingError: If the file cannot be read, or what it holds cannot be a key.
@@ -40,11 +37,7 @@ def read_key(file: Path | None = None) -> str | None:
 
 
 def check_access(host: str, key: str | None) -> None:
-    """Reject a server that anybody in the network could use.
-
-    Raises:
-        ServingError: If other machines reach the address, and there is no key.
-    """
+    """Reject a server that other machines reach without a key."""
     if key is None and not is_loopback(host):
         raise ServingError(
             f"A server at {host or 'every address'} could be used by anybody who reaches it. Give "

@@ -59,7 +59,6 @@ class RemoteServer:
     url: str
     """Address, such as ws://HOST:PORT, with a path if the server has one."""
     key: str | None = field(default=None, repr=False)
-    """What the server asks for."""
     message_format: MessageFormat | None = None
     """Format of a server that is not of DuoBench; None sends our own observations."""
     execute: int | None = None
@@ -104,7 +103,6 @@ class RemoteServer:
 
 
 def _is_host(name: str | None) -> bool:
-    """Whether there may be a host of a name, or of an address."""
     try:
         return bool(name) and not re.search(r"\s", name) and bool(name.encode("idna"))
     except UnicodeError:

@@ -45,11 +45,6 @@ class Dialect:
     added: tuple[str, ...] = ()
     """Fields that are added to every observation."""
 
-    @property
-    def has_seed(self) -> bool:
-        """Whether a seed is understood, so that the noise follows from it."""
-        return "seed" in (self.reset or ())
-
     def messages(self, instruction: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """The message that begins an episode, and what is added to each observation of it."""
         values = {"endpoint": "infer", "prompt": instruction, "seed": seed}
@@ -140,8 +135,9 @@ class OpenpiPolicy(ConnectedPolicy):
                     "place. A server of DuoBench needs no format."
                 )
             return metadata, batching
-        name, facts = dialect.name, server.message_format
-        return self._metadata_from_format(name, name, facts, seeded=dialect.has_seed), None
+        name, is_seeded = dialect.name, "seed" in (dialect.reset or ())
+        facts = server.message_format
+        return self._metadata_from_format(name, name, facts, seeded=is_seeded), None
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:

@@ -2,8 +2,7 @@
 
 An array is a map of `__ndarray__`, `data`, `dtype` and `shape`, and a NumPy scalar a map of
 `__npgeneric__`, `data` and `dtype`, with keys of type bin. Keys of type str are read as well, and
-written for servers that read no others. How much a message would hold is found out before any of it
-is made.
+written for servers that read no others.
 """
 
 from __future__ import annotations
@@ -51,14 +50,9 @@ _MOST: Mapping[str, int] = {
 
 
 def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
-    """A message as bytes.
+    """A message of plain values and arrays, in maps and lists, as bytes; else a `MessageError`.
 
-    Args:
-        message: Plain values and arrays, in maps and lists.
-        is_text_keyed: Whether the keys of an array are of type str, not bin.
-
-    Raises:
-        MessageError: If it holds something that cannot be sent.
+    The keys of an array are of type str if the message is text-keyed, else bin.
     """
     try:
         return msgspec.msgpack.encode(_packed(message, is_text_keyed=is_text_keyed))
@@ -67,11 +61,7 @@ def pack(message: Mapping[str, Any], *, is_text_keyed: bool = False) -> bytes:
 
 
 def unpack(data: bytes) -> dict[str, Any]:
-    """A map from bytes that anybody may have sent; its arrays are copies, and writable.
-
-    Raises:
-        MessageError: If it is no map of texts to plain values and arrays, or beyond the limits.
-    """
+    """A map of texts from bytes that anybody may have sent; its arrays are copies, and writable."""
     message = read(data)
     if not isinstance(message, dict):
         raise MessageError(
@@ -84,7 +74,7 @@ def read(data: bytes) -> Any:
     """A message of any type from bytes that anybody may have sent.
 
     Raises:
-        MessageError: If it is none, or beyond the limits.
+        MessageError: If it is none, or beyond the limits, before any of it is made.
     """
     _check_size(data)
     try:

@@ -1,8 +1,7 @@
 """A policy at a server, at the other end of a WebSocket, in any protocol.
 
 What the server's policy does wrong is a `PolicyError`, which fails an episode. What happens to the
-connection is a `MachineryError`, after which an episode can be played again from its start. Nothing
-is read from a connection after an answer that did not come in time: it would be the late one.
+connection is a `MachineryError`, after which an episode can be played again from its start.
 """
 
 from __future__ import annotations
@@ -51,9 +50,6 @@ _LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
 
 class ConnectedPolicy(ABC):
     """A policy at a server; a subclass knows what is said there.
-
-    Args:
-        server: Where the policy is served.
 
     Raises:
         ServingError: If the server asks for another key, cannot be understood, or contradicts
@@ -156,7 +152,7 @@ class ConnectedPolicy(ABC):
         except PolicyError:
             raise
         except BaseException as error:
-            self._drop()
+            self._drop()  # an answer that comes late would be taken for the next one
             if isinstance(error, TimeoutError):
                 raise self._late() from error
             if isinstance(error, _LOST):
@@ -234,11 +230,7 @@ def reported(words: str) -> PolicyError:
 
 
 def actions_of(answer: Any, key: str) -> Any:
-    """The actions in an answer, which may also be nothing but them.
-
-    Raises:
-        PolicyError: If there are none, or the server reports an error in its answer.
-    """
+    """The actions in an answer, which may also be nothing but them; an error if there are none."""
     if isinstance(answer, np.ndarray):
         return answer
     if not isinstance(answer, dict):

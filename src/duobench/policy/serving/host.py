@@ -1,8 +1,7 @@
 """A policy at a server that speaks openpi's protocol: WebSocket, and MessagePack in it.
 
 Inference happens in another thread than the server's, so that pings, `/healthz` and other clients
-are answered meanwhile. A client that says `reset` with prompt and seed gets answers that follow
-from these.
+are answered meanwhile.
 """
 
 from __future__ import annotations
@@ -50,14 +49,11 @@ class PolicyHost:
         policy: The policy.
         metadata: What clients get to know about it.
         batching: How many observations are answered together.
-        host: Address to listen at.
+        host: Address to listen at; that of other machines needs a key.
         port: Port to listen at; 0 takes a free one.
-        key: What clients must have; without one, `host` must be of this machine only.
+        key: What clients must have.
         busy: Surrounds everything that the policy does.
         answer_s: Seconds for one answer, waiting included.
-
-    Raises:
-        ServingError: If the address cannot be had, or needs a key.
     """
 
     def __init__(
@@ -198,13 +194,7 @@ class ClientSession:
         self._timing: dict[str, float] = {}
 
     async def reply(self, frame: str | bytes) -> bytes:
-        """The answer to a request.
-
-        Raises:
-            MessageError: If the request cannot be understood.
-            PolicyError: If the policy fails.
-            BusyError: If too many requests wait.
-        """
+        """The answer to a request; an error if that cannot be understood, or the policy fails."""
         self._received = time.monotonic()
         if isinstance(frame, str):
             raise MessageError("A request is a binary message, got text.")

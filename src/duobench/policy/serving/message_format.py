@@ -137,11 +137,7 @@ class MessageFormat:
         }
 
     def chunk(self, actions: Any) -> Chunk:
-        """Actions of the server (H, n) as ours.
-
-        Raises:
-            PolicyError: If they are no chunk of as many numbers as the format says.
-        """
+        """Actions of the server (H, n) as ours; an error if they are none of this format."""
         sizes = self.action_sizes
         if dimensions(actions) == 3 and len(actions) == 1:  # noqa: PLR2004 - a batch of one chunk
             actions = actions[0]
@@ -181,12 +177,7 @@ class MessageFormat:
 
 
 def read_format(name: str) -> MessageFormat:
-    """One of `FORMATS`, or a format from a file that ends in `.toml`.
-
-    Raises:
-        UnknownNameError: If there is no such format, or it has a key that no format has.
-        ServingError: If the file cannot be read, or a value is of a wrong type.
-    """
+    """One of `FORMATS`, or a format from a file that ends in `.toml`; errors say what is wrong."""
     if name in FORMATS:
         path = files(_PACKAGE).joinpath("formats", f"{name}.toml")
     elif name.endswith(".toml"):

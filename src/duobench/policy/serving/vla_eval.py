@@ -1,12 +1,9 @@
 """A policy at a model server of vla-eval 0.8, which is used without vla-eval.
 
-Every message is a map of `type`, `payload`, `seq` and `timestamp`. The client says `hello` first;
-`episode_start` and `episode_end` are not answered; an `observation` is answered by an `action` or
-an `error` with its `seq`. Images are sent as they are rendered.
-
-A specification, by which both sides say what they show and take, is a map of component names to
-`name`, `dims`, `format` and more. The formats are those that vla-eval 0.8 has names for; others are
-not compared.
+Every message is a map of `type`, `payload`, `seq` and `timestamp`; only `hello` and `observation`
+are answered. A specification, by which both sides say what they show and take, is a map of
+component names to `name`, `dims`, `format` and more; formats without a name in vla-eval 0.8 are not
+compared.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ import numpy as np
 
 from duobench.errors import LeaderError, check_known
 from duobench.robot.joints import JOINT_RANGES
-from duobench.teleop.freshness import MAX_AGE_S
+from duobench.teleop.hands import MAX_AGE_S
 from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
 
 BAUD = 57_600

@@ -1,0 +1,156 @@
+"""What a command says where something is misspelt, missing, or does not fit: one line in words."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from duobench.data import DataSet
+from duobench.policy.serving.access import KEY_VARIABLE
+from duobench.policy.serving.address import SERVED
+from tests.cli.conftest import refusal
+from tests.cli.real.test_doctor import lab
+from tests.results.outcomes import play
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder with an empty data set, what looks like an evaluation, and neither."""
+    monkeypatch.delenv(KEY_VARIABLE, raising=False)
+    monkeypatch.setitem(sys.modules, "trustme", None)
+    monkeypatch.chdir(tmp_path)
+    DataSet.open("demos")
+    for name in ("runs/x", "folder"):
+        Path(name).mkdir(parents=True)
+    Path("runs/x/run.json").write_text("{}")
+    Path("file.zip").write_bytes(b"none")
+    lab(tmp_path, "lavfi:testsrc2=size=1280x720")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("eval --policy exprt --out OUT", "Did you mean 'expert'"),
+        ("eval --policy hold --out OUT --tasks bin_sorts", "Did you mean 'bin_sort'"),
+        ("eval --policy hold --out OUT --tasks bin_sort bin_sort", "more than once: bin_sort"),
+        ("eval --policy hold --out OUT --episodes 0", "at least one episode"),
+        ("eval --policy no.such.module:make --out OUT", "no module named"),
+        ("eval --policy hold --out OUT --workers -3", "got -3"),
+        ("eval --policy hold --out /proc/run", "/proc/run cannot be the folder"),
+        ("eval --policy hold --out /proc/run", "give --out another folder; the same"),
+        ("eval --policy hold --out OUT --act-timeout 0", "limits are positive"),
+        ("eval --policy x\udcff:X --out OUT", r"'x\udcff:X'"),
+        ("eval --policy :x --out OUT", "is no `module:attribute`"),
+        ("eval --policy mine.py --out OUT", "mine:MyPolicy for MyPolicy in mine.py"),
+        ("eval --policy mine.Mine --out OUT", "mine:Mine for Mine in mine.py"),
+        ("eval --policy openpi --out OUT", "--policy openpi and --server URL go together"),
+        ("eval --policy hold --out OUT --server ws://x:1", "openpi or vla-eval and --server"),
+        ("eval --policy vla-eval --out OUT", "--policy vla-eval and --server URL go together"),
+        ("eval --policy vla-eval --out OUT --server http://x:1", "ws://HOST:PORT"),
+        ("eval --policy vla-eval --out OUT --server ws://x:1 --batch fixed", "up to the server"),
+        ("eval --policy vla_eval --out OUT", "Did you mean 'vla-eval'"),
+        ("eval --policy openpi --out OUT --server x:1", "ws://HOST:PORT"),
+        ("eval --policy hold --out OUT --format aloha", "--format is for"),
+        (
+            "eval --policy openpi --out OUT --server ws://x:1 --format alhoa",
+            "Did you mean 'aloha'",
+        ),
+        ("eval --task bin_sort", "duobench eval has no option --task. Did you mean --tasks?"),
+        ("eval --retry_brocken", "Did you mean --retry-broken?"),
+        ("eval --episodes ten", "--episodes takes a whole number, not 'ten'"),
+        ("eval --act-timeout=long", "--act-timeout takes a number, not 'long'"),
+        ("evaluate", "no verb 'evaluate'. Did you mean `duobench eval`?"),
+        ("walk", "There are: eval, report, "),
+        ("record --epsiodes=3", "Did you mean --episodes?"),
+        ("render nothing", "Unknown task 'nothing'"),
+        ("render bin_sort --seed -1", "from 0 on, got -1"),
+        ("render bin_sort --out /proc/run", "/proc/run cannot be the folder"),
+        ("train pi0", "takes act, diffusion, pi05 or xvla as policy, not 'pi0'"),
+        ("report runs/y", "There is no folder runs/y. Beside it there are: runs/x."),
+        ("report demos", "demos is a data set, not an evaluation. Try: duobench data info demos"),
+        ("replay demoz", "There is no folder demoz. Beside it there are: demos."),
+        (
+            "data info runs/x",
+            "runs/x is an evaluation, not a data set. Try: duobench report runs/x",
+        ),
+        ("data split demos --out a b", "--fraction 0.8, or all of some tasks, such as --tasks"),
+        ("data chek demos", "Did you mean `duobench data check`?"),
+        ("export demos", "Did you mean `duobench export lerobot demos`?"),
+        ("serve --policy hold --host 0.0.0.0", "could be used by anybody"),
+        ("serve --policy hodl --port 0", "Did you mean 'hold'"),
+        ("serve --policy hold --max-batch 0", "at least one observation"),
+        ("serve --policy hold --key-file absent", "absent cannot be read"),
+        ("serve --policy expert:human", "expert:human reads the state of the simulator"),
+        ("teleop carry_pto --out OUT", "Did you mean 'carry_pot'"),
+        ("teleop carry_pot --out OUT --leader gelo:x", "--leader is gello:FILE or lerobot:KIND"),
+        ("teleop carry_pot --out OUT --leader gello:x --lockstep", "leave out --lockstep"),
+        ("teleop carry_pot --out OUT --leader gello:nowhere.toml", "nowhere.toml"),
+        ("teleop carry_pot --out OUT --episodes 0", "at least one episode"),
+        ("teleop carry_pot --out OUT --port 70000", "Cannot listen at 127.0.0.1:70000"),
+        ("view carry_pto", "Did you mean 'carry_pot'"),
+        ("view somewhere/else", "Unknown task 'somewhere/else'"),
+        ("view folder", "holds neither a data set (dataset.json) nor an evaluation (run.json)"),
+        ("view file.zip", "file.zip"),
+        ("view carry_pot --look drak", "Did you mean 'dark'"),
+        ("view carry_pot --port 70000", "Cannot listen at 127.0.0.1:70000"),
+        ("view carry_pot --lan", "pip install 'duobench-fr3[teleop]'"),
+        ("view --prot 3", "Did you mean --port"),
+        ("verify nowhere", "There is no folder"),
+        ("bundle nowhere", "There is no folder"),
+        ("report nowhere --out out", "There is no folder"),
+        ("verify file.zip", "is no whole bundle"),
+        ("bundle file.zip", "holds no evaluation"),
+        ("report file.zip --out out", "is no whole bundle"),
+        ("leaderboard nowhere --out out", "There is no folder"),
+        ("leaderboard folder --out out", "There is no bundle in"),
+        ("real doctor --rig none.json --out x", "There is no file none.json"),
+        ("real doctor --rig simulated --out x --seconds 0", "more than 0"),
+        ("real doctor --rig simulated --out x --store-reference", "no file beside which"),
+        ("real doctr", "Did you mean `duobench real doctor`"),
+        ("real calibrate gripper left --rig rig.json", "has no positions to measure"),
+        ("real calibrate bord", "Did you mean `duobench real calibrate board`"),
+        ("real calibrate head --rig none.json --views v", "There is no file none.json"),
+        ("real calibrate head --rig rig.json --views v", "say --ruler MM"),
+        (
+            "real calibrate wrist left --rig rig.json --views v --ruler 20",
+            "is 200 mm long if it was printed to scale",
+        ),
+        (
+            "real calibrate wrist left --rig rig.json --views v --ruler 200",
+            "OpenCV|The rig has no camera left_wrist",
+        ),
+    ],
+)
+def test_mistake_is_told_in_a_line_without_traceback(words: str, message: str) -> None:
+    refused = refusal(*words.replace("OUT", "out").split())
+    assert refused.startswith("error: ")
+    assert any(part in refused for part in message.split("|"))
+    assert "\n" not in refused
+    if any(word in words for word in ("openpi", "vla", "--server", "--format")):
+        # Before anything begins.
+        assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("policy", SERVED)
+def test_server_that_is_not_there_is_told_without_its_address(policy: str) -> None:
+    words = ["eval", "--policy", policy, "--server", "ws://127.0.0.1:1", "--wait", "0"]
+    refused = refusal(*words, "--workers", "0", "--out", "run")
+    assert "The policy's server cannot be reached" in refused
+    assert "127.0.0.1" not in refused
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("new old --out new", "holds no comparison. Give --out another folder."),
+        ("new newx --out out", "There is no folder newx. Beside it there are:"),
+        ("new paper:AKT --out out", "Did you mean 'paper:ACT'"),
+        ("new --out out", "A comparison takes 2 to 26 runs, got 1."),
+    ],
+)
+def test_what_cannot_be_compared_is_told(words: str, message: str) -> None:
+    for name, stage in (("new", 3), ("old", 1)):
+        play(Path(name), {"sort": [stage] * 2}, name)
+    assert message in refusal("compare", *words.split())
