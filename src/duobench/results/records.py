@@ -136,7 +136,6 @@ class EpisodeRecord:
     suite: str
     """Name and version of the suite, see `Suite.label`."""
     execution: ChunkExecution
-    """What was executed of the policy's chunks, and when."""
     task: str
     episode: int
     """Index in the suite."""
@@ -154,7 +153,6 @@ class EpisodeRecord:
     instruction: str
     """Of the policy; empty if it failed before its reset."""
     success: bool
-    """Whether the last stage was reached."""
     success_at_end: bool
     """Whether the constraints of the last stage still held after the last step."""
     final_stage: int
@@ -167,7 +165,6 @@ class EpisodeRecord:
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage): after how many steps each newly reached stage was reached."""
     steps: int
-    """Control steps that were executed."""
     horizon: int
     """Control steps after which the task truncates an episode."""
     terminated: bool
@@ -177,9 +174,7 @@ class EpisodeRecord:
     """Control step at which an episode that was played on after its horizon reached the last stage;
     None if it did not, or was not played on."""
     error: str | None
-    """Traceback of the error that the episode failed with."""
     layout: SampledLayout
-    """Where the objects began."""
     state_hash: str | None
     """SHA-256 of the whole state after the last step, with what relative actions add up to; None
     after an error."""

@@ -63,9 +63,7 @@ class Score:
     """Whose episodes: a task's title, a category, or all of them."""
     episodes: int
     successes: int
-    """How many reached the last stage."""
     errors: int
-    """How many failed with an error."""
     late_successes: int
     """How many more did after their horizon, where they were played on."""
     mean_final_progress: float | None
