@@ -237,11 +237,9 @@ class EpisodeRunner:
         recorder = EpisodeRecorder(
             episode, lambda: self._tell(recorder.record(self.run, self.versions))
         )
-        watchers: list[Watcher] = [recorder]
-        video = None
-        if episode.has_video:
-            video = VideoRecorder(setting.overview.image, Picture(episode.task))
-            watchers.append(video)
+        picture = Picture(episode.task)
+        video = VideoRecorder(setting.overview.image, picture) if episode.has_video else None
+        watchers: list[Watcher] = [recorder] if video is None else [recorder, video]
 
         def busy() -> AbstractContextManager[None]:
             return watch.policy(self._clock.timed(self._limits, recorder.steps))

@@ -101,18 +101,6 @@ class Board:
         down = 1 + numbers // (COLUMNS - 1)
         return self.square * np.stack([across, ROWS - down, 0 * numbers], axis=-1).astype(float)
 
-    def pattern(self, pixels: int = 12) -> NDArray[np.uint8]:
-        """Black (0) and white (255) of the board, seen from the front with the ruler below.
-
-        Args:
-            pixels: Pixels along the edge of a square; a multiple of 8.
-        """
-        cells = np.full((ROWS * pixels, COLUMNS * pixels), 255, np.uint8)
-        for x, y, width, height in rectangles():
-            rows = slice(round((ROWS - y - height) * pixels), round((ROWS - y) * pixels))
-            cells[rows, round(x * pixels) : round((x + width) * pixels)] = 0
-        return cells
-
 
 @cache
 def markers() -> tuple[NDArray[np.uint8], ...]:

@@ -1,4 +1,4 @@
-"""Where cameras are: the head camera on the table, a wrist camera on the flange.
+"""The lens of a camera, and where it is: on the table the head's, on a flange a wrist's.
 
 For a wrist camera, hand-eye calibration by the method of Park and Martin gives a first answer; it
 is then made better by least squares of the pixels of all corners, with the place of the board as a
@@ -27,7 +27,7 @@ from duobench.hardware.calibration.board import (
     split_views,
 )
 from duobench.hardware.canonical import nominal_pose
-from duobench.hardware.rig import CameraCalibration
+from duobench.hardware.rig import UNPOSED, CameraCalibration
 from duobench.robot.frames import TCP_OFFSET, tool_pose
 from duobench.robot.joints import JOINT_RANGES
 from duobench.spatial import SE3, rotation_by, rotation_vector
@@ -39,6 +39,48 @@ REFUSED_M, REFUSED_DEG = 0.25, 45.0
 """And from which something must be wrong."""
 LARGEST_ERROR_PX = 2.0
 """Error on held-out corners from which something is wrong."""
+
+
+FEWEST_LENS_VIEWS = 10
+LARGEST_LENS_ERROR_PX = 1.0
+"""Error of a lens on held-out images from which something is wrong."""
+
+
+def calibrate_lens(images: Sequence[Image], board: Board) -> CameraCalibration:
+    """Focal lengths, middle and distortion of a camera, without its place.
+
+    Images show the board from many sides and in all their parts, at least ten times; every fifth
+    is held out. The scale of the board does not matter here.
+
+    Raises:
+        CalibrationError: Too few images show the board, or they do not fit one lens.
+    """
+    height, width, _ = images[0].shape
+    found = Detector(board).find_all(images, FEWEST_LENS_VIEWS)
+    used, held = split_views([detection for _, detection in found])
+    _, matrix, distortion, _, _ = opencv().calibrateCamera(
+        [each.points.astype(np.float32) for each in used],
+        [each.pixels.astype(np.float32) for each in used],
+        (width, height),
+        None,
+        None,
+    )
+    lens = CameraCalibration(
+        fx=float(matrix[0, 0]),
+        fy=float(matrix[1, 1]),
+        cx=float(matrix[0, 2]),
+        cy=float(matrix[1, 2]),
+        distortion=tuple(float(each) for each in np.ravel(distortion)[:5]),
+        pose=UNPOSED,
+    )
+    error = rms([offsets(each, board_pose(each, lens), lens) for each in held])
+    if error > LARGEST_LENS_ERROR_PX:
+        raise CalibrationError(
+            f"Images that were held out are off by {error:.2f} px with the lens that was found; "
+            f"at most {LARGEST_LENS_ERROR_PX:g} is usual. Is the board flat, and were "
+            "the images sharp?"
+        )
+    return lens
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
