@@ -203,11 +203,9 @@ class PageServer:
         return len(self._peers) > 0
 
     def publish_scene(self, name: str, data: bytes) -> None:
-        """Show a scene from now on; frames of the one before are dropped.
+        """Show a scene file from now on; frames of the one before are dropped.
 
-        Args:
-            name: Its name: letters, digits, '_', '-' and '.'. The same name is the same scene.
-            data: The scene file; see `web.geometry`.
+        The name is letters, digits, '_', '-' and '.'; the same name is the same scene.
 
         Raises:
             ServingError: The name is none.
@@ -220,11 +218,7 @@ class PageServer:
         self._server.call(self._show_scene, encode(kind="scene", name=name, url=url))
 
     def publish_image(self, name: str, data: bytes) -> str:
-        """Give an image or a film out from now on.
-
-        Args:
-            name: Its name: letters, digits, '_', '-' and '.'.
-            data: JPEG, PNG, WebM or PDF.
+        """Give JPEG, PNG, WebM or PDF out from now on, by a name as scenes have it.
 
         Returns:
             Its address on this server, with the token.
@@ -269,13 +263,7 @@ class PageServer:
         self._server.call(self._put, "cameras", encode(kind="cameras", cameras=cameras))
 
     def pulse(self, side: str, strength: float, ms: int) -> None:
-        """Let a controller of the driver rumble.
-
-        Args:
-            side: "left" or "right".
-            strength: 0 to 1.
-            ms: How long, in milliseconds.
-        """
+        """Let the left or right controller of the driver rumble, at a strength from 0 to 1."""
         text = encode(kind="pulse", side=side, strength=strength, ms=ms)
         self._server.call(lambda: self._driver and self._driver.put(f"pulse {side}", text))
 

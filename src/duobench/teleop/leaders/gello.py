@@ -200,8 +200,7 @@ class GelloSource:
         """Open both ports, and begin to read.
 
         Raises:
-            LeaderError: dynamixel-sdk is not installed, a port cannot be opened, or a servo does
-                not answer.
+            LeaderError: dynamixel-sdk is not there, a port cannot be opened, or a servo is silent.
         """
         try:
             import dynamixel_sdk  # noqa: F401  # pyright: ignore[reportMissingImports]
