@@ -73,8 +73,6 @@ class Guard:
         self._sim: Simulation | None = None
         self._renderers: dict[tuple[int, int], Renderer] = {}
 
-    # --- distances -------------------------------------------------------------------------------
-
     def nearest(self, joints: Array, within: float = 0.1) -> Clearance | None:
         """The two parts with the least room at joint positions (2, 7) in radians.
 
@@ -135,8 +133,6 @@ class Guard:
             here = there
         return None
 
-    # --- images ----------------------------------------------------------------------------------
-
     def ghost(
         self, joints: Array, cameras: Sequence[str], shape: tuple[int, int]
     ) -> Mapping[str, Image]:
@@ -164,8 +160,6 @@ class Guard:
             for renderer in self._renderers.values():
                 renderer.close()
             self._renderers.clear()
-
-    # --- the simulation --------------------------------------------------------------------------
 
     def _at(self, joints: Array) -> Simulation:
         import mujoco
