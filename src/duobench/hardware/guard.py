@@ -21,6 +21,8 @@ from duobench.hardware.follower import HIGHEST, LOWEST
 from duobench.types import SIDES, Array, Side
 
 if TYPE_CHECKING:
+    from mujoco import MjModel
+
     from duobench.sim.rendering import Renderer
     from duobench.sim.simulation import Simulation
 
@@ -210,9 +212,8 @@ class _Part:
     is_table: bool = False
 
 
-def _part_of(model: object, geom: int) -> _Part:
-    body = model.body(model.geom_bodyid[geom]).name  # pyright: ignore[reportAttributeAccessIssue]
-    name = model.geom(geom).name  # pyright: ignore[reportAttributeAccessIssue]
+def _part_of(model: MjModel, geom: int) -> _Part:
+    body, name = model.body(model.geom_bodyid[geom]).name, model.geom(geom).name
     for side in SIDES:
         rest = body.removeprefix(f"{side}/")
         if rest == body:
