@@ -300,10 +300,8 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
 def differences(now: Mapping[str, object], before: Mapping[str, object]) -> list[str]:
     """What is different now, one phrase each: `look dark instead of default`.
 
-    Args:
-        now: Facts by their names in words; of mappings, such as files by name, only the numbers of
-            entries that differ are said.
-        before: The earlier facts; those that were not known then make no difference.
+    Facts have their names in words; of mappings, such as files by name, only the numbers of entries
+    that differ are said. What was not known before makes no difference.
     """
     return [
         f"{name} {_changes(fact, earlier)}"

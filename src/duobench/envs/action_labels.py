@@ -63,15 +63,12 @@ class ActionLabels:
 
 
 def tool_labels(positions: Array, rotations: Array, openings: Array) -> Array:
-    """Rows of Cartesian labels.
+    """Rows of Cartesian labels (T, 20), in the order of `POSE_LABELS` and `SHIFT_LABELS`.
 
     Args:
         positions: Positions or translations (T, 2, 3) in metres, left then right.
         rotations: Rotation matrices (T, 2, 3, 3).
         openings: Gripper openings (T, 2).
-
-    Returns:
-        Rows (T, 20), in the order of `POSE_LABELS` and `SHIFT_LABELS`.
     """
     columns = np.swapaxes(rotations[..., :2], -1, -2).reshape(len(rotations), len(SIDES), -1)
     rows = np.concatenate([positions, columns, openings[..., None]], axis=-1)

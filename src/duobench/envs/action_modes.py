@@ -64,10 +64,6 @@ ACTION_MODES: Mapping[str, ActionMode] = MappingProxyType(
 
 
 def get(name: str) -> ActionMode:
-    """An action mode.
-
-    Raises:
-        UnknownNameError: There is no such mode; near misses are listed.
-    """
+    """An action mode by its name; an error lists near misses."""
     check_known("action mode", name, ACTION_MODES)
     return ACTION_MODES[name]

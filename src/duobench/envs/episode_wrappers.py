@@ -154,11 +154,7 @@ class TaskStages(DuoWrapper):
         self._is_judged = False
 
     def explain_stages(self, on: bool = True) -> None:
-        """Be able to say in `unmet` why the next stage is not reached.
-
-        What earlier steps tell, such as how high something was let go, is known of steps from here
-        on.
-        """
+        """Be able to say in `unmet` why the next stage is not reached, from the next step on."""
         if explain := getattr(self.judge, "explain", None):
             explain(on)
             self._is_explained = on
@@ -261,10 +257,7 @@ class TimeLimit(DuoWrapper):
         self._limit, self._over = limit, False
 
     def allow_step_after_end(self) -> None:
-        """Allow one more step after the end, which says again that the episode is over.
-
-        For a recording that goes on after success, and for the replay of one.
-        """
+        """Allow one more step after the end: a recording, or a replay, may go on after success."""
         self._over = False
 
     def save_state(self) -> EpisodeState:

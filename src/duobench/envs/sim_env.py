@@ -102,11 +102,7 @@ class SimEnv(DuoEnv):
 
     @property
     def layout(self) -> Layout:
-        """How the current episode began.
-
-        Raises:
-            ResetNeededError: There was no reset yet.
-        """
+        """How the current episode began; an error before the first reset."""
         if self._layout is None:
             raise ResetNeededError("There is no layout before the first reset; call reset first.")
         return self._layout
@@ -186,11 +182,7 @@ class SimEnv(DuoEnv):
             raise LayoutError(f"The layout lacks a variant. {error}") from error
 
     def save_state(self) -> EpisodeState:
-        """The whole state of the running episode, of this environment and its wrappers.
-
-        Raises:
-            ResetNeededError: There was no reset yet.
-        """
+        """The whole state of the running episode, of this environment and its wrappers."""
         return EpisodeState(
             layout=self.layout,
             physics=self.simulation.get_state(),

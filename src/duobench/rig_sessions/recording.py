@@ -86,16 +86,9 @@ def slowed(commands: Array, tempo: float) -> Array:
 
 
 def find_policy(name: str, tempo: float = TEMPO) -> PolicySource:
-    """A policy by its name, or a recorded episode as one.
+    """A policy as `find_rig_policy` finds it, or the file of a recorded episode as one.
 
-    Args:
-        name: A name that `find_rig_policy` takes, or a file of a recorded episode.
-        tempo: Part of its speed with which a recorded episode is played.
-
-    Raises:
-        UnknownNameError: There is none of that name.
-        PolicyError: It reads the simulation, cannot be made, or the episode has no commands.
-        DataError: The episode cannot be read.
+    The tempo is the part of its speed with which a recorded episode is played.
     """
     if not name.endswith(EPISODE_SUFFIX):
         return find_rig_policy(name)

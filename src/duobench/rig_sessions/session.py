@@ -21,7 +21,7 @@ from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge, StageLabel
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
-from duobench.rig_sessions.trials_log import LogKind
+from duobench.rig_sessions.trials_folder import LogKind
 
 HELD_BY_OPERATOR = "The operator held the arms."
 CUT_SHORT = (
@@ -148,7 +148,7 @@ class RigSession:
         return True
 
     def write(self, kind: LogKind, **more: Any) -> None:
-        """Write down what happens, before anybody sees its effect; see `trials_log.LogEntry`."""
+        """Write down what happens, before anybody sees its effect; see `LogEntry`."""
 
     def _write_label(self, label: StageLabel) -> None:
         self.write(LogKind.PRESS, stage=label.stage, step=label.step, time_s=label.time_s)

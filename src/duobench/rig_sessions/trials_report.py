@@ -15,8 +15,7 @@ from duobench.results.folder import CONDITIONS
 from duobench.results.report import read_parts, write_report
 from duobench.results.scores import RunPart, Score
 from duobench.results.tables import verdict
-from duobench.rig_sessions.trials_folder import TrialsFolder
-from duobench.rig_sessions.trials_log import TrialsProgress
+from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_plan import TrialsPlan
 
 

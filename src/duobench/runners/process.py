@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Generic, NoReturn, Protocol, TypeVar
+from typing import Any, NoReturn, Protocol
 
 import msgspec
 
@@ -36,7 +36,6 @@ from duobench.errors import (
 from duobench.evaluation.clock import ClockReading, EpisodeClock
 from duobench.machine import watch_parent
 
-T = TypeVar("T")
 Requests = queue.SimpleQueue[Any]
 
 DEATH_S = 10.0
@@ -98,7 +97,7 @@ class Stop(msgspec.Struct, tag=True, frozen=True):
     """To a process: free everything and leave."""
 
 
-class Channel(Generic[T]):
+class Channel:
     """One end of a connection, on which every message is a line of JSON.
 
     Args:
@@ -119,7 +118,7 @@ class Channel(Generic[T]):
         """
         self.socket.sendall(msgspec.json.encode(message) + b"\n")
 
-    def receive(self) -> list[T]:
+    def receive(self) -> list[Any]:
         """Read what has arrived; the messages that are complete.
 
         It waits only if nothing has arrived: an end of the channel that dies in the middle of a
@@ -164,7 +163,7 @@ class WorkerProcess:
         self, module: str, kind: Any, *arguments: str, hidden: Collection[str] = ()
     ) -> None:
         ours, theirs = socket.socketpair()
-        self._channel: Channel[Any] = Channel(ours, kind)
+        self._channel = Channel(ours, kind)
         memory = os.memfd_create("duobench-clock")
         os.ftruncate(memory, EpisodeClock.SIZE)
         self._clock = EpisodeClock(memory)
@@ -242,7 +241,7 @@ def _module_folders() -> list[str]:
     return [folder for folder in folders if folder != here] + [here] * (here in folders)
 
 
-class Parent(Channel[Any]):
+class Parent(Channel):
     """The parent as a child sees it; without one there is no reason to go on."""
 
     def report(self, report: msgspec.Struct) -> None:

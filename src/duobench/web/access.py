@@ -11,6 +11,7 @@ import hmac
 import secrets
 import socket
 import ssl
+import string
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from duobench.errors import ServingError
 from duobench.machine import install_extra, is_loopback
 
 _TOKEN_BYTES = 16
-_UNRESERVED = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~")
+_UNRESERVED = frozenset(string.ascii_letters + string.digits + "-._~")
 _ELSEWHERE = "192.0.2.1"
 """An address for documentation [RFC 5737]; nothing is sent to it."""
 _MAX_FIELDS = 16

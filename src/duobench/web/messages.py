@@ -85,20 +85,6 @@ def pack_frame(poses: NDArray[np.float32], step: int, time_s: float) -> bytes:
     return _FRAME.pack(time_s, step, len(poses)) + poses.astype("<f4").tobytes()
 
 
-def unpack_frame(data: bytes) -> tuple[NDArray[np.float32], int, float]:
-    """Poses (bodies, 7), step and time of a frame.
-
-    Raises:
-        MessageError: It is none.
-    """
-    try:
-        time_s, step, bodies = _FRAME.unpack_from(data)
-        poses = np.frombuffer(data, "<f4", offset=_FRAME.size).reshape(bodies, 7)
-    except (struct.error, ValueError) as error:
-        raise MessageError(f"This is no frame: {error}.") from error
-    return poses.astype(np.float32), step, time_s
-
-
 def encode(**fields: Any) -> str:
     """A message as JSON text; numbers that are none become null."""
     return msgspec.json.encode(fields).decode()

@@ -82,7 +82,8 @@ class Peer:
 
     def __init__(self, connection: ServerConnection) -> None:
         self._connection = connection
-        self._waiting: dict[str, str | bytes] = {}
+        self.waiting: dict[str, str | bytes] = {}
+        """What is still to be sent, by its place."""
         self._changed = asyncio.Event()
         self._next_frame = 0.0
         if raw := connection.transport.get_extra_info("socket"):
@@ -91,17 +92,8 @@ class Peer:
 
     def put(self, place: str, message: str | bytes) -> None:
         """Let a message wait, in place of what waits there."""
-        self._waiting[place] = message
+        self.waiting[place] = message
         self._changed.set()
-
-    @property
-    def has_waiting(self) -> bool:
-        """Whether something waits to be sent."""
-        return bool(self._waiting)
-
-    def forget_frame(self) -> None:
-        """Drop the frame that waits: it belongs to another scene."""
-        self._waiting.pop(FRAME, None)
 
     async def send_all(self) -> None:
         """Send what waits, text first, as fast as it is read, until the connection ends."""
@@ -110,14 +102,14 @@ class Peer:
             while True:
                 await self._changed.wait()
                 self._changed.clear()
-                while (text := next((each for each in self._waiting if each != FRAME), None)) or (
-                    FRAME in self._waiting and loop.time() >= self._next_frame
+                while (text := next((each for each in self.waiting if each != FRAME), None)) or (
+                    FRAME in self.waiting and loop.time() >= self._next_frame
                 ):
-                    await self._connection.send(self._waiting.pop(text or FRAME))
+                    await self._connection.send(self.waiting.pop(text or FRAME))
                     if text is None:
                         period = 1 / FRAMES_HZ
                         self._next_frame = max(self._next_frame + period, loop.time() - period / 2)
-                if FRAME in self._waiting:
+                if FRAME in self.waiting:
                     loop.call_at(self._next_frame, self._changed.set)
 
 
@@ -298,7 +290,7 @@ class PageServer:
             return
         self._latest.pop(FRAME, None)
         for peer in self._peers:
-            peer.forget_frame()
+            peer.waiting.pop(FRAME, None)
         self._show("scene", text)
 
     def _show(self, place: str, message: str | bytes) -> None:
@@ -323,7 +315,7 @@ class PageServer:
         """Give every browser the time to take what waits for it."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_TIMEOUT_S):
-                while any(peer.has_waiting for peer in self._peers):
+                while any(peer.waiting for peer in self._peers):
                     await asyncio.sleep(_LOOK_S)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:

@@ -1,8 +1,7 @@
 """A policy at a server, at the other end of a WebSocket, in any protocol.
 
 What the server's policy does wrong is a `PolicyError`, which fails an episode. What happens to the
-connection is a `MachineryError`, after which an episode can be played again from its start. Nothing
-is read from a connection after an answer that did not come in time: it would be the late one.
+connection is a `MachineryError`, after which an episode can be played again from its start.
 """
 
 from __future__ import annotations
@@ -153,7 +152,7 @@ class ConnectedPolicy(ABC):
         except PolicyError:
             raise
         except BaseException as error:
-            self._drop()
+            self._drop()  # an answer that comes late would be taken for the next one
             if isinstance(error, TimeoutError):
                 raise self._late() from error
             if isinstance(error, _LOST):

@@ -177,12 +177,7 @@ class MessageFormat:
 
 
 def read_format(name: str) -> MessageFormat:
-    """One of `FORMATS`, or a format from a file that ends in `.toml`.
-
-    Raises:
-        UnknownNameError: If there is no such format, or it has a key that no format has.
-        ServingError: If the file cannot be read, or a value is of a wrong type.
-    """
+    """One of `FORMATS`, or a format from a file that ends in `.toml`; errors say what is wrong."""
     if name in FORMATS:
         path = files(_PACKAGE).joinpath("formats", f"{name}.toml")
     elif name.endswith(".toml"):
