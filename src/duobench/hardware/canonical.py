@@ -1,9 +1,8 @@
 """One camera model for everybody: what a real camera gives, as the simulation's camera sees it.
 
 Every real image is remapped once to the pinhole of the simulation's camera (740 px for the head and
-650 px for the wrists at 1280x720, no distortion), and then resized to what is asked for. Policies,
-overlays and recordings of all labs so share one lens. The place of a camera is not changed: where
-it really is stands in its calibration.
+650 px for the wrists at 1280x720, no distortion), and then resized to what is asked for. The place
+of a camera is not changed: where it really is stands in its calibration.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """A follower: thirty targets a second become a smooth path that an arm can be told to track.
 
-Nothing between us and the arm bounds what it is told: a target that is far away would be jumped to,
-which trips a reflex. A follower leads a reference towards the targets, linearly over the control
-period as the simulation does, within limits of position, speed and acceleration. It is arithmetic;
-who calls it, and when, is up to others.
+Nothing else between us and the arm bounds what it is told, and a jump to a far target trips a
+reflex. A follower leads a reference towards the targets, linearly over the control period as the
+simulation does, within limits of position, speed and acceleration.
 """
 
 from __future__ import annotations

@@ -72,8 +72,6 @@ class Supervisor:
         """Whether the operator has said that the arms may move."""
         return self._is_confirmed
 
-    # --- the operator's word ---------------------------------------------------------------------
-
     def confirm(self) -> None:
         """The operator says: nobody is near, the arms may move.
 
@@ -118,8 +116,6 @@ class Supervisor:
             self._reason = self._fault = None
             self._is_confirmed = False
             self._state = State.CONNECTED
-
-    # --- for the backend -------------------------------------------------------------------------
 
     def check_confirmed(self) -> None:
         """Reject what would move the arms without the operator's word.

@@ -59,9 +59,9 @@ def test_images_that_show_something_else_have_no_shift() -> None:
 def test_the_reference_decides(pixels: float, outcome: Outcome) -> None:
     duo, moved = new_rig(), scene(pixels)
     duo.cameras[HEAD] = SimulatedCamera(duo.clock, source=lambda *_: moved)
-    checks = examine(duo, seconds=0.1, reference=scene())
+    checks = {check.name: check for check in examine(duo, seconds=0.1, reference=scene())}
     duo.close()
-    (check,) = (each for each in checks if each.name == "head camera's place")
+    check = checks["head camera's place"]
     assert check.outcome is outcome
     assert f"{pixels:.0f}." in check.value or pixels == 0.0
 
