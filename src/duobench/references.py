@@ -17,10 +17,6 @@ def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
     """Import what a path `module:attribute` names, such as "my_tasks:STACK".
 
     It should be of a kind, such as "task" for messages; `fits` says whether a value is.
-
-    Raises:
-        ImportPathError: The path has another form, or the module is missing or raises an error.
-        UnknownNameError: The module has no such attribute of that kind; near misses are listed.
     """
     module_name, _, attribute = path.partition(":")
     if not (module_name and attribute) or module_name.startswith("."):

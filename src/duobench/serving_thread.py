@@ -33,9 +33,6 @@ class ServingThread:
         name: That of the thread.
         ending: What the thread does last, while connections are still open.
         options: Of `websockets.asyncio.server.serve`.
-
-    Raises:
-        ServingError: If the address cannot be had.
     """
 
     _events: asyncio.AbstractEventLoop

@@ -49,11 +49,7 @@ class Overview:
         self._renderer = Renderer(self._base.simulation.model, height=height, width=width)
 
     def image(self) -> Image:
-        """The current image (480, 640, 3), in the look of the episode.
-
-        Raises:
-            RenderingError: Nothing can be rendered.
-        """
+        """The current image (480, 640, 3), in the look of the episode."""
         if self._renderer.look != self._base.look:
             self._renderer.set_look(self._base.look)
         return self._renderer.render(self._base.simulation.data, OVERVIEW)

@@ -42,11 +42,7 @@ class Follower:
         self.reset(joints)
 
     def reset(self, joints: Array) -> None:
-        """Begin again, at rest at the measured joints (7,) in radians.
-
-        Raises:
-            ActionError: They are not seven finite numbers.
-        """
+        """Begin again, at rest at the measured joints (7,) in radians."""
         start = _checked(joints)
         self.reference = start
         """Where the arm is told to be (7,), in radians."""
@@ -65,9 +61,6 @@ class Follower:
         """Approach joint positions (7,) in radians, linearly over one control period from now.
 
         Those out of range are clipped. It ends a hold.
-
-        Raises:
-            ActionError: They are not seven finite numbers. Nothing changes.
         """
         target = np.clip(_checked(joints), LOWEST, HIGHEST)
         self._begin = self.reference if self._is_held else self._ramped()

@@ -105,9 +105,6 @@ class Guard:
 
         At its start the arms may be too near something; then it comes no nearer. It is what to go
         through, `end` last, each on a straight line from the one before.
-
-        Raises:
-            BackendError: None was found; then people move the arms by hand.
         """
         why: Clearance | None = None
         for path in path_candidates(start, end):
@@ -142,9 +139,6 @@ class Guard:
 
         Where image and ghost agree, calibration and measured joints do. The shape is height and
         width in pixels.
-
-        Raises:
-            RenderingError: No image of that size can be had.
         """
         from duobench.sim.rendering import Renderer
 

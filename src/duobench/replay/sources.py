@@ -303,9 +303,6 @@ def open_view(
         look: How it looks.
         tasks: Only the episodes of these tasks; of all if none is named.
         import_tasks: See `RunSource`.
-
-    Raises:
-        DuoBenchError: There is no such thing, nothing in it can be viewed, or it cannot be read.
     """
     path = Path(what)
     if (path / DATA_SET).exists():

@@ -31,13 +31,7 @@ DOCUMENT = "comparison.json"
 
 
 def compare(sources: Sequence[str]) -> RunComparison:
-    """Compare runs, any two of them, by their sources, see `read_entrants`; nothing is written.
-
-    Raises:
-        EvaluationError: There are too few or too many, none is a run, or one has no episode.
-        UnknownNameError: The paper has no such policy.
-        FileError: A record cannot be read.
-    """
+    """Compare runs, any two of them, by their sources, see `read_entrants`; nothing is written."""
     return _compared(read_entrants(sources))
 
 
@@ -60,9 +54,6 @@ def write_comparison(comparison: RunComparison, out: Path, *, is_beside: bool = 
         comparison: What `compare` gave.
         out: Folder, which is made; an earlier comparison in it is replaced.
         is_beside: Whether the folder is that of the run, beside whose records it is written.
-
-    Raises:
-        OtherRunError: The folder holds something else.
     """
     if not is_beside:
         check_free(out, DOCUMENT, "comparison")

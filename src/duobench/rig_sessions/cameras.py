@@ -190,9 +190,6 @@ def view_of(camera: str, about: Mapping[str, Any]) -> View:
     Args:
         camera: Its name.
         about: What the rig's file said about it when it was recorded.
-
-    Raises:
-        DataError: That is no camera of a rig.
     """
     try:
         config = msgspec.convert(dict(about), CameraConfig)

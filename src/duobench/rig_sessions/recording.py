@@ -45,10 +45,6 @@ class Playback:
         recording: The episode, simulated or real.
         name: What to call it.
         tempo: Part of its speed, at most 1; commands in between are interpolated.
-
-    Raises:
-        PolicyError: It has no commands.
-        OptionError: The tempo is out of range.
     """
 
     def __init__(self, recording: Recording, name: str = "playback", tempo: float = TEMPO) -> None:
@@ -112,11 +108,6 @@ class RigRecording(RigSession):
         instruction: What the policy is told; empty for the task's own words.
         horizon: Control steps of an episode at most; the task's own where none is given.
         after_success: Seconds that an episode goes on after success.
-
-    Raises:
-        UnknownNameError: There is no such task, or the rig lacks a camera of the policy.
-        OptionError: A number is out of range.
-        BackendError: A device cannot be reached.
     """
 
     def __init__(  # noqa: PLR0913 - what can be chosen about it
@@ -159,11 +150,7 @@ class RigRecording(RigSession):
         """Episodes of the task that are kept, those of earlier sessions counted."""
 
     def run(self) -> int:
-        """Record until so many episodes are kept, or the operator ends it; how many are kept.
-
-        Raises:
-            OutputError: An episode cannot be written.
-        """
+        """Record until so many episodes are kept, or the operator ends it; how many are kept."""
         with suppress(Stopped):
             while self.kept < self._wanted:
                 self._operator.say(f"Kept so far: {self.kept} of {self._wanted}.")

@@ -64,10 +64,6 @@ def make_real_recorder(
     The rig belongs to the environment from now on. The operator confirms that the arms may move: a
     reset raises an `EndedError` where they end the session instead. For the rest see
     `teleoperation.make_recorder`.
-
-    Raises:
-        UnknownNameError: There is no such task or action mode.
-        BackendError: A device cannot be reached.
     """
 
     def confirm_homing(options: Mapping[str, Any]) -> None:

@@ -72,11 +72,7 @@ class SessionView(Protocol):
         """Show the session as it is now."""
 
     def next(self) -> messages.Message | None:
-        """What the operator wants next; None after a while without a word.
-
-        Raises:
-            Stopped: The operator ends the session.
-        """
+        """What the operator wants next; None after a while without a word."""
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
@@ -126,10 +122,6 @@ class RigSession:
 
         Returns:
             Whether the message was one of these, so that nothing else is to be done.
-
-        Raises:
-            MessageError: It is not for the phase of the session.
-            OptionError: There is no such stage, or nothing to take back.
         """
         if isinstance(message, messages.Hold):
             self.duo.hold(HELD_BY_OPERATOR)

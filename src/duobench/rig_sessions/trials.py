@@ -72,10 +72,6 @@ class TrialsSession(RigSession):
         data: Where trials that count are recorded, with all cameras of the rig; None records none.
         command: The command that started it, if there is one.
         silence_s: Seconds without a sign of the page after which the arms are held.
-
-    Raises:
-        DuoBenchError: A policy cannot be made or does not fit, the rig cannot be reached, the
-            folder holds another evaluation, or its log is damaged.
     """
 
     def __init__(  # noqa: PLR0913 - everything that can be chosen
@@ -133,11 +129,7 @@ class TrialsSession(RigSession):
         self.view = self._page = StatusPage(self, server, self._overlay, silence_s)
 
     def run(self) -> bool:
-        """Play what is missing; whether nothing is missing at the end.
-
-        Raises:
-            OutputError: Something cannot be written.
-        """
+        """Play what is missing; whether nothing is missing at the end."""
         try:
             for trial in self._folder.remaining(self._plan, self._progress):
                 while not self._play_once(trial):

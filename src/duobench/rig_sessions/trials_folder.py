@@ -111,10 +111,6 @@ class TrialLog:
     """A log that is written by one process, from any of its threads.
 
     Opening it begins the file if there is none; half a line, left by a killed process, is removed.
-
-    Raises:
-        FileError: A line is damaged that is not the last one.
-        OutputError: The file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -136,11 +132,7 @@ class TrialLog:
             return tuple(self._entries)
 
     def add(self, entry: LogEntry) -> None:
-        """Write a line; when this returns, the end of this process loses nothing of it.
-
-        Raises:
-            OutputError: It cannot be written.
-        """
+        """Write a line; when this returns, the end of this process loses nothing of it."""
         said = msgspec.to_builtins(entry)
         if entry.kind is LogKind.PRESS:
             said["stage"] = entry.stage  # null takes a press back
@@ -158,11 +150,7 @@ class TrialLog:
 
 
 def read_entries(path: Path) -> Iterable[LogEntry]:
-    """The lines of a log; half a line at the end is left out.
-
-    Raises:
-        FileError: The file cannot be read, or a line is damaged.
-    """
+    """The lines of a log; half a line at the end is left out."""
     try:
         lines = path.read_bytes().split(b"\n")[:-1]
         return [msgspec.json.decode(line, type=LogEntry) for line in lines]
@@ -196,11 +184,6 @@ class TrialsFolder:
 
         Returns:
             The plan that holds: with letters and order of the one that is there already.
-
-        Raises:
-            OtherRunError: The folder holds another one, or files that belong to none.
-            FileError: The plan that is there cannot be read.
-            OutputError: Nothing can be written.
         """
         if self.description.exists():
             plan = plan.ordered_as(self.read_plan())
@@ -216,12 +199,7 @@ class TrialsFolder:
         return plan
 
     def read_plan(self) -> TrialsPlan:
-        """The plan.
-
-        Raises:
-            EvaluationError: There is none.
-            FileError: It cannot be read.
-        """
+        """The plan."""
         if not self.description.exists():
             raise EvaluationError(
                 f"{self.path} holds no evaluation on real arms: {DESCRIPTION} is missing."
@@ -229,12 +207,7 @@ class TrialsFolder:
         return read(self.description, TrialsPlan, PLAN_SCHEMA)
 
     def open_log(self, at: str) -> TrialLog:
-        """The log to write on; a trial that was cut is closed as invalid first, at a date and time.
-
-        Raises:
-            FileError: It is damaged.
-            OutputError: It cannot be written.
-        """
+        """The log to write on; a trial that was cut is closed as invalid first."""
         log = TrialLog(self.log_file)
         if (cut := TrialsProgress.of(log.entries).cut) is not None:
             about = {"trial": cut[0], "attempt": cut[1]}

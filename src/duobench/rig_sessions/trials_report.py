@@ -68,11 +68,6 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
     """Write the reports of all policies, their comparison, and the page that leads to them.
 
     While trials are missing, a blind evaluation gets no report: its names stay hidden.
-
-    Raises:
-        EvaluationError: There is no evaluation, or a record of another one.
-        FileError: A file cannot be read.
-        OutputError: Something cannot be written.
     """
     plan = folder.read_plan()
     progress = TrialsProgress.of(folder.read_log())

@@ -57,12 +57,7 @@ class Transport(Protocol):
         ...
 
     def receive(self) -> list[Any]:
-        """What it has said and was not received yet.
-
-        Raises:
-            EOFError: Nothing will come any more.
-            MessageError: A message is none of the expected kind.
-        """
+        """What it has said and was not received yet."""
         ...
 
     def death(self) -> str | None:
@@ -111,11 +106,7 @@ class Channel:
         self._rest = bytearray()
 
     def send(self, message: Any) -> None:
-        """Send a message.
-
-        Raises:
-            OSError: The other end is closed.
-        """
+        """Send a message."""
         self.socket.sendall(msgspec.json.encode(message) + b"\n")
 
     def receive(self) -> list[Any]:
@@ -123,10 +114,6 @@ class Channel:
 
         It waits only if nothing has arrived: an end of the channel that dies in the middle of a
         message leaves it incomplete, also while a child of it keeps the channel open.
-
-        Raises:
-            EOFError: The other end is closed.
-            MessageError: A message is none of the expected kind.
         """
         try:
             piece = self.socket.recv(_PIECE)
@@ -154,9 +141,6 @@ class WorkerProcess:
         kind: Type of the messages that it sends.
         arguments: Further arguments.
         hidden: Environment variables that it does not get.
-
-    Raises:
-        MachineryError: The process cannot be started.
     """
 
     def __init__(

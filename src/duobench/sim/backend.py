@@ -88,9 +88,6 @@ class SimBackend:
         """Advance one control step towards a command.
 
         It is sent as it is, unless the arms are held or keep slower limits.
-
-        Raises:
-            SimulationError: The physics diverged.
         """
         if self._held is not None:
             command = self.last_command
@@ -106,12 +103,7 @@ class SimBackend:
         return self._look
 
     def set_look(self, look: Look) -> None:
-        """Give images in another look from now on; physics and model stay as they are.
-
-        Raises:
-            UnknownNameError: The look names an object that the model has not.
-            AssetError: An image file of the look cannot be read.
-        """
+        """Give images in another look from now on; physics and model stay as they are."""
         if look == self._look:
             return
         Appearance(self.simulation.model, look)  # rejects it before anything has changed

@@ -103,10 +103,6 @@ def replay_fragment(
         scenes: Scene files by name, `Geometry.data`; those that no episode needs are left out.
         replays: The episodes, in the order of the list.
         is_open: Whether the first episode is shown at once.
-
-    Raises:
-        OptionError: There is no episode, or two have the same id.
-        UnknownNameError: An episode's scene is not there.
     """
     if not replays:
         raise OptionError("A page of replays needs at least one episode.")

@@ -124,9 +124,6 @@ class PageServer:
         port: Port to listen at; 0 takes a free one.
         token: What the address of the page must hold; None makes one up.
         certificate: Encrypts; any host but this machine's own needs one.
-
-    Raises:
-        ServingError: The address cannot be had, or needs a certificate; or the token is none.
     """
 
     def __init__(
@@ -206,9 +203,6 @@ class PageServer:
         """Show a scene file from now on; frames of the one before are dropped.
 
         The name is letters, digits, '_', '-' and '.'; the same name is the same scene.
-
-        Raises:
-            ServingError: The name is none.
         """
         if not re.fullmatch(_NAME, name, re.ASCII):
             raise ServingError(f"A scene cannot be named {name!r}: letters, digits, '_', '-', '.'.")
@@ -222,9 +216,6 @@ class PageServer:
 
         Returns:
             Its address on this server, with the token.
-
-        Raises:
-            ServingError: The name is none, or the data are of another kind.
         """
         kind = next((kind for sign, kind in IMAGE_KINDS.items() if data.startswith(sign)), None)
         if kind is None or not re.fullmatch(_NAME, name, re.ASCII):

@@ -51,9 +51,6 @@ def calibrate_lens(images: Sequence[Image], board: Board) -> CameraCalibration:
 
     Images show the board from many sides and in all their parts, at least ten times; every fifth
     is held out. The scale of the board does not matter here.
-
-    Raises:
-        CalibrationError: Too few images show the board, or they do not fit one lens.
     """
     height, width, _ = images[0].shape
     found = Detector(board).find_all(images, FEWEST_LENS_VIEWS)
@@ -102,9 +99,6 @@ def locate_head(
 
     One or more images show the board, as it was printed, which lies still; every fifth corner is
     held out.
-
-    Raises:
-        CalibrationError: The board is not seen, or the camera would be somewhere else altogether.
     """
     found = [each for _, each in Detector(board).find_all(images, 1)]
     points = np.concatenate([each.points for each in found])
@@ -121,11 +115,7 @@ def locate_head(
 def _measured(
     camera: str, lens: CameraCalibration, pose: SE3, method: str, views: int, error_px: float
 ) -> Measured:
-    """A lens with a place, how it was found, and what is remarkable about it.
-
-    Raises:
-        CalibrationError: The error is too large, or the place can hardly be true.
-    """
+    """A lens with a place, how it was found, and what is remarkable about it."""
     if error_px > LARGEST_ERROR_PX:
         raise CalibrationError(
             f"What was held out is off by {error_px:.2f} px; at most {LARGEST_ERROR_PX:g} is "
@@ -194,10 +184,6 @@ def calibrate_wrist(
 
     There are 15 to 25 views of a board, as it was printed, that does not move. The wrist is turned
     by 20 to 40 degrees about at least two axes; every fifth view is held out.
-
-    Raises:
-        CalibrationError: There are too few views, the arm was turned too little, the board's size
-            is not the one that was said, or the held-out views do not fit.
     """
     for view in views:
         if np.shape(view.joints) != (ARM_JOINTS,) or not np.all(np.abs(view.joints) < MAX_JOINT):
