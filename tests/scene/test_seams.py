@@ -11,8 +11,7 @@ import pytest
 import duobench
 from duobench.envs.sim_env import sim_of
 from duobench.objects.blocks import WHITE
-from duobench.objects.bowl import FLOOR, RADIUS, bowl
-from duobench.objects.bowl import WALL as BOWL_WALL
+from duobench.objects.bowl import FLOOR, RADIUS, WALL as BOWL_WALL, bowl
 from duobench.objects.cup import cup
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, printable

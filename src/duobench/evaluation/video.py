@@ -10,8 +10,7 @@ from functools import cache
 
 import gymnasium as gym
 import numpy as np
-from PIL import Image as Pillow
-from PIL import ImageDraw, ImageFont
+from PIL import Image as Pillow, ImageDraw, ImageFont
 
 from duobench.backend import Image
 from duobench.envs.execution import Step

@@ -20,8 +20,7 @@ from duobench.replay.player import Latest, RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
 from duobench.replay.verify import disagreements
 from duobench.results.bundle import open_source
-from duobench.results.folder import DESCRIPTION as RUN
-from duobench.results.folder import RunFolder, RunReader
+from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader
 from duobench.results.records import EpisodeRecord
 from duobench.results.scores import group_by_condition
 from duobench.tasks import catalog

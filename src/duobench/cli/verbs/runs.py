@@ -148,8 +148,7 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool 
         return
     if _compare_shifts(runs, out):
         return
-    from duobench.results.compare import compare as compare_runs
-    from duobench.results.compare import write_comparison
+    from duobench.results.compare import compare as compare_runs, write_comparison
     from duobench.results.tables import verdict
 
     comparison = compare_runs(runs)
