@@ -18,8 +18,7 @@ from prints_page import DRAWN, FOLDER, JOBS, PAGE, digest, job, page, together_f
 
 from duobench.fabrication import PrintJob, lay_out
 from duobench.fabrication.formats import BED_STEP
-from duobench.objects import Solid, cylinder, mesh_of, pieces_of
-from duobench.objects import chest as chests
+from duobench.objects import Solid, chest as chests, cylinder, mesh_of, pieces_of
 from duobench.objects.joint_blocks import BAR, PEG_HEIGHT
 from duobench.objects.shapes import PRINTER, Colour
 from duobench.objects.solid import Mesh, manifold_from, manifold_of, placed

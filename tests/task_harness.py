@@ -161,11 +161,8 @@ class TaskHarness:
 
     def run_for(self, script: Callable[[Arms], Script], steps: int) -> int:
         """Run a script for some control steps, or until the last stage."""
-        running = script(self.arms)
-        for _ in range(steps):
-            next(running, None)
-            self.advance()
-            if self.progress.success:
+        for number, _ in enumerate(self.steps(script, then=steps), 1):
+            if self.progress.success or number == steps:
                 break
         return self.progress.stage
 

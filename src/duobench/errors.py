@@ -42,11 +42,8 @@ class AssetError(DuoBenchError):
 class UnknownNameError(DuoBenchError, LookupError):
     """A name (task, object, camera, option, policy) is not known; the message lists near misses.
 
-    Args:
-        kind: What the name should have named, such as "task"; the whole message where nothing
-            else is given, as when an error comes from another process.
-        name: The name that was given.
-        known: Every name that would have worked.
+    The kind is what the name should have named, such as "task"; it is the whole message where
+    nothing else is given, as when an error comes from another process.
     """
 
     def __init__(self, kind: str, name: object = None, known: Iterable[str] | None = None) -> None:

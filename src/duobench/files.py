@@ -72,12 +72,7 @@ def make_folder(path: Path) -> None:
 
 @contextmanager
 def locked(folder: Path, *, wait_s: float = 0.0) -> Iterator[None]:
-    """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked.
-
-    Raises:
-        OutputError: If the folder cannot be made.
-        LockedError: If another process is writing into it, for `wait_s` seconds from now.
-    """
+    """Keep a second writer out of a folder, which is made; a killed one leaves nothing locked."""
     make_folder(folder)
     with held(folder, wait_s=wait_s):
         yield
@@ -111,11 +106,7 @@ def is_locked(path: Path) -> bool:
 
 
 def lock(handle: int, path: Path, *, wait_s: float = 0.0) -> None:
-    """Lock an open file or folder; the operating system drops the lock with the process.
-
-    Raises:
-        LockedError: If another process has locked it, for `wait_s` seconds from now.
-    """
+    """Lock an open file or folder; the operating system drops the lock with the process."""
     until = time.monotonic() + wait_s
     while True:
         try:
@@ -300,10 +291,8 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
 def differences(now: Mapping[str, object], before: Mapping[str, object]) -> list[str]:
     """What is different now, one phrase each: `look dark instead of default`.
 
-    Args:
-        now: Facts by their names in words; of mappings, such as files by name, only the numbers of
-            entries that differ are said.
-        before: The earlier facts; those that were not known then make no difference.
+    Facts have their names in words; of mappings, such as files by name, only the numbers of entries
+    that differ are said. What was not known before makes no difference.
     """
     return [
         f"{name} {_changes(fact, earlier)}"

@@ -16,14 +16,7 @@ from duobench.errors import ImportPathError, UnknownNameError, traceback_text
 def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
     """Import what a path `module:attribute` names, such as "my_tasks:STACK".
 
-    Args:
-        path: The path.
-        kind: What it should be, for messages: "task".
-        fits: Whether a value is one.
-
-    Raises:
-        ImportPathError: The path has another form, or the module is missing or raises an error.
-        UnknownNameError: The module has no such attribute of that kind; near misses are listed.
+    It should be of a kind, such as "task" for messages; `fits` says whether a value is.
     """
     module_name, _, attribute = path.partition(":")
     if not (module_name and attribute) or module_name.startswith("."):

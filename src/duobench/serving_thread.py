@@ -24,18 +24,15 @@ async def _nothing() -> None:
 
 
 class ServingThread:
-    """A server that listens from the start.
+    """A server that listens from the start, at a free port for port 0.
 
     Args:
         handler: Serves one connection, in the thread.
         host: Address to listen at.
-        port: Port to listen at; 0 takes a free one.
+        port: Port to listen at.
         name: That of the thread.
         ending: What the thread does last, while connections are still open.
         options: Of `websockets.asyncio.server.serve`.
-
-    Raises:
-        ServingError: If the address cannot be had.
     """
 
     _events: asyncio.AbstractEventLoop

@@ -51,15 +51,10 @@ class Sheet:
         fill: float | None = None,
         closed: bool = True,
     ) -> None:
-        """Draw a polygon, or with `closed` off a line through points.
+        """Draw a polygon of corners (n, 2), or with `closed` off a line through them.
 
-        Args:
-            points: Corners (n, 2) in mm.
-            line: Width of the line in mm.
-            grey: Its colour, 0 black to 1 white.
-            dash: Length of its dashes in mm; 0 for a solid line.
-            fill: Grey that it is filled with, or None.
-            closed: Whether the last point is joined to the first one.
+        Widths and the length of dashes are in mm; 0 is a solid line. Greys go from 0 black to 1
+        white.
         """
         from matplotlib.path import Path
 

@@ -71,11 +71,8 @@ half second."""
 class VideoWriter:
     """Encodes a video frame by frame; it begins with the first one, and ends when it is closed.
 
-    Args:
-        target: The file, or a stream in memory (not for AV1, whose index moves to the front);
-            without a frame nothing is written into it.
-        codec: How it is encoded.
-        rate: Frames a second.
+    The target is a file, or a stream in memory (not for AV1, whose index moves to the front);
+    without a frame nothing is written into it. The rate is in frames a second.
     """
 
     def __init__(self, target: Path | BinaryIO, codec: Codec, rate: Fraction | int) -> None:

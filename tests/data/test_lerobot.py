@@ -84,8 +84,13 @@ def test_rows_pair_an_action_with_what_was_seen_before_or_after_it(
             "stage": recording.stage[seen],
             "index": HORIZON * index + np.arange(HORIZON),
             "domain": np.zeros(HORIZON),
+            "timestamp": (np.arange(HORIZON) / 30).astype(np.float32),
+            "frame_index": np.arange(HORIZON),
+            "episode_index": np.full(HORIZON, index),
+            "task_index": np.zeros(HORIZON),
         }
         rows = columns(tmp_path / "out", index)
+        assert rows.keys() == expected.keys()
         for name, values in expected.items():
             np.testing.assert_array_equal(rows[name], values, err_msg=name)
 

@@ -70,54 +70,35 @@ def described(value: Any) -> str:
     return type(value).__name__
 
 
-@pytest.fixture(scope="module")
-def seen() -> dict[str, dict[str, Any]]:
-    """What info holds after a reset, a step, and one that held arms ended, with every wrapper."""
-    env = duobench.make(TASK, cameras=False, chunk=CHUNK)
-    _, at_reset = env.reset(seed=0)
-    chunk = np.tile(HOME_JOINTS_OPEN, (CHUNK, 1))
-    at_step = env.step(chunk)[4]
-    base_of(env).backend.hold("A test.")
-    at_end = env.step(chunk)[4]
-    env.close()
-    return {"reset": at_reset, "step": at_step, "end": at_end}
-
-
 HOME_JOINTS_OPEN = np.concatenate([[*joints, 1.0] for joints in HOME_JOINTS])
 
 
-ROWS = {"reset": ("both", "reset"), "step": ("both", "step"), "end": ("both", "step", "end")}
-
-
-@pytest.mark.parametrize("at", ROWS)
-def test_every_key_of_info_is_in_the_table_and_no_other(
-    at: str, seen: dict[str, dict[str, Any]]
-) -> None:
-    rows = [row for row in table(STAGES, "key") if row["at"] in ROWS[at]]
-    assert {row["key"]: row["type"] for row in rows} == {
-        key: described(value) for key, value in seen[at].items()
-    }
-
-
-def test_keys_come_from_the_wrapper_that_the_table_names() -> None:
+def test_the_table_of_info_has_every_key_with_its_type_its_time_and_its_wrapper() -> None:
+    """After a reset, a step, and one that held arms ended, as every wrapper adds to it."""
     env: gym.Env = duobench.make(TASK, cameras=False, chunk=CHUNK)
     added: dict[str, str] = {}
     layers = [env]
     while layers[-1] is not env.unwrapped:
         layers.append(layers[-1].env)  # type: ignore[attr-defined]
     for layer in reversed(layers):
-        size = layer.action_space.shape
-        _, info = layer.reset(seed=0)
-        action = np.broadcast_to(HOME_JOINTS_OPEN, size)
-        *_, later = layer.step(action)
+        action = np.broadcast_to(HOME_JOINTS_OPEN, layer.action_space.shape)
+        at_reset = layer.reset(seed=0)[1]
+        at_step = layer.step(action)[-1]
         base_of(env).backend.hold("A test.")
-        *_, last = layer.step(action)
-        for key in {**info, **later, **last}:
+        at_end = layer.step(action)[-1]
+        for key in {**at_reset, **at_step, **at_end}:
             added.setdefault(key, type(layer).__name__)
     env.close()
-    named = {row["key"]: row["added by"] for row in table(STAGES, "key")}
+    rows = table(STAGES, "key")
     # The two base classes are one layer.
-    assert {key: name.replace("DuoEnv", "SimEnv") for key, name in named.items()} == added
+    assert {row["key"]: row["added by"].replace("DuoEnv", "SimEnv") for row in rows} == added
+    for info, times in (
+        (at_reset, {"both", "reset"}),
+        (at_step, {"both", "step"}),
+        (at_end, {"both", "step", "end"}),
+    ):
+        types = {row["key"]: row["type"] for row in rows if row["at"] in times}
+        assert types == {key: described(value) for key, value in info.items()}
 
 
 # --- frames --------------------------------------------------------------------------------------

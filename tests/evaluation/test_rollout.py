@@ -294,14 +294,20 @@ class Refuses(HoldPolicy):
         raise asyncio.CancelledError
 
 
+class Nan(HoldPolicy):
+    def act(self, observation):
+        return super().act(observation) * np.nan
+
+
 @pytest.mark.parametrize(
     ("policy", "error", "message", "heard"),
     [
         (Refuses, asyncio.CancelledError, None, ["end: CancelledError"]),
         (toy_tasks.IsSlow, PolicyError, "acts 10 times a second", []),
+        (Nan, PolicyError, "nan in action 0", ["start", "end: PolicyError"]),
     ],
 )
-def test_watcher_is_told_the_end_of_an_episode_that_never_began(env, policy, error, message, heard):
+def test_watcher_is_told_the_end_of_an_episode_without_a_step(env, policy, error, message, heard):
     listener = Listener()
     with pytest.raises(error, match=message):
         rollout(env, policy(), seed=0, watchers=[listener])

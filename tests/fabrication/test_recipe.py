@@ -6,8 +6,7 @@ import json
 
 import pytest
 
-from duobench.fabrication import Recipe, recipe_of
-from duobench.fabrication import details as known
+from duobench.fabrication import Recipe, details as known, recipe_of
 from duobench.fabrication.recipe import (
     LAYER,
     MATERIAL_PER_SECOND,

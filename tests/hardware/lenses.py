@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
+from duobench.hardware.calibration.board import COLUMNS, ROWS, rectangles
 from duobench.hardware.canonical import distorted
-from duobench.hardware.rig import CameraCalibration
+from duobench.hardware.rig import UNPOSED, CameraCalibration
 from duobench.types import Array
 
-UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 ZED = CameraCalibration(
     fx=700.0,
     fy=702.0,
@@ -21,6 +22,15 @@ ZED = CameraCalibration(
 )
 """A lens such as that of a ZED Mini: wider than the canonical one, and distorted."""
 D405 = CameraCalibration(fx=641.0, fy=640.2, cx=637.1, cy=363.4, pose=UNPOSED)
+
+
+def pattern(pixels: int) -> NDArray[np.uint8]:
+    """Black and white of the board, seen from the front, with a multiple of 8 pixels a square."""
+    cells = np.full((ROWS * pixels, COLUMNS * pixels), 255, np.uint8)
+    for x, y, width, height in rectangles():
+        rows = slice(round((ROWS - y - height) * pixels), round((ROWS - y) * pixels))
+        cells[rows, round(x * pixels) : round((x + width) * pixels)] = 0
+    return cells
 
 
 def undistorted(pixels: Array, lens: CameraCalibration) -> Array:

@@ -1,7 +1,7 @@
 """Plays and records an episode on simulated devices in real time; run as a program.
 
-`python -m tests.hardware.play_slowly DATA` prints `begun` after ten steps, and at the end why the
-episode ended.
+`python -m tests.hardware.play_slowly DATA` prints `begun` after ten steps, and at the end what it
+saw.
 """
 
 from __future__ import annotations
@@ -13,26 +13,22 @@ from pathlib import Path
 from duobench.data import Recorder
 from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
-
-
-def say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
+from tests.hardware.programs import say
 
 
 def main() -> None:
     duo = open_rig("simulated", guard=False)
     env = Recorder(make_real_env(duo, "bin_sort", cameras=False), Path(sys.argv[1]))
     duo.supervisor.confirm()
-    action = env.reset(seed=0)[0]["agent_pos"]
-    for number in range(300):
+    action, steps, truncated, info = env.reset(seed=0)[0]["agent_pos"], 0, False, {}
+    while not truncated and steps < 300:
         *_, truncated, info = env.step(action)
-        if number == 10:
+        steps += 1
+        if steps == 10:
             say("begun")
-        if truncated:
-            break
     env.close()
-    say(json.dumps([info.get("truncation_reason"), info.get("fault_kind"), str(duo.held)]))
+    seen = {"reason": info.get("truncation_reason"), "fault_kind": info.get("fault_kind")}
+    say(json.dumps({**seen, "steps": steps}))
 
 
 if __name__ == "__main__":

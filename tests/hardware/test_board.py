@@ -21,6 +21,7 @@ from duobench.hardware.calibration.board import (
     write_board,
 )
 from duobench.sheets import Paper
+from tests.hardware.lenses import pattern
 from tests.pdfs import read_pdf
 
 
@@ -42,11 +43,11 @@ def test_corners_are_where_squares_meet() -> None:
     np.testing.assert_allclose(corners[-1], [0.21, 0.03, 0.0])
     np.testing.assert_allclose(board.middle, [0.12, 0.075, 0.0])
     pixels = 24
-    pattern = board.pattern(pixels)
-    assert pattern.shape == (ROWS * pixels, COLUMNS * pixels)
+    image = pattern(pixels)
+    assert image.shape == (ROWS * pixels, COLUMNS * pixels)
     for x, y, _ in corners / board.square * pixels:
         row, column = round(ROWS * pixels - y), round(x)
-        around = pattern[row - 2 : row + 2, column - 2 : column + 2]
+        around = image[row - 2 : row + 2, column - 2 : column + 2]
         assert around[0, 0] == around[-1, -1] != around[0, -1] == around[-1, 0]
 
 

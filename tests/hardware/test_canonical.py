@@ -14,12 +14,12 @@ from duobench.hardware.canonical import (
     nominal_pose,
     remapped,
 )
-from duobench.hardware.rig import CameraCalibration
+from duobench.hardware.rig import UNPOSED, CameraCalibration
 from duobench.robot.cameras import describe_cameras
 from duobench.sim.rendering import Renderer
 from duobench.tasks import catalog
 from duobench.types import HEAD, POLICY_CAMERAS, Array
-from tests.hardware.lenses import D405, UNPOSED, ZED, directions_of
+from tests.hardware.lenses import D405, ZED, directions_of
 
 
 def pinhole(camera: str) -> CameraCalibration:
@@ -56,12 +56,10 @@ def test_a_rendered_image_comes_back() -> None:
     with Renderer(base.simulation.model, height=720, width=1280) as renderer:
         rendered = renderer.render(base.simulation.data, HEAD)
     base.close()
-    through = remapped(rendered, directions_of(ZED) * focal_of(HEAD) + (639.5, 359.5))
-    back = CanonicalView(HEAD, ZED).image(through)
-    seen = remapped(
-        np.full_like(rendered, 255), directions_of(ZED) * focal_of(HEAD) + (639.5, 359.5)
-    )
-    known = CanonicalView(HEAD, ZED).image(seen).min(axis=-1) == 255
+    places = directions_of(ZED) * focal_of(HEAD) + (639.5, 359.5)
+    view, white = CanonicalView(HEAD, ZED), np.full_like(rendered, 255)
+    back = view.image(remapped(rendered, places))
+    known = view.image(remapped(white, places)).min(axis=-1) == 255
     assert known.mean() > 0.98
     error = np.abs(back.astype(int) - rendered)[known]
     assert error.mean() < 2.0

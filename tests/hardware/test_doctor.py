@@ -14,9 +14,14 @@ import numpy as np
 import pytest
 
 from duobench.hardware.devices import ArmReading, FaultKind
-from duobench.hardware.doctor import Check, Outcome, examine, is_well, write_checks
+from duobench.hardware.doctor.checks import Check, Outcome, is_well, write_checks
 from duobench.hardware.doctor.computer import computer_checks
-from duobench.hardware.doctor.examine import SUCCESS_RATE, gravity_torques, mount_check
+from duobench.hardware.doctor.examine import (
+    SUCCESS_RATE,
+    examine,
+    gravity_torques,
+    mount_check,
+)
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import ArmConfig, ArmDriver, Rig

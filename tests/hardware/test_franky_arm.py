@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from types import ModuleType, SimpleNamespace
+from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -56,45 +57,45 @@ class FakeTracker:
 
 
 @pytest.fixture
-def library(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    franky = ModuleType("franky")
-    contents = {
-        "Robot": FakeRobot,
-        "JointImpedanceTracker": FakeTracker,
-        "RealtimeConfig": SimpleNamespace(Enforce="enforce", Ignore="ignore"),
-        "Exception": type("Exception", (Exception,), {}),
-    }
-    vars(franky).update(contents)
+def arm(monkeypatch: pytest.MonkeyPatch) -> Iterator[franky_arm.FrankyArm]:
+    franky = SimpleNamespace(
+        Robot=FakeRobot,
+        JointImpedanceTracker=FakeTracker,
+        RealtimeConfig=SimpleNamespace(Enforce="enforce", Ignore="ignore"),
+        Exception=type("Exception", (Exception,), {}),
+    )
     monkeypatch.setattr(franky_arm, "_library", lambda: franky)
-    return franky
+    made = franky_arm.FrankyArm(CONFIG, VirtualClock())
+    made.connect()
+    yield made
+    made.close()
 
 
-@pytest.mark.usefixtures("library")
-def test_thresholds_and_gains_are_those_of_the_rigs_file() -> None:
-    arm = franky_arm.FrankyArm(CONFIG, VirtualClock())
-    arm.connect()
+def test_thresholds_and_gains_are_those_of_the_rigs_file(arm: franky_arm.FrankyArm) -> None:
     robot: FakeRobot = arm._robot
     assert robot.address == CONFIG.address
-    assert robot.options["default_torque_threshold"] == CONFIG.torque_threshold
-    assert robot.options["default_force_threshold"] == CONFIG.force_threshold
-    assert robot.options["realtime_config"] == "enforce"
+    assert robot.options == {
+        "default_torque_threshold": CONFIG.torque_threshold,
+        "default_force_threshold": CONFIG.force_threshold,
+        "realtime_config": "enforce",
+    }
     arm.start()
     assert robot.behavior == ([CONFIG.torque_threshold] * 7, [CONFIG.force_threshold] * 6)
-    assert np.array_equal(arm._tracker.gains["stiffness"], CONFIG.stiffness)
-    assert np.array_equal(arm._tracker.gains["damping"], CONFIG.damping)
-    assert arm._tracker.gains["max_delta_tau"] == franky_arm.TORQUE_CHANGE
-    arm.close()
+    gains = {name: np.ravel(value).tolist() for name, value in arm._tracker.gains.items()}
+    assert gains == {
+        "stiffness": list(CONFIG.stiffness),
+        "damping": list(CONFIG.damping),
+        "max_delta_tau": [franky_arm.TORQUE_CHANGE],
+    }
 
 
-@pytest.mark.usefixtures("library")
-def test_an_arm_with_errors_does_not_begin_to_track(monkeypatch: pytest.MonkeyPatch) -> None:
-    arm = franky_arm.FrankyArm(CONFIG, VirtualClock())
-    arm.connect()
+def test_an_arm_with_errors_does_not_begin_to_track(
+    arm: franky_arm.FrankyArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(FakeRobot, "has_errors", True)
     with pytest.raises(BackendError, match="has errors"):
         arm.start()
     assert arm._tracker is None
-    arm.close()
 
 
 # --- what an arm stopped for -----------------------------------------------------------------

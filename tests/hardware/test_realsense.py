@@ -44,9 +44,7 @@ class Library:
     stream = SimpleNamespace(color="color")
     format = SimpleNamespace(rgb8="rgb8")
     distortion = SimpleNamespace(brown_conrady="brown_conrady")
-    camera_info = SimpleNamespace(
-        name="name", serial_number="serial", firmware_version="5.16", usb_type_descriptor="usb"
-    )
+    camera_info = SimpleNamespace(serial_number="serial", usb_type_descriptor="usb")
     option = SimpleNamespace(
         exposure="exposure",
         gain="gain",
@@ -54,11 +52,11 @@ class Library:
         enable_auto_white_balance="enable_auto_white_balance",
     )
 
-    def __init__(self, hangs: int = 0) -> None:
-        self.hangs = hangs
+    def __init__(self) -> None:
+        self.hangs = 0
         self.log: list[str] = []
         self.depth, self.colour = Sensor("depth"), Sensor("color")
-        facts = {"name": "D405", "serial": SERIAL, "5.16": "5.16", "usb": "3.2"}
+        facts = {"serial": SERIAL, "usb": "3.2"}
         self.device = SimpleNamespace(
             query_sensors=lambda: [self.depth, self.colour],
             supports=lambda fact: fact in facts,
@@ -93,22 +91,23 @@ class Library:
             raise RuntimeError("Frame didn't arrive within 4000")
 
 
-def opened(
-    monkeypatch: pytest.MonkeyPatch, library: Library, device: str = SERIAL, **options: Any
-) -> RealSenseCamera:
-    monkeypatch.setitem(sys.modules, "pyrealsense2", library)  # type: ignore[arg-type]
+@pytest.fixture
+def library(monkeypatch: pytest.MonkeyPatch) -> Library:
+    made = Library()
+    monkeypatch.setitem(sys.modules, "pyrealsense2", made)  # type: ignore[arg-type]
     monkeypatch.setattr(realsense.time, "sleep", lambda _: None)
+    return made
+
+
+def opened(device: str = SERIAL, **options: Any) -> RealSenseCamera:
     config = CameraConfig(driver=CameraDriver.REALSENSE, device=device, **options)
     camera = RealSenseCamera(config, VirtualClock(), "left_wrist")
     camera._open()
     return camera
 
 
-def test_exposure_and_gain_are_locked_on_the_sensor_of_colour(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    library = Library()
-    camera = opened(monkeypatch, library, exposure_us=8000.0, gain=32.0)
+def test_exposure_and_gain_are_locked_on_the_sensor_of_colour(library: Library) -> None:
+    camera = opened(exposure_us=8000.0, gain=32.0)
     assert library.colour.options == {
         "enable_auto_exposure": 0,
         "exposure": 8000.0,
@@ -120,23 +119,30 @@ def test_exposure_and_gain_are_locked_on_the_sensor_of_colour(
     assert camera.usb == "3.2"
 
 
-def test_a_rig_that_says_nothing_lets_the_camera_choose(monkeypatch: pytest.MonkeyPatch) -> None:
-    library = Library()
-    opened(monkeypatch, library)
+def test_a_rig_that_says_nothing_lets_the_camera_choose(library: Library) -> None:
+    opened()
     assert library.colour.options == {"enable_auto_exposure": 1}
 
 
-def test_exposure_that_the_camera_does_not_take_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(BackendError, match=r"exposure of 1 to 165000, got 200000"):
-        opened(monkeypatch, Library(), exposure_us=200000.0)
+@pytest.mark.usefixtures("library")
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"exposure_us": 200000.0}, r"exposure of 1 to 165000, got 200000"),
+        ({"device": "42"}, f"connected are: {SERIAL}"),
+    ],
+)
+def test_what_the_camera_is_not_or_does_not_take_is_told(
+    options: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(BackendError, match=words):
+        opened(**options)
 
 
 @pytest.mark.parametrize("hangs", range(ATTEMPTS))
-def test_a_camera_that_hangs_is_tried_again_and_then_reset(
-    monkeypatch: pytest.MonkeyPatch, hangs: int
-) -> None:
-    library = Library(hangs=hangs)
-    opened(monkeypatch, library)
+def test_a_camera_that_hangs_is_tried_again_and_then_reset(library: Library, hangs: int) -> None:
+    library.hangs = hangs
+    opened()
     steps = [word for word in library.log if word in {"wait", "stop", "reset"}]
     expected = ["wait", "stop"] * hangs + ["wait"]
     if hangs == ATTEMPTS - 1:
@@ -144,14 +150,9 @@ def test_a_camera_that_hangs_is_tried_again_and_then_reset(
     assert steps == expected
 
 
-def test_a_camera_that_goes_on_hanging_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    library = Library(hangs=ATTEMPTS)
+def test_a_camera_that_goes_on_hanging_is_told(library: Library) -> None:
+    library.hangs = ATTEMPTS
     with pytest.raises(BackendError, match=r"left_wrist .* gives no images"):
-        opened(monkeypatch, library)
+        opened()
     assert library.log.count("reset") == 1
     assert library.log[-1] == "stop"
-
-
-def test_another_camera_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(BackendError, match=f"connected are: {SERIAL}"):
-        opened(monkeypatch, Library(), device="42")

@@ -32,10 +32,10 @@ def test_an_arm_may_not_be_faster_or_stronger_than_any_rig(wrong: dict[str, Any]
         ArmConfig(**wrong)
 
 
-def test_ends_of_a_gripper_are_bytes_in_order() -> None:
-    for wrong in ({"open_count": 230}, {"speed": 256}, {"closed_count": -1}):
-        with pytest.raises(OptionError):
-            GripperConfig(**wrong)
+@pytest.mark.parametrize("wrong", [{"open_count": 230}, {"speed": 256}, {"closed_count": -1}])
+def test_ends_of_a_gripper_are_bytes_in_order(wrong: dict[str, int]) -> None:
+    with pytest.raises(OptionError):
+        GripperConfig(**wrong)
 
 
 def test_a_rig_has_both_arms() -> None:

@@ -10,8 +10,7 @@ from duobench.cli import main
 from duobench.randomness import episode_seed
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE
-from tests.lerobot.tools import HERE
-from tests.lerobot.tools import run as run_program
+from tests.lerobot.tools import HERE, run as run_program
 
 TASK = "swing_task:TASK"
 EPISODES = 4

@@ -39,11 +39,10 @@ from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.spatial import SE3
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.types import ARM_JOINTS, DuoCommand
-from duobench.web.messages import unpack_frame
 from lerobot_env_duobench.hand_arms import OPEN_HOME
 from tests.docs.markdown import DOCS, table
 from tests.teleop.operator import Operator, hand, message
-from tests.web.pages import Page, get, open_page
+from tests.web.pages import Page, get, open_page, unpack_frame
 
 PAGE = DOCS / "lerobot_teleoperation.md"
 OF_LEROBOT = ("id", "calibration_dir")

@@ -14,8 +14,7 @@ from duobench.objects.chest import (
     chest_lid,
 )
 from duobench.objects.shapes import cylinder
-from duobench.objects.solid import Solid, manifold_from, printable
-from duobench.objects.solid import manifold_of as exact
+from duobench.objects.solid import Solid, manifold_from, manifold_of as exact, printable
 from duobench.spatial import SE3
 
 GREY = (0.5, 0.5, 0.5, 1.0)

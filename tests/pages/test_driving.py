@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,18 @@ def drag(page: Operated, canvas: tuple[float, float], across: int, down: int) ->
     mouse.up()
     assert page.settle()["right"]["squeeze"] == 0
     return start
+
+
+def moved(page: Operated, act: Callable[[], object]) -> tuple[list[float], list[dict[str, Any]]]:
+    """How the right hand moves by what is done, once it has let go again, and its samples."""
+    start = len(page.hands())
+    act()
+    page.wait(lambda: page.settle()["right"]["squeeze"] == 0)
+    return page.motion("right", start)
+
+
+def pressed(page: Operated, key: str) -> tuple[list[float], list[dict[str, Any]]]:
+    return moved(page, lambda: page.page.keyboard.press(key))
 
 
 def turned(samples: list[dict[str, Any]]) -> np.ndarray:
@@ -150,10 +162,8 @@ def test_ctrl_and_the_wheel_move_it_away_and_back(
     np.testing.assert_allclose(
         page.motion("right", start)[0], [50 * METRES_A_PIXEL, 0, 0], atol=1e-6
     )
-    start = len(page.hands())
-    page.page.mouse.wheel(0, 100)
-    page.wait(lambda: page.settle()["right"]["squeeze"] == 0)
-    np.testing.assert_allclose(page.motion("right", start)[0], [-0.02, 0, 0], atol=1e-6)
+    shift, _ = moved(page, lambda: page.page.mouse.wheel(0, 100))
+    np.testing.assert_allclose(shift, [-0.02, 0, 0], atol=1e-6)
 
 
 def test_shift_turns_it_as_a_ball(page: Operated, canvas: tuple[float, float]) -> None:
@@ -173,11 +183,9 @@ def test_shift_and_the_wheel_turn_it_about_the_line_of_sight(
 ) -> None:
     page.page.mouse.click(*canvas)
     page.page.keyboard.down("Shift")
-    start = len(page.hands())
-    page.page.mouse.wheel(*((100, 0) if sideways else (0, 100)))
-    page.wait(lambda: page.settle()["right"]["squeeze"] == 0)
+    wheel = (100, 0) if sideways else (0, 100)
+    shift, samples = moved(page, lambda: page.page.mouse.wheel(*wheel))
     page.page.keyboard.up("Shift")
-    shift, samples = page.motion("right", start)
     assert shift == [0, 0, 0]
     np.testing.assert_allclose(turned(samples), [0.05, 0, 0], atol=1e-9)  # the camera looks along x
 
@@ -187,14 +195,9 @@ def test_space_makes_every_motion_a_quarter(page: Operated, canvas: tuple[float,
     page.page.keyboard.down(" ")
     shift, _ = page.motion("right", drag(page, canvas, 100, 0))
     np.testing.assert_allclose(shift, [0, -25 * METRES_A_PIXEL, 0], atol=1e-6)
-    start = len(page.hands())
-    page.page.keyboard.press("PageUp")
-    page.settle()
-    np.testing.assert_allclose(page.motion("right", start)[0], [0, 0, 0.00125], atol=1e-9)
-    start = len(page.hands())
-    page.page.mouse.wheel(0, 100)
-    page.wait(lambda: page.settle()["right"]["squeeze"] == 0)
-    np.testing.assert_allclose(page.motion("right", start)[0], [-0.005, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(pressed(page, "PageUp")[0], [0, 0, 0.00125], atol=1e-9)
+    shift, _ = moved(page, lambda: page.page.mouse.wheel(0, 100))
+    np.testing.assert_allclose(shift, [-0.005, 0, 0], atol=1e-6)
     page.page.keyboard.up(" ")
     shift, _ = page.motion("right", drag(page, canvas, 100, 0))
     np.testing.assert_allclose(shift, [0, -100 * METRES_A_PIXEL, 0], atol=1e-6)
@@ -203,21 +206,18 @@ def test_space_makes_every_motion_a_quarter(page: Operated, canvas: tuple[float,
 def test_q_and_e_turn_it_about_the_vertical(page: Operated, canvas: tuple[float, float]) -> None:
     page.page.mouse.click(*canvas)
     for key, angle in (("q", 0.05), ("E", -0.05)):
-        start = len(page.hands())
-        page.page.keyboard.press(key)
-        page.settle()
-        shift, samples = page.motion("right", start)
+        shift, samples = pressed(page, key)
         assert shift == [0, 0, 0]
         np.testing.assert_allclose(turned(samples), [0, 0, angle], atol=1e-9)
 
 
 def test_keys_choose_the_arm_and_the_grippers(page: Operated, canvas: tuple[float, float]) -> None:
     page.page.mouse.click(*canvas)
-    pressed = page.page.get_by_role("button", name="Left arm")
+    left_arm = page.page.get_by_role("button", name="Left arm")
     page.page.keyboard.press("Tab")
-    assert pressed.get_attribute("aria-pressed") == "true"
+    assert left_arm.get_attribute("aria-pressed") == "true"
     page.page.keyboard.press("2")
-    assert pressed.get_attribute("aria-pressed") == "false"
+    assert left_arm.get_attribute("aria-pressed") == "false"
     assert page.settle()["left"]["trigger"] == 0
     page.page.keyboard.press("f")
     now = page.settle()
@@ -251,16 +251,14 @@ def test_keys_move_by_a_step_and_go_on_while_held(
         *(("ArrowUp", [0.005, 0, 0]), ("ArrowLeft", [0, 0.005, 0])),
         *(("PageUp", [0, 0, 0.005]), ("PageDown", [0, 0, -0.005])),
     ):
-        start = len(page.hands())
-        page.page.keyboard.press(key)
-        page.settle()
-        np.testing.assert_allclose(page.motion("right", start)[0], expected, atol=1e-9)
-    start = len(page.hands())
-    page.page.keyboard.down("ArrowRight")
-    page.page.wait_for_timeout(1000)
-    page.page.keyboard.up("ArrowRight")
-    page.settle()
-    shift, _ = page.motion("right", start)
+        np.testing.assert_allclose(pressed(page, key)[0], expected, atol=1e-9)
+
+    def hold() -> None:
+        page.page.keyboard.down("ArrowRight")
+        page.page.wait_for_timeout(1000)
+        page.page.keyboard.up("ArrowRight")
+
+    shift, _ = moved(page, hold)
     assert -0.3 < shift[1] < -0.05
 
 
@@ -269,13 +267,11 @@ def test_keep_and_discard_are_said_once(page: Operated, canvas: tuple[float, flo
     before = page.said("keep"), page.said("discard")
     page.page.keyboard.press("k")
     page.page.keyboard.press("d")
-    page.page.evaluate("push(9, 1)")
-    page.settle()
-    page.page.evaluate("push(9, 0)")
-    page.page.evaluate("push(8, 1)")
-    page.settle()
-    page.page.evaluate("push(8, 0)")
-    page.settle()
+    for button in (9, 8):
+        page.page.evaluate(f"push({button}, 1)")
+        page.settle()
+        page.page.evaluate(f"push({button}, 0)")
+        page.settle()
     assert (page.said("keep"), page.said("discard")) == (before[0] + 2, before[1] + 2)
 
 

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from duobench.errors import PolicyError
-from duobench.policy import Batching, BatchPolicy, PolicyMetadata, Session, SessionPolicy, noise
-from duobench.policy import inference as inference_module
+from duobench.policy import (
+    Batching,
+    BatchPolicy,
+    PolicyMetadata,
+    Session,
+    SessionPolicy,
+    inference as inference_module,
+    noise,
+)
 from duobench.policy.batch import PolicyPool, answer
 from duobench.policy.inference import BusyError, InferenceLoop
 

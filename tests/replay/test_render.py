@@ -9,8 +9,13 @@ import pytest
 import duobench
 from duobench.envs.sim_env import sim_of
 from duobench.errors import EvaluationError, UnknownNameError
-from duobench.replay.render import MOST_REPLAYS as MOST
-from duobench.replay.render import choose, choose_few, make_replays, make_videos
+from duobench.replay.render import (
+    MOST_REPLAYS as MOST,
+    choose,
+    choose_few,
+    make_replays,
+    make_videos,
+)
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
 from duobench.results.report import write_report

@@ -13,9 +13,8 @@ from duobench.replay.trajectory import Trajectory
 from duobench.replay.viewer import Viewer
 from duobench.types import CONTROL_HZ
 from duobench.web import track
-from duobench.web.messages import unpack_frame
 from duobench.web.server import PageServer
-from tests.web.pages import open_page, wait_until
+from tests.web.pages import open_page, unpack_frame, wait_until
 
 STEPS = 20
 

@@ -4,8 +4,14 @@ from statistics import fmean
 import pytest
 
 from duobench.errors import EvaluationError, UnknownNameError
-from duobench.results.entrants import Group, read_entrants, split_name
-from duobench.results.paper import check_policy, paper_results, value_of
+from duobench.results.entrants import (
+    Group,
+    check_policy,
+    paper_results,
+    read_entrants,
+    split_name,
+    value_of,
+)
 from duobench.shifts.shift import Shift
 from duobench.tasks import catalog
 from tests.docs.markdown import ROOT, tables

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from duobench.data import DataSet, find_problems
-from duobench.hardware.doctor import Check, Outcome, write_checks
+from duobench.hardware.doctor.checks import Check, Outcome, write_checks
 from duobench.hardware.rig import Rig
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import POLICY_CAMERAS

@@ -10,8 +10,13 @@ from duobench.errors import EvaluationError, LockedError, OtherRunError, PolicyE
 from duobench.files import locked
 from duobench.hardware.devices import FaultKind
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
-from duobench.rig_sessions.trials_folder import CUT, TrialsFolder
-from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialsProgress
+from duobench.rig_sessions.trials_folder import (
+    CUT,
+    LogEntry,
+    LogKind,
+    TrialsFolder,
+    TrialsProgress,
+)
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.types import Side
 from tests.rig_sessions import toys

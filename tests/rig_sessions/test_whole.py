@@ -12,8 +12,7 @@ from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.mixed import read_mixed, write_mixed
 from duobench.results.scores import wilson_interval
-from duobench.rig_sessions.trials_folder import TrialsFolder
-from duobench.rig_sessions.trials_log import LogKind
+from duobench.rig_sessions.trials_folder import LogKind, TrialsFolder
 from duobench.rig_sessions.trials_report import TrialsReport, write_trials_report
 from tests.results.samples import LIFT, sample_folder, sample_record, sample_run
 from tests.rig_sessions import toys

@@ -104,8 +104,8 @@ def reading_time(length: int) -> float:
     """Processor time that a message of this many bytes, and one after it, take to be read."""
     reports: list[Report] = [EpisodeError("a" * length), EpisodeError("short")]
     ours, theirs = socket.socketpair()
-    sender: Channel[Request] = Channel(theirs, Request)
-    receiver: Channel[Report] = Channel(ours, Report)
+    sender = Channel(theirs, Request)
+    receiver = Channel(ours, Report)
     thread = threading.Thread(target=lambda: [sender.send(report) for report in reports])
     received: list[Report] = []
     start = time.process_time()

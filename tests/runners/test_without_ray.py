@@ -13,8 +13,7 @@ from duobench.cli import main
 from duobench.cli.shared.options import command_line
 from duobench.errors import EvaluationError
 from duobench.results.folder import RunFolder
-from duobench.runners import ray_cluster as cluster
-from duobench.runners import ray_process as host
+from duobench.runners import ray_cluster as cluster, ray_process as host
 from duobench.runners.evaluate import evaluate
 from duobench.runners.ray_cluster import check_environment
 from duobench.runners.ray_process import AUTH_MODE, Cluster

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from duobench.objects.blocks import WHITE
-from duobench.objects.bowl import FLOOR, RADIUS, bowl
-from duobench.objects.bowl import WALL as BOWL_WALL
+from duobench.objects.bowl import FLOOR, RADIUS, WALL as BOWL_WALL, bowl
 from duobench.objects.cup import cup
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, printable

@@ -56,17 +56,13 @@ def _build(bench: TaskHarness, **poses: SE3) -> None:
     bench.put(**{**here, **poses})
 
 
-def _bridge(bench: TaskHarness) -> dict[str, SE3]:
+def _built(bench: TaskHarness, place: float = PLACE) -> dict[str, SE3]:
+    """Poses with the beam on the cube, and a block on each of its ends, at a distance."""
     x, y, _ = bench.sim.position("cube")
-    return {"cube": SE3.at(x, y, CUBE_EDGE / 2), "beam": SE3.at(x, y, ON_CUBE)}
-
-
-def _ends(bench: TaskHarness, place: float = PLACE) -> dict[str, SE3]:
-    x, y, _ = bench.sim.position("cube")
-    return {
-        name: SE3.at(x, y + sign * place, ON_BEAM)
-        for name, sign in zip(BLOCKS, (1, -1), strict=True)
+    blocks = {
+        name: SE3.at(x, y + end, ON_BEAM) for name, end in zip(BLOCKS, (place, -place), strict=True)
     }
+    return {"cube": SE3.at(x, y, CUBE_EDGE / 2), "beam": SE3.at(x, y, ON_CUBE), **blocks}
 
 
 def _tilt(bench: TaskHarness) -> float:
@@ -89,8 +85,9 @@ def test_one_block_alone_tips_a_beam_that_lies_in_the_middle(
 ) -> None:
     """Off the middle it does not: therefore the rule asks for both at once, and not the physics."""
     bench.start(0)
-    bridge, block = _bridge(bench), _ends(bench, place)[name]
-    bench.put(**bridge | {"beam": bridge["beam"].moved(y=-off), name: block.moved(y=-off)})
+    built = _built(bench, place)
+    moved = {part: built[part].moved(y=-off) for part in ("beam", name)}
+    bench.put(cube=built["cube"], **moved)
     tilts = [_tilt(bench) for _ in range(90) if bench.hold(1) == 0]
     assert (max(tilts) > math.radians(LEVEL_DEGREES)) == (off == 0.0)
     assert bench.sim.contacts.between(name, TABLE) == (off == 0.0)
@@ -100,7 +97,7 @@ def test_one_block_alone_tips_a_beam_that_lies_in_the_middle(
 def test_a_balance_of_both_counts_once_it_stood_still(bench: TaskHarness) -> None:
     _loaded(bench)
     bench.history.clear()
-    _build(bench, **_bridge(bench), **_ends(bench))
+    _build(bench, **_built(bench))
     bench.hold(30)
     assert bench.history.index(5) == REST_STEPS - 1
     assert bench.history[: REST_STEPS - 1] == [4] * (REST_STEPS - 1)
@@ -109,9 +106,9 @@ def test_a_balance_of_both_counts_once_it_stood_still(bench: TaskHarness) -> Non
 @pytest.mark.parametrize("name", ["left_block", "beam", "cube"])
 def test_a_balance_that_moves_now_and_then_does_not_count(bench: TaskHarness, name: str) -> None:
     _loaded(bench)
-    _build(bench, **_bridge(bench), **_ends(bench))
+    _build(bench, **_built(bench))
     for _ in range(3):
-        bench.put(**_bridge(bench), **_ends(bench))
+        bench.put(**_built(bench))
         assert bench.hold(REST_STEPS - 5) == 4
         bench.push(name, STILL_SPEED + 0.01)
         assert bench.judge() == 4
@@ -123,7 +120,7 @@ def test_a_balance_on_a_tilted_beam_does_not_count(
     bench: TaskHarness, beyond: float, stage: int
 ) -> None:
     _loaded(bench)
-    built = {**_bridge(bench), **_ends(bench)}
+    built = _built(bench)
     middle = built["beam"]
     turn = middle @ SE3.about((1, 0, 0), math.radians(LEVEL_DEGREES) + beyond) @ middle.inverse()
     tilted = {name: turn @ pose for name, pose in built.items()} | {"cube": built["cube"]}
@@ -135,25 +132,25 @@ def test_a_balance_on_a_tilted_beam_does_not_count(
 
 def test_blocks_that_do_not_stand_do_not_count(bench: TaskHarness) -> None:
     _loaded(bench)
-    ends = _ends(bench)
+    built = _built(bench)
     lying = SE3.at(z=(BLOCK[0] - BLOCK[2]) / 2) @ SE3.about((0, 1, 0), math.pi / 2)
     leaning = SE3.about((0, 1, 0), math.radians(STANDING_DEGREES) + 0.02)
     for fallen, physics in ((lying, True), (leaning, False)):
-        poses = {**_bridge(bench), **ends, "left_block": ends["left_block"] @ fallen}
+        poses = built | {"left_block": built["left_block"] @ fallen}
         for _ in range(2 * REST_STEPS):
             _build(bench, **poses)
         if physics:
             bench.hold(2 * REST_STEPS)
         assert bench.sim.contacts.between("left_block", "beam")
         assert bench.stage == 4
-    _build(bench, **_bridge(bench), **ends)
+    _build(bench, **built)
     assert bench.hold(30) == 5
 
 
 def test_a_balance_that_an_arm_touches_does_not_count(bench: TaskHarness) -> None:
     """Not with its gripper: all that is built is brought to its elbow."""
     _loaded(bench)
-    built = {**_bridge(bench), **_ends(bench)}
+    built = _built(bench)
     bench.sim.reset_data()
     bench.sim.forward()
     elbow = bench.sim.position("left/link4") - built["left_block"].translation
@@ -169,10 +166,10 @@ def test_a_balance_that_an_arm_touches_does_not_count(bench: TaskHarness) -> Non
 @pytest.mark.parametrize("place", [TIPPING - 0.002, 0.017])
 def test_blocks_near_the_middle_of_the_beam_do_not_count(bench: TaskHarness, place: float) -> None:
     _loaded(bench)
-    _build(bench, **_bridge(bench), **_ends(bench, place))
+    _build(bench, **_built(bench, place))
     assert bench.hold(30) == 4
     assert all(bench.sim.contacts.between(name, "beam") for name in BLOCKS)
-    _build(bench, **_bridge(bench), **_ends(bench, TIPPING + 0.002))
+    _build(bench, **_built(bench, TIPPING + 0.002))
     assert bench.hold(30) == 5
 
 
@@ -229,10 +226,11 @@ def test_a_balance_that_a_block_has_left_does_not_count(bench: TaskHarness) -> N
     _loaded(bench)
     x, y, _ = bench.sim.position("cube")
     # One block in the middle stays level; the other one is back on the table.
-    _build(bench, **_bridge(bench), left_block=SE3.at(x, y, ON_BEAM), right_block=ASIDE)
+    off = {"left_block": SE3.at(x, y, ON_BEAM), "right_block": ASIDE}
+    _build(bench, **_built(bench) | off)
     assert bench.hold(40) == 4
     assert _tilt(bench) < math.radians(LEVEL_DEGREES)
-    _build(bench, **_bridge(bench), **_ends(bench))
+    _build(bench, **_built(bench))
     assert bench.hold(30) == 4
 
 
@@ -256,7 +254,7 @@ def test_a_block_that_was_let_go_on_the_beam_does_not_count(
 def test_blocks_above_the_beam_or_on_a_beam_that_lies_elsewhere_do_not_count(
     bench: TaskHarness,
 ) -> None:
-    built = {**_bridge(bench), **_ends(bench)}
+    built = _built(bench)
     above = {name: built[name].moved(z=0.005) for name in BLOCKS}
     down_to_table = {name: pose.moved(z=-CUBE_EDGE) for name, pose in built.items()}
     elsewhere = {**down_to_table, "cube": SE3.at(0.3, 0.0, CUBE_EDGE / 2)}
@@ -269,18 +267,18 @@ def test_blocks_above_the_beam_or_on_a_beam_that_lies_elsewhere_do_not_count(
 
 def test_blocks_that_stand_on_the_table_against_the_beam_do_not_count(bench: TaskHarness) -> None:
     _loaded(bench)
-    bridge = _bridge(bench)
+    built = _built(bench)
     aside, up = (BEAM[0] + BLOCK[0]) / 2 - 0.0002, BLOCK[2] / 2 - ON_CUBE
     lean = {
-        name: bridge["beam"] @ SE3.at(aside, y, up)
+        name: built["beam"] @ SE3.at(aside, y, up)
         for name, y in zip(BLOCKS, (0.08, -0.08), strict=True)
     }
-    _build(bench, **bridge, **lean)
+    _build(bench, **built | lean)
     assert bench.sim.contacts.between("beam", "cube")
     assert all(bench.sim.contacts.partners(name) == {"beam", TABLE} for name in BLOCKS)
     assert bench.hold(30) == 4
     # And what stood on the table has left the beam.
-    _build(bench, **bridge, **_ends(bench))
+    _build(bench, **built)
     assert bench.hold(30) == 4
 
 

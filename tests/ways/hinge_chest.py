@@ -268,8 +268,8 @@ HIGHEST = 0.077
 UPRIGHT, ROOM = 1.42, 0.1
 """Tilt of a hand and angle of the lid together in radians from which on the hand fits under the
 lid, and how much further in it may go for each radian more, in metres."""
-OUTWARD, SLOWLY, TREMBLING = 0.15, 0.15, 0.25
-"""Shares of the ways taken at random with a hand turned outwards, at half the speed, trembling."""
+OUTWARD = 0.15
+"""Share of the ways taken at random with a hand turned outwards."""
 KINDS = (0.5, 0.1, 0.2, 0.2)
 """Shares of those in which both arms work at once, one after the other, in which the lid sinks onto
 the hand, and in which the hand leans on it."""

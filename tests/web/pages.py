@@ -5,12 +5,14 @@ from __future__ import annotations
 import http.client
 import json
 import ssl
+import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
 from websockets.sync import client
 
 TIMEOUT_S = 120
@@ -81,6 +83,12 @@ class Page:
             if isinstance(data, bytes):
                 self.frames.append(data)
         return self.frames.pop(0)
+
+
+def unpack_frame(data: bytes) -> tuple[np.ndarray, int, float]:
+    """Poses (bodies, 7), step and time of a frame; see `pack_frame`."""
+    time_s, step, bodies = struct.unpack_from("<dII", data)
+    return np.frombuffer(data, "<f4", offset=16).reshape(bodies, 7), step, time_s
 
 
 def wait_until(condition: Callable[[], object]) -> None:

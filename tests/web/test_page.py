@@ -69,18 +69,20 @@ def test_list_says_how_far_an_episode_came() -> None:
     assert re.search(r'data-replay="sort-3".*Episode 3.*stage 1 of 2 · 1\.0 s', fragment)
 
 
-def test_bad_replays_are_rejected() -> None:
-    with pytest.raises(OptionError, match="at least one"):
-        replay_page("none", {}, [])
-    with pytest.raises(UnknownNameError, match="sort"):
-        replay_page("one", {"sorts": b""}, [replay()])
-    with pytest.raises(OptionError, match="a-1 is there twice"):
-        replay_fragment({"sort": b""}, [replay(id="a-1"), replay(id="a-1")])
-    with pytest.raises(DataError, match="no track"):
-        replay(track=b"nothing")
-    with pytest.raises(OptionError, match="positive rate"):
-        replay(rate_hz=0.0)
-    with pytest.raises(OptionError, match="time's order"):
-        replay(stage_changes=((9, 1), (3, 2)))
-    with pytest.raises(OptionError, match="letters, digits"):
-        replay(id='"><script>')
+@pytest.mark.parametrize(
+    ("scenes", "replays", "error", "words"),
+    [
+        ({}, [], OptionError, "at least one"),
+        ({"sorts": b""}, [{}], UnknownNameError, "sort"),
+        ({"sort": b""}, [{"id": "a-1"}, {"id": "a-1"}], OptionError, "a-1 is there twice"),
+        ({}, [{"track": b"nothing"}], DataError, "no track"),
+        ({}, [{"rate_hz": 0.0}], OptionError, "positive rate"),
+        ({}, [{"stage_changes": ((9, 1), (3, 2))}], OptionError, "time's order"),
+        ({}, [{"id": '"><script>'}], OptionError, "letters, digits"),
+    ],
+)
+def test_bad_replays_are_rejected(
+    scenes: dict[str, bytes], replays: list[dict[str, object]], error: type, words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        replay_page("bad", scenes, [replay(**changes) for changes in replays])

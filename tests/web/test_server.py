@@ -15,9 +15,9 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from duobench.errors import MessageError, ServingError
-from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, PageMessage, pack_frame, unpack_frame
+from duobench.web.messages import FRAMES_HZ, MAX_MESSAGE, PageMessage, pack_frame
 from duobench.web.server import PageServer
-from tests.web.pages import get, open_page, wait_until
+from tests.web.pages import get, open_page, unpack_frame, wait_until
 
 ASSETS = {"/": ("text/html; charset=utf-8", b"<p>page"), "/app.js": ("text/javascript", b"1;" * 99)}
 BROKEN = (

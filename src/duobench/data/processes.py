@@ -38,10 +38,6 @@ def run_all(
         jobs: What to do, in the order in which it is begun.
         workers: Most processes at a time; they are new ones (`spawn`), so that a script that calls
             this needs an `if __name__ == "__main__":` guard. With 0 this process does the jobs.
-
-    Raises:
-        DuoBenchError: A job raised it; the others end here.
-        DataError: Processes ended by themselves, again and again, or by an unforeseen error.
     """
     if workers < 0:
         raise DataError(

@@ -45,11 +45,7 @@ def video_path(episode: Path, camera: str) -> Path:
 
 
 def steps_after_success(seconds: float) -> int:
-    """The control steps of that many seconds, rounded.
-
-    Raises:
-        OptionError: The seconds are negative or not finite.
-    """
+    """The control steps of that many seconds, rounded."""
     if not (math.isfinite(seconds) and seconds >= 0.0):
         raise OptionError(
             f"after_success is a number of seconds from 0 (off) on, such as {AFTER_SUCCESS_S}; got "

@@ -98,13 +98,7 @@ class EpisodeRows:
 
 
 class EpisodeStream(EpisodeRows):
-    """Takes them in a file beside the finished episode, which is locked while it is open.
-
-    Raises:
-        OutputError: The file cannot be made or written.
-        DataError: There is an episode of that name, or one is being recorded, or was left by a
-            crash.
-    """
+    """Takes them in a file beside the finished episode, which is locked while it is open."""
 
     def __init__(self, path: Path, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
         super().__init__(info, sizes)
@@ -145,13 +139,7 @@ class EpisodeStream(EpisodeRows):
         self._flush(self._count)
 
     def finish(self) -> Recording:
-        """Write the whole episode as Parquet and remove the stream.
-
-        Raises:
-            OutputError: It cannot be written; the stream stays, for `recover`.
-            VideoError: A frame could not be encoded; likewise.
-            DataError: Somebody has put another episode there; the stream stays too.
-        """
+        """Write the whole episode as Parquet and remove the stream."""
         try:
             if self.videos is not None:
                 self.info = replace(self.info, videos=self.videos.finish())
@@ -204,9 +192,6 @@ def recover(partial: Path) -> Recording:
     """The episode that a killed recording has left, up to its last whole row, marked as cut.
 
     Rows whose frames were not encoded yet name the newest one that is in the video, and its age.
-
-    Raises:
-        DataError: Nothing of it can be read; the message names the file.
     """
     info, rows = read_left(partial)
     if info.videos:

@@ -10,30 +10,36 @@ from duobench.references import lazy
 if TYPE_CHECKING:
     from duobench.envs.execution import Step as Step
     from duobench.evaluation.episode import Job as Job
-    from duobench.evaluation.policies import ExpertPolicy as ExpertPolicy
-    from duobench.evaluation.policies import PolicyChoice as PolicyChoice
-    from duobench.evaluation.policies import PolicySource as PolicySource
-    from duobench.evaluation.policies import source as source
-    from duobench.evaluation.rollout import Observer as Observer
-    from duobench.evaluation.rollout import Watcher as Watcher
-    from duobench.evaluation.rollout import rollout as rollout
+    from duobench.evaluation.policies import (
+        ExpertPolicy as ExpertPolicy,
+        PolicyChoice as PolicyChoice,
+        PolicySource as PolicySource,
+        source as source,
+    )
+    from duobench.evaluation.rollout import (
+        Observer as Observer,
+        Watcher as Watcher,
+        rollout as rollout,
+    )
     from duobench.evaluation.video import VideoRecorder as VideoRecorder
-    from duobench.results.bundle import open_source as open_source
-    from duobench.results.bundle import write_bundle as write_bundle
+    from duobench.results.bundle import open_source as open_source, write_bundle as write_bundle
     from duobench.results.folder import RunFolder as RunFolder
     from duobench.results.limits import TimeLimits as TimeLimits
     from duobench.results.records import EpisodeRecord as EpisodeRecord
-    from duobench.results.report import read_results as read_results
-    from duobench.results.report import write_report as write_report
+    from duobench.results.report import read_results as read_results, write_report as write_report
     from duobench.results.run import Run as Run
-    from duobench.results.scores import Results as Results
-    from duobench.results.scores import Score as Score
-    from duobench.results.scores import TaskResult as TaskResult
-    from duobench.results.scores import summarize as summarize
-    from duobench.results.scores import wilson_interval as wilson_interval
-    from duobench.results.suite import Episode as Episode
-    from duobench.results.suite import Suite as Suite
-    from duobench.results.suite import TaskInfo as TaskInfo
-    from duobench.results.suite import find_tasks as find_tasks
+    from duobench.results.scores import (
+        Results as Results,
+        Score as Score,
+        TaskResult as TaskResult,
+        summarize as summarize,
+        wilson_interval as wilson_interval,
+    )
+    from duobench.results.suite import (
+        Episode as Episode,
+        Suite as Suite,
+        TaskInfo as TaskInfo,
+        find_tasks as find_tasks,
+    )
 
 lazy(__name__)

@@ -70,9 +70,6 @@ class EpisodeClock:
         Args:
             limits: How long it may take.
             steps: Control steps that the episode has had.
-
-        Raises:
-            PolicyTimeoutError: It took too long, or the episode did.
         """
         self._counts[_STEPS] = steps
         with self._running(_ANSWER):

@@ -176,10 +176,6 @@ class EpisodeRunner:
         tell: Takes the record of an episode so far, whenever it has reached a new stage, and before
             it is played on after its horizon: that one stands whatever happens then.
         is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
-
-    Raises:
-        UnknownNameError: The policy expects a camera or an action mode that does not exist.
-        OptionError: It expects images of an invalid size, or another control rate.
     """
 
     def __init__(
@@ -237,11 +233,9 @@ class EpisodeRunner:
         recorder = EpisodeRecorder(
             episode, lambda: self._tell(recorder.record(self.run, self.versions))
         )
-        watchers: list[Watcher] = [recorder]
-        video = None
-        if episode.has_video:
-            video = VideoRecorder(setting.overview.image, Picture(episode.task))
-            watchers.append(video)
+        picture = Picture(episode.task)
+        video = VideoRecorder(setting.overview.image, picture) if episode.has_video else None
+        watchers: list[Watcher] = [recorder] if video is None else [recorder, video]
 
         def busy() -> AbstractContextManager[None]:
             return watch.policy(self._clock.timed(self._limits, recorder.steps))
@@ -305,13 +299,7 @@ class EpisodeRunner:
         return last.number if last.info["success"] else None
 
     def rehearse(self, episode: Episode) -> None:
-        """Have the policy answer the first observation of an episode, which is not played.
-
-        Raises:
-            PolicyError: It fails, is too slow, or gives no chunk of actions.
-            MachineryError: It cannot be asked.
-            DuoBenchError: If environment and policy cannot be made, or do not fit.
-        """
+        """Have the policy answer the first observation of an episode, which is not played."""
         setting = self._prepare(episode)
         env, policy = setting.env, setting.policy
         (size,) = env.action_space.shape or (0,)

@@ -185,14 +185,7 @@ def source(
 def find_source(
     choice: PolicyChoice, tasks: Sequence[TaskInfo], limits: TimeLimits
 ) -> PolicySource:
-    """Make the policy of a choice, or connect to it.
-
-    Raises:
-        UnknownNameError: If there is no policy of that name.
-        PolicyError: If it cannot be made.
-        ServingError: If the server cannot be used.
-        MachineryError: If there is no server.
-    """
+    """Make the policy of a choice, or connect to it."""
     if choice.address is not None:
         return _apart(choice.address)
     if choice.server is not None:

@@ -10,8 +10,7 @@ from functools import cache
 
 import gymnasium as gym
 import numpy as np
-from PIL import Image as Pillow
-from PIL import ImageDraw, ImageFont
+from PIL import Image as Pillow, ImageDraw, ImageFont
 
 from duobench.backend import Image
 from duobench.envs.execution import Step
@@ -49,11 +48,7 @@ class Overview:
         self._renderer = Renderer(self._base.simulation.model, height=height, width=width)
 
     def image(self) -> Image:
-        """The current image (480, 640, 3), in the look of the episode.
-
-        Raises:
-            RenderingError: Nothing can be rendered.
-        """
+        """The current image (480, 640, 3), in the look of the episode."""
         if self._renderer.look != self._base.look:
             self._renderer.set_look(self._base.look)
         return self._renderer.render(self._base.simulation.data, OVERVIEW)

@@ -10,8 +10,7 @@ from typing import Self
 
 from duobench import pages
 from duobench.errors import FabricationError, check_known
-from duobench.fabrication.coupon import ID as COUPON
-from duobench.fabrication.coupon import fit_coupon
+from duobench.fabrication.coupon import ID as COUPON, fit_coupon
 from duobench.fabrication.details import shopping_lines
 from duobench.fabrication.formats import stl_bytes, threemf_bytes
 from duobench.fabrication.parts import ALL_VARIANTS, PrintJob, job_of

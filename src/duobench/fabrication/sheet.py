@@ -50,12 +50,11 @@ def outlines_of(
     Args:
         prop: The object.
         variants: Those of the layout, `Layout.variants`; the first of each by default.
-        below: Only what is lower than this, in metres above its lowest point; by default all of it,
-            as seen from above.
+        below: Only what is lower than this, in metres above its lowest point; by default all of it.
 
     Returns:
-        Outer outlines in the object's own frame, in metres: points (n, 2), counter-clockwise, the
-        longest outline first. Holes in them are left out.
+        Outer outlines without their holes in the object's own frame, in metres: points (n, 2),
+        counter-clockwise, the longest outline first.
 
     Raises:
         UnknownNameError: The variants lack a value of the object's choice.

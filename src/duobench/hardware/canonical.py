@@ -1,9 +1,8 @@
 """One camera model for everybody: what a real camera gives, as the simulation's camera sees it.
 
 Every real image is remapped once to the pinhole of the simulation's camera (740 px for the head and
-650 px for the wrists at 1280x720, no distortion), and then resized to what is asked for. Policies,
-overlays and recordings of all labs so share one lens. The place of a camera is not changed: where
-it really is stands in its calibration.
+650 px for the wrists at 1280x720, no distortion), and then resized to what is asked for. The place
+of a camera is not changed: where it really is stands in its calibration.
 """
 
 from __future__ import annotations
@@ -33,11 +32,7 @@ _Floats = NDArray[np.float32]
 
 
 def focal_of(camera: str) -> float:
-    """Focal length in pixels of a camera's canonical image.
-
-    Raises:
-        UnknownNameError: There is no such camera.
-    """
+    """Focal length in pixels of a camera's canonical image."""
     if camera not in POLICY_CAMERAS:
         raise UnknownNameError("camera", camera, POLICY_CAMERAS)
     return HEAD_FOCAL if camera == HEAD else WRIST_FOCAL
@@ -47,9 +42,6 @@ def nominal_pose(camera: str) -> SE3:
     """Where the simulation has a camera (x right, y down, z forwards) in its parent.
 
     The parent is the table for the head, and the flange for a wrist.
-
-    Raises:
-        UnknownNameError: There is no such camera.
     """
     focal_of(camera)
     return (TABLE_FROM_HEAD if camera == HEAD else FLANGE_FROM_WRIST) @ MUJOCO_FROM_OPENCV
@@ -73,9 +65,6 @@ class CanonicalView:
     """Makes canonical images of one camera's images of a size, height and width in pixels.
 
     Without a calibration they are only resized.
-
-    Raises:
-        UnknownNameError: There is no such camera.
     """
 
     def __init__(
@@ -102,9 +91,6 @@ class CanonicalView:
         """The canonical image of one that came from the camera; never the one that was given.
 
         The shape is height and width; a pixel is the mean of what it covers.
-
-        Raises:
-            OptionError: The image has another size than the camera's.
         """
         if image.shape != (*self.size, 3):
             raise OptionError(

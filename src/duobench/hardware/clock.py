@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 
@@ -109,24 +110,24 @@ class VirtualClock:
         return ticker
 
 
+@dataclass(eq=False)
 class _Virtual:
     """A periodic call on a virtual clock, in its list of them."""
 
-    def __init__(
-        self, tickers: list[_Virtual], now: float, period_s: float, call: Callable[[], None]
-    ) -> None:
-        self._tickers, self._start, self._period, self._call = tickers, now, period_s, call
-        self._calls = 0
+    tickers: list[_Virtual]
+    start: float
+    period_s: float
+    call: Callable[[], None]
+    calls: int = 0
 
     @property
     def due(self) -> float:
-        # Multiplied, so that no rounding adds up.
-        return self._start + (self._calls + 1) * self._period
+        return self.start + (self.calls + 1) * self.period_s  # so that no rounding adds up
 
     def run(self) -> None:
-        self._calls += 1
-        self._call()
+        self.calls += 1
+        self.call()
 
     def stop(self) -> None:
-        if self in self._tickers:
-            self._tickers.remove(self)
+        if self in self.tickers:
+            self.tickers.remove(self)

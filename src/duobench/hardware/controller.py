@@ -83,11 +83,7 @@ class ArmsController:
         """Whether the arms track what they are told."""
 
     def engage(self) -> None:
-        """Have both arms track their followers, which begin at the measured joints.
-
-        Raises:
-            BackendError: One cannot; then none does.
-        """
+        """Have both arms track their followers, which begin at the measured joints."""
         started: list[Arm] = []
         try:
             for side, arm in self.arms.items():

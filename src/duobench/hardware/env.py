@@ -50,15 +50,10 @@ class RealEnv(DuoEnv):
 
     A reset brings the arms home, for which the operator has to have confirmed, and takes the
     options `layout` (where people are to put the objects, as a `Layout` or its JSON form), `split`
-    and `layout_seed` (kept in info), and `instruction`.
+    and `layout_seed` (kept in info), and `instruction`. Before the arms move it calls `prepare`
+    with its options, which may wait for the operator.
 
     Making one connects to the rig; nothing moves.
-
-    Args:
-        backend: The rig.
-        task: What the arms are to do.
-        prepare: Called with a reset's options before the arms go home; it may wait for the
-            operator, who clears the table and confirms.
 
     Raises:
         BackendError: A device cannot be reached.

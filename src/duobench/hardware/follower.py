@@ -1,9 +1,8 @@
 """A follower: thirty targets a second become a smooth path that an arm can be told to track.
 
-Nothing between us and the arm bounds what it is told: a target that is far away would be jumped to,
-which trips a reflex. A follower leads a reference towards the targets, linearly over the control
-period as the simulation does, within limits of position, speed and acceleration. It is arithmetic;
-who calls it, and when, is up to others.
+Nothing else between us and the arm bounds what it is told, and a jump to a far target trips a
+reflex. A follower leads a reference towards the targets, linearly over the control period as the
+simulation does, within limits of position, speed and acceleration.
 """
 
 from __future__ import annotations
@@ -43,11 +42,7 @@ class Follower:
         self.reset(joints)
 
     def reset(self, joints: Array) -> None:
-        """Begin again, at rest at the measured joints (7,) in radians.
-
-        Raises:
-            ActionError: They are not seven finite numbers.
-        """
+        """Begin again, at rest at the measured joints (7,) in radians."""
         start = _checked(joints)
         self.reference = start
         """Where the arm is told to be (7,), in radians."""
@@ -66,9 +61,6 @@ class Follower:
         """Approach joint positions (7,) in radians, linearly over one control period from now.
 
         Those out of range are clipped. It ends a hold.
-
-        Raises:
-            ActionError: They are not seven finite numbers. Nothing changes.
         """
         target = np.clip(_checked(joints), LOWEST, HIGHEST)
         self._begin = self.reference if self._is_held else self._ramped()

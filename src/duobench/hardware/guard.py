@@ -21,6 +21,8 @@ from duobench.hardware.follower import HIGHEST, LOWEST
 from duobench.types import SIDES, Array, Side
 
 if TYPE_CHECKING:
+    from mujoco import MjModel
+
     from duobench.sim.rendering import Renderer
     from duobench.sim.simulation import Simulation
 
@@ -73,8 +75,6 @@ class Guard:
         self._sim: Simulation | None = None
         self._renderers: dict[tuple[int, int], Renderer] = {}
 
-    # --- distances -------------------------------------------------------------------------------
-
     def nearest(self, joints: Array, within: float = 0.1) -> Clearance | None:
         """The two parts with the least room at joint positions (2, 7) in radians.
 
@@ -105,9 +105,6 @@ class Guard:
 
         At its start the arms may be too near something; then it comes no nearer. It is what to go
         through, `end` last, each on a straight line from the one before.
-
-        Raises:
-            BackendError: None was found; then people move the arms by hand.
         """
         why: Clearance | None = None
         for path in path_candidates(start, end):
@@ -135,8 +132,6 @@ class Guard:
             here = there
         return None
 
-    # --- images ----------------------------------------------------------------------------------
-
     def ghost(
         self, joints: Array, cameras: Sequence[str], shape: tuple[int, int]
     ) -> Mapping[str, Image]:
@@ -144,9 +139,6 @@ class Guard:
 
         Where image and ghost agree, calibration and measured joints do. The shape is height and
         width in pixels.
-
-        Raises:
-            RenderingError: No image of that size can be had.
         """
         from duobench.sim.rendering import Renderer
 
@@ -164,8 +156,6 @@ class Guard:
             for renderer in self._renderers.values():
                 renderer.close()
             self._renderers.clear()
-
-    # --- the simulation --------------------------------------------------------------------------
 
     def _at(self, joints: Array) -> Simulation:
         import mujoco
@@ -216,9 +206,8 @@ class _Part:
     is_table: bool = False
 
 
-def _part_of(model: object, geom: int) -> _Part:
-    body = model.body(model.geom_bodyid[geom]).name  # pyright: ignore[reportAttributeAccessIssue]
-    name = model.geom(geom).name  # pyright: ignore[reportAttributeAccessIssue]
+def _part_of(model: MjModel, geom: int) -> _Part:
+    body, name = model.body(model.geom_bodyid[geom]).name, model.geom(geom).name
     for side in SIDES:
         rest = body.removeprefix(f"{side}/")
         if rest == body:

@@ -112,9 +112,6 @@ class HumanJudge:
 
         Earlier stages may be skipped. It was reached now, or at `film_s` seconds of the episode's
         film. `note` writes the label down before anybody sees its effect.
-
-        Raises:
-            OptionError: There is no such stage, or nothing to take back; nothing is noted.
         """
         with self._lock:
             if stage is None and not self.labels.standing:

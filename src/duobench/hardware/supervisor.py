@@ -72,15 +72,10 @@ class Supervisor:
         """Whether the operator has said that the arms may move."""
         return self._is_confirmed
 
-    # --- the operator's word ---------------------------------------------------------------------
-
     def confirm(self) -> None:
         """The operator says: nobody is near, the arms may move.
 
         It holds until the arms are held or stopped, or `revoke`.
-
-        Raises:
-            BackendError: Something is wrong, or nothing is connected.
         """
         with self._lock:
             if self._state in {State.FAULTED, State.RECOVERING}:
@@ -97,11 +92,7 @@ class Supervisor:
             self._is_confirmed = False
 
     def recover(self) -> None:
-        """The operator has all faults cleared. Nothing moves; confirm and go home next.
-
-        Raises:
-            BackendError: A fault stays, or there is none.
-        """
+        """The operator has all faults cleared. Nothing moves; confirm and go home next."""
         with self._lock:
             if self._state not in {State.FAULTED, State.HOLDING}:
                 raise BackendError(f"There is nothing to recover from: the rig is {self._state}.")
@@ -119,14 +110,8 @@ class Supervisor:
             self._is_confirmed = False
             self._state = State.CONNECTED
 
-    # --- for the backend -------------------------------------------------------------------------
-
     def check_confirmed(self) -> None:
-        """Reject what would move the arms without the operator's word.
-
-        Raises:
-            BackendError: The operator has not confirmed, or something is wrong.
-        """
+        """Reject what would move the arms without the operator's word."""
         with self._lock:
             if self._state in {State.FAULTED, State.RECOVERING}:
                 raise BackendError(f"The arms are held: {self._reason} Recover them first.")
@@ -136,11 +121,7 @@ class Supervisor:
                 )
 
     def begin(self, state: State) -> None:
-        """Go to a state in which the arms move.
-
-        Raises:
-            BackendError: The operator has not confirmed, or something is wrong.
-        """
+        """Go to a state in which the arms move."""
         with self._lock:
             self.check_confirmed()
             self.enter(state)

@@ -37,9 +37,6 @@ class Episodes:
         message_format: What is shown, and what actions mean.
         options: Of the environments, beside what follows from the format; see
             `duobench.envs.config.EnvConfig`.
-
-    Raises:
-        DuoBenchError: If there is no such environment.
     """
 
     def __init__(self, message_format: MessageFormat, **options: Any) -> None:

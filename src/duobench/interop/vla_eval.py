@@ -29,9 +29,6 @@ class DuoBench(StepBenchmark):
 
     The parameters, from `task_ids` to `look`, are those of the table in docs/serving.md; vla-eval's
     episode i is episode `seed + i` of `duobench eval`.
-
-    Raises:
-        DuoBenchError: If there is no such task or format, or no environment like that.
     """
 
     _ALL_RECORD_FIELDS: ClassVar = frozenset({"reward", "done", "success", "stage", "steps"})

@@ -9,41 +9,44 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
-    from duobench.objects.blocks import BLACK as BLACK
-    from duobench.objects.blocks import CHARCOAL as CHARCOAL
-    from duobench.objects.blocks import CUBE_EDGE as CUBE_EDGE
-    from duobench.objects.blocks import LONG_BLOCK as LONG_BLOCK
-    from duobench.objects.blocks import PALE as PALE
-    from duobench.objects.blocks import RED as RED
-    from duobench.objects.blocks import WHITE as WHITE
-    from duobench.objects.blocks import WOOD as WOOD
-    from duobench.objects.blocks import YELLOW as YELLOW
-    from duobench.objects.blocks import block as block
-    from duobench.objects.blocks import cube as cube
-    from duobench.objects.blocks import long_block as long_block
-    from duobench.objects.prop import Hinge as Hinge
-    from duobench.objects.prop import Part as Part
-    from duobench.objects.prop import Prop as Prop
-    from duobench.objects.prop import Variant as Variant
-    from duobench.objects.shapes import Colour as Colour
-    from duobench.objects.shapes import Shape as Shape
-    from duobench.objects.shapes import box as box
-    from duobench.objects.shapes import circle as circle
-    from duobench.objects.shapes import cylinder as cylinder
-    from duobench.objects.shapes import hull as hull
-    from duobench.objects.shapes import prism as prism
-    from duobench.objects.shapes import ring_wall as ring_wall
-    from duobench.objects.shapes import sphere as sphere
-    from duobench.objects.solid import Image as Image
-    from duobench.objects.solid import MassProperties as MassProperties
-    from duobench.objects.solid import Mesh as Mesh
-    from duobench.objects.solid import Piece as Piece
-    from duobench.objects.solid import Solid as Solid
-    from duobench.objects.solid import corner_points as corner_points
-    from duobench.objects.solid import images_of as images_of
-    from duobench.objects.solid import mass_properties as mass_properties
-    from duobench.objects.solid import mesh_of as mesh_of
-    from duobench.objects.solid import pieces_of as pieces_of
-    from duobench.objects.solid import printable as printable
+    from duobench.objects.blocks import (
+        BLACK as BLACK,
+        CHARCOAL as CHARCOAL,
+        CUBE_EDGE as CUBE_EDGE,
+        LONG_BLOCK as LONG_BLOCK,
+        PALE as PALE,
+        RED as RED,
+        WHITE as WHITE,
+        WOOD as WOOD,
+        YELLOW as YELLOW,
+        block as block,
+        cube as cube,
+        long_block as long_block,
+    )
+    from duobench.objects.prop import Hinge as Hinge, Part as Part, Prop as Prop, Variant as Variant
+    from duobench.objects.shapes import (
+        Colour as Colour,
+        Shape as Shape,
+        box as box,
+        circle as circle,
+        cylinder as cylinder,
+        hull as hull,
+        prism as prism,
+        ring_wall as ring_wall,
+        sphere as sphere,
+    )
+    from duobench.objects.solid import (
+        Image as Image,
+        MassProperties as MassProperties,
+        Mesh as Mesh,
+        Piece as Piece,
+        Solid as Solid,
+        corner_points as corner_points,
+        images_of as images_of,
+        mass_properties as mass_properties,
+        mesh_of as mesh_of,
+        pieces_of as pieces_of,
+        printable as printable,
+    )
 
 lazy(__name__)

@@ -127,9 +127,6 @@ def answer(
 
     The policy gets copies of the observations, which it may change. A fixed batch is filled up
     with the first one, in sessions of its own.
-
-    Raises:
-        PolicyError: If it does not return one chunk of finite numbers for each session.
     """
     missing = batching.size - len(sessions) if batching.mode == "fixed" else 0
     padded = [*observations, *[observations[0]] * missing]

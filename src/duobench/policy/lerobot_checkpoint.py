@@ -87,11 +87,7 @@ def parse(text: str) -> Address:
 
 
 def find(checkpoint: str) -> Path:
-    """The folder of a checkpoint, from itself or from an id `user/name` on the Hub.
-
-    Raises:
-        PolicyError: It is neither, cannot be downloaded, or files are missing.
-    """
+    """The folder of a checkpoint, from itself or from an id `user/name` on the Hub."""
     path = Path(checkpoint).expanduser()
     folder = path if path.is_dir() else _downloaded(checkpoint)
     if (folder / ADAPTER).exists():
@@ -163,9 +159,6 @@ def inputs(
     Args:
         config: Its configuration, LeRobot's `PreTrainedConfig`.
         rename_map: From names of the environment to names in the checkpoint.
-
-    Raises:
-        PolicyError: It sees or controls what this benchmark does not have.
     """
     _check_vectors(config)
     original = {new: old for old, new in rename_map.items()}
@@ -237,10 +230,6 @@ def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
 
     Their names stand beside the checkpoint, where `duobench train` writes them, or else in the
     data set, as long as it is where it was. Sixteen numbers without names are joint targets.
-
-    Raises:
-        PolicyError: They are not known, or are not as many.
-        UnknownNameError: There is no such mode of labels.
     """
     if mode is not None:
         check_known("action mode of an export", mode, LABELS)

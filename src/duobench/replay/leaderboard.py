@@ -79,11 +79,6 @@ def make_leaderboard(
 
     Returns:
         The leaderboard, and its first page.
-
-    Raises:
-        EvaluationError: There is no bundle.
-        OtherRunError: The folder of the leaderboard holds something else.
-        OutputError: It cannot be written.
     """
     if not (paths := sorted(filter(Path.is_file, folder.glob(f"*{BUNDLE_SUFFIX}")))):
         raise EvaluationError(

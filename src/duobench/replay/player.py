@@ -143,11 +143,6 @@ class RecordPlayer(Player):
 
         Returns:
             The record of that, with the error of the given one.
-
-        Raises:
-            EvaluationError: The targets are damaged, cannot have been sent, or are none; or no
-                evaluation is configured so.
-            DuoBenchError: They cannot be played.
         """
         task, config = self.task(record), record.config
         if record.horizon != task.horizon or config.horizon is not None:
@@ -213,12 +208,7 @@ def command_config(config: EnvConfig) -> EnvConfig:
 
 
 def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
-    """A task of a run as it is, whatever the run says about it; see `RecordPlayer`.
-
-    Raises:
-        UnknownNameError: It is none of the benchmark, and is not to be imported, or there is none.
-        ImportPathError: It cannot be imported.
-    """
+    """A task of a run as it is, whatever the run says about it; see `RecordPlayer`."""
     reference = claimed.id if claimed.id in catalog.names() else claimed.reference
     if reference != claimed.id and not import_tasks:
         raise UnknownNameError(f"The task {reference!r} is none of the benchmark.")

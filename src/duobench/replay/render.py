@@ -45,10 +45,6 @@ def choose(run: Run, records: Iterable[EpisodeRecord], words: Sequence[str]) -> 
 
     Words are "failures", "all" or "TASK:EPISODE", such as "bin_sort:3", under all conditions;
     several add up.
-
-    Raises:
-        EvaluationError: A word is none of these, or names an episode that is not finished.
-        UnknownNameError: A word names a task that is not in the run.
     """
     finished = {record.key: record for record in records}
     chosen: set[Key] = set()
@@ -128,12 +124,6 @@ def make_videos(
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
             the modules that the run names. Their episodes have no video without.
         progress: Told about the progress.
-
-    Raises:
-        EvaluationError: The run is of another suite version.
-        RenderingError: Nothing can be rendered.
-        OutputError: A video cannot be written.
-        DuoBenchError: The environment of a task cannot be made.
     """
     if run.suite.version != SUITE_VERSION:
         raise EvaluationError(

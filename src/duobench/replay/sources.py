@@ -20,8 +20,7 @@ from duobench.replay.player import Latest, RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
 from duobench.replay.verify import disagreements
 from duobench.results.bundle import open_source
-from duobench.results.folder import DESCRIPTION as RUN
-from duobench.results.folder import RunFolder, RunReader
+from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader
 from duobench.results.records import EpisodeRecord
 from duobench.results.scores import group_by_condition
 from duobench.tasks import catalog
@@ -303,9 +302,6 @@ def open_view(
         look: How it looks.
         tasks: Only the episodes of these tasks; of all if none is named.
         import_tasks: See `RunSource`.
-
-    Raises:
-        DuoBenchError: There is no such thing, nothing in it can be viewed, or it cannot be read.
     """
     path = Path(what)
     if (path / DATA_SET).exists():

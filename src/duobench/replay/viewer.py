@@ -77,7 +77,6 @@ class Viewer:
     ) -> None:
         self._source, self._server, self._refresh_source = source, server, refresh
         self._more: dict[str, Any] = {}
-        self._next_refresh = 0.0
         self._list_items()
         self._commands: queue.Queue[Command] = queue.Queue(_MAX_COMMANDS)
         self._loader = ThreadPoolExecutor(1, "viewer")
@@ -180,16 +179,14 @@ class Viewer:
             return
         loading, self._loading = self._loading, None
         try:
-            trajectory = loading.result()
+            shown = loading.result()
         except DuoBenchError as error:
             self._note = str(error)
-            self._publish()
-            return
-        self._shown, self._poses, self._note = trajectory, trajectory.poses(), trajectory.note
-        self._plays = self._last > 0
-        self._due = time.monotonic()
-        self._server.publish_scene(trajectory.scene, trajectory.scene_data)
-        self._show(0)
+        else:
+            self._shown, self._poses, self._note = shown, shown.poses(), shown.note
+            self._plays, self._due = self._last > 0, time.monotonic()
+            self._server.publish_scene(shown.scene, shown.scene_data)
+            self._show(0)
         self._publish()
 
     def _advance(self) -> None:
@@ -218,30 +215,23 @@ class Viewer:
         return 0 if self._shown is None else self._shown.stage_after(self._step)
 
     def _publish(self) -> None:
-        self._server.publish_status(
-            {
-                "title": self._title,
-                "items": self._items,
-                "selected": self._selected,
-                "note": self._note,
-                **self._of_trajectory(),
-                **self._more,
-            }
-        )
-
-    def _of_trajectory(self) -> dict[str, Any]:
-        shown = self._shown
-        if shown is None:
-            return {}
-        return {
-            "task": shown.task,
-            "instruction": shown.instruction,
-            "next": shown.next_after(self._step),
-            "stage": self._stage,
-            "max_stage": len(shown.stages),
-            "stages": shown.stages,
-            "stage_changes": shown.stage_changes,
-            "step": self._step,
-            "steps": self._last,
-            "state": ("playing" if self._plays else "paused") if self._last else None,
+        status: dict[str, Any] = {
+            "title": self._title,
+            "items": self._items,
+            "selected": self._selected,
+            "note": self._note,
         }
+        if (shown := self._shown) is not None:
+            status |= {
+                "task": shown.task,
+                "instruction": shown.instruction,
+                "next": shown.next_after(self._step),
+                "stage": self._stage,
+                "max_stage": len(shown.stages),
+                "stages": shown.stages,
+                "stage_changes": shown.stage_changes,
+                "step": self._step,
+                "steps": self._last,
+                "state": ("playing" if self._plays else "paused") if self._last else None,
+            }
+        self._server.publish_status(status | self._more)

@@ -64,8 +64,7 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
 
     Raises:
         EvaluationError: If there is no run, a record of another one, or too many of them.
-        FileError: If a record cannot be read.
-        OutputError: If the file cannot be written, or is something else than an archive.
+        OutputError: If the file is something else than an archive.
     """
     if path.exists() and not zipfile.is_zipfile(path):
         raise OutputError(f"{path} is there and is no bundle; give the bundle another name.")

@@ -17,13 +17,13 @@ from duobench.results.entrants import (
     RowKind,
     entrant_of,
     lettered,
+    paper_results,
     read_entrants,
     sections,
     table_rows,
 )
 from duobench.results.pages import PAGE, check_free, page, write_files
 from duobench.results.pairs import RunComparison, compare_pair
-from duobench.results.paper import paper_results
 from duobench.results.scores import RunPart
 
 DOCUMENT = "comparison.json"
@@ -31,16 +31,7 @@ DOCUMENT = "comparison.json"
 
 
 def compare(sources: Sequence[str]) -> RunComparison:
-    """Compare runs, any two of them; nothing is written.
-
-    Args:
-        sources: See `read_entrants`.
-
-    Raises:
-        EvaluationError: There are too few or too many, none is a run, or one has no episode.
-        UnknownNameError: The paper has no such policy.
-        FileError: A record cannot be read.
-    """
+    """Compare runs, any two of them, by their sources, see `read_entrants`; nothing is written."""
     return _compared(read_entrants(sources))
 
 
@@ -57,19 +48,12 @@ def _compared(entrants: Sequence[Entrant]) -> RunComparison:
 
 
 def write_comparison(comparison: RunComparison, out: Path, *, is_beside: bool = False) -> Path:
-    """Write page, tables, figures and the JSON form of a comparison.
+    """Write page, tables, figures and the JSON form of a comparison, and return the page.
 
     Args:
         comparison: What `compare` gave.
         out: Folder, which is made; an earlier comparison in it is replaced.
         is_beside: Whether the folder is that of the run, beside whose records it is written.
-
-    Returns:
-        The page.
-
-    Raises:
-        OtherRunError: The folder holds something else.
-        OutputError: It cannot be written.
     """
     if not is_beside:
         check_free(out, DOCUMENT, "comparison")

@@ -1,22 +1,84 @@
-"""What is compared, and in which rows: conditions of runs, and policies of the paper."""
+"""What is compared, and in which rows: conditions of runs, and policies of the paper.
+
+The paper's results were measured elsewhere, on its own implementation of the tasks: nothing is
+tested against them.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cache
+from importlib.resources import files
 from itertools import chain
 from pathlib import Path
 from string import ascii_uppercase
 
-from duobench.errors import EvaluationError
-from duobench.results import paper
+import msgspec
+
+from duobench.errors import EvaluationError, check_known
 from duobench.results.bundle import read_source
 from duobench.results.records import EpisodeRecord
 from duobench.results.scores import RunPart, Score, TaskResult, group_by_condition, score
 from duobench.results.suite import TaskInfo
 from duobench.shifts.shift import NO_SHIFT, Shift
+
+SCHEME = "paper:"
+"""What the name of one of its policies begins with."""
+WARNING = "measured elsewhere, on other tasks"
+"""What stands beside each of its numbers."""
+
+Value = tuple[float, float]
+"""Success rate in percent and mean final progress."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mean:
+    """A mean over some tasks, named by their ids, as the paper gives it."""
+
+    tasks: frozenset[str]
+    values: dict[str, Value]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PaperResults:
+    """The table of the results in simulation."""
+
+    source: str
+    rollouts: int
+    policies: dict[str, str]
+    """Names for people, by the name that follows `paper:`."""
+    tasks: dict[str, dict[str, Value]]
+    """By id of the task and by policy."""
+    means: dict[str, Mean]
+    """By category; `overall` is the one over all tasks."""
+
+
+@cache
+def paper_results() -> PaperResults:
+    """The table, from the file beside this module."""
+    text = files("duobench.results").joinpath("paper.toml").read_bytes()
+    return msgspec.toml.decode(text, type=PaperResults)
+
+
+def check_policy(source: str) -> str:
+    """The name of a policy without `paper:`."""
+    known = [f"{SCHEME}{name}" for name in paper_results().policies]
+    check_known("policy of the paper", source, known)
+    return source.removeprefix(SCHEME)
+
+
+def value_of(policy: str, tasks: Collection[str]) -> Value | None:
+    """What the paper reports for a policy on one task, or as the mean of exactly these tasks."""
+    results: PaperResults = paper_results()
+    if len(tasks) == 1:
+        (task,) = tasks
+        return results.tasks.get(task, {}).get(policy)
+    wanted = frozenset(tasks)
+    means = (mean.values[policy] for mean in results.means.values() if mean.tasks == wanted)
+    return next(means, None)
 
 
 class Group(StrEnum):
@@ -61,7 +123,7 @@ class Cell:
     def quoted(percent: float, progress: float) -> Cell:
         """The cell of numbers of the paper."""
         return Cell(
-            episodes=paper.paper_results().rollouts,
+            episodes=paper_results().rollouts,
             successes=None,
             rate=percent / 100,
             interval=None,
@@ -98,7 +160,7 @@ class Entrant:
         """What it reached on tasks together; None if it did not play all of them."""
         ids = [task.id for task in tasks]
         if self.part is None:
-            value = paper.value_of(self.quoted, ids)
+            value = value_of(self.quoted, ids)
             return value and Cell.quoted(*value)
         played = [self.records(task_id) for task_id in ids]
         return Cell.of(score("", list(chain.from_iterable(played)))) if all(played) else None
@@ -131,9 +193,9 @@ def lettered(read: Sequence[Entrant]) -> tuple[Entrant, ...]:
 
 
 def _read(source: str) -> list[Entrant]:
-    if source.startswith(paper.SCHEME):
-        policy = paper.check_policy(source)
-        title = f"{paper.paper_results().policies[policy]} [paper]"
+    if source.startswith(SCHEME):
+        policy = check_policy(source)
+        title = f"{paper_results().policies[policy]} [paper]"
         return [Entrant(title=title, group=Group.ELSEWHERE, quoted=policy)]
     name, parts = read_named(source)
     return [entrant_of(part, name if len(parts) == 1 else "") for part in parts]

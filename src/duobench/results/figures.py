@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
-from typing import Any, ParamSpec
+from typing import Any, TypeVarTuple
 
 import matplotlib.style
 import numpy as np
@@ -27,7 +27,7 @@ from duobench.shifts.shift import ALL_AXES, LEVELS
 
 Axes = Any
 """Axes of matplotlib, whose own types leave what styles a plot unknown; so do those of a figure."""
-P = ParamSpec("P")
+Values = TypeVarTuple("Values")
 INK = "#1c2024"
 CURVE = "#2a6f98"
 """Colour of curves."""
@@ -80,7 +80,6 @@ Levels = Mapping[str, Mapping[int, Score]]
 """What was reached at each level of each axis."""
 _GAP = 0.5  # between the bars of two tasks, in bars
 _LONG_NAME = 27  # letters of a name, its key included, above which a legend has one name a line
-_LEVELS_HEIGHT = 1.75  # of a row of panels of levels, in inches
 _APART = 0.06  # between the markers of two runs at one level, in levels
 _SHORTEST_LABELLED = 0.035
 """Share of a bar below which a segment is too short for its stage's number."""
@@ -115,11 +114,7 @@ def stage_bars(results: Results) -> Figure:
 
 
 def grouped_stage_bars(groups: Sequence[tuple[str, Sequence[tuple[str, TaskResult]]]]) -> Figure:
-    """One bar for each run in each task, with a word beside it.
-
-    Args:
-        groups: Title of each task, and the runs that have episodes of it with their words.
-    """
+    """One bar for each run in each titled task, with a word beside it."""
     titles: list[tuple[float, str]] = []
     bars: list[tuple[float, str, TaskResult]] = []
     at = 0.0
@@ -210,12 +205,7 @@ def _progress_panels(tasks: Sequence[TaskInfo]) -> tuple[Any, list[Axes]]:
 def overlaid_progress(
     tasks: Sequence[TaskInfo], runs: Sequence[tuple[str, Mapping[str, TaskResult]]]
 ) -> Figure:
-    """One panel a task, with a curve for each run, and the legend above.
-
-    Args:
-        tasks: The tasks.
-        runs: Name of each run, and its results by the task's id.
-    """
+    """One panel a task, with a curve for each named run, results by the task's id, and a legend."""
     figure, panels = _progress_panels(tasks)
     lines = _lines([name for name, _ in runs])
     for axes, task in zip(panels, tasks, strict=True):
@@ -230,15 +220,13 @@ def overlaid_progress(
 
 
 def levels(axes: Sequence[str], runs: Sequence[tuple[str, Levels]]) -> Figure:
-    """One panel for each axis of shifts; whiskers are 95 % Wilson intervals.
+    """One panel for each axis of shifts, with a curve for each named run.
 
-    Args:
-        axes: Names of the axes.
-        runs: Name of each run, and by the axis what it reached at which level.
+    Whiskers are 95 % Wilson intervals.
     """
     columns = min(MOST_COLUMNS, max(1, len(axes)))
     rows = -(-max(1, len(axes)) // columns)
-    figure = _figure(_LEVELS_HEIGHT * rows + 0.5)
+    figure = _figure(1.75 * rows + 0.5)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     lines = _lines([name for name, _ in runs])
     for panel, axis in zip(panels, axes, strict=False):
@@ -296,19 +284,15 @@ def plots(results: Results) -> dict[str, str]:
     return {name: as_svg(name, make, results) for name, make in FIGURES.items()}
 
 
-def as_svg(name: str, make: Callable[P, Figure], *args: P.args, **options: P.kwargs) -> str:
+def as_svg(name: str, make: Callable[[*Values], Figure], *values: *Values) -> str:
     """A figure as an SVG document, in the style of all figures; the same one has the same text.
 
-    Args:
-        name: Its name, another one than that of every figure on the same page.
-        make: What makes the figure.
-        args: What it is made of.
-        options: The same by name.
+    Its name is another one than that of every figure on the same page.
     """
     # Identifiers inside are hashes; with a salt of its own, no two figures on a page share one.
     buffer = io.StringIO()
     with matplotlib.style.context({**_STYLE, "svg.hashsalt": name}):
-        figure: Any = make(*args, **options)
+        figure: Any = make(*values)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
 

@@ -75,12 +75,7 @@ class RunReader(ABC):
         """The commands that its writers were last started with, each once."""
 
     def read_run(self) -> Run:
-        """The description of the run.
-
-        Raises:
-            EvaluationError: If there is none.
-            FileError: If it cannot be read.
-        """
+        """The description of the run."""
         return read(self.file(DESCRIPTION), Run, RUN_SCHEMA)
 
     def finished(self, run: Run) -> list[Key]:
@@ -223,14 +218,11 @@ class RunFolder(RunReader):
 
     @contextmanager
     def writer(self, shard: Shard = WHOLE) -> Generator[Journal]:
-        """Be the writer of a shard, with its journal, while a block lasts.
-
-        A killed one leaves nothing locked.
+        """Be the writer of a shard, with its journal, while a block lasts; a kill leaves no lock.
 
         Raises:
             OtherRunError: The folder holds files that belong to no run.
             LockedError: Another process writes the shard, or one that overlaps with it.
-            OutputError: Nothing can be written.
         """
         path = self.journal(shard)
         with ExitStack() as ending:
@@ -329,7 +321,11 @@ class RunFolder(RunReader):
             raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")
 
     def read_run(self) -> Run:
-        """The description of the run; see `RunReader.read_run`."""
+        """The description of the run.
+
+        Raises:
+            EvaluationError: If there is none.
+        """
         if not self.description.exists():
             raise EvaluationError(f"{self.path} holds no evaluation: {DESCRIPTION} is missing.")
         return super().read_run()

@@ -176,10 +176,7 @@ class RunTimes:
 
 
 def run_times(results: Results, entries: Iterable[Entry]) -> RunTimes:
-    """How long the finished episodes of a run took, as far as its writers have noted it.
-
-    Of an episode that was played again the last attempt counts.
-    """
+    """How long finished episodes took, the last attempts, as far as writers have noted it."""
     notes = {entry.key: entry for entry in entries if isinstance(entry, Ended)}
     by_task = [
         (one.task.title, [notes[record.key] for record in one.records if record.key in notes])

@@ -16,6 +16,7 @@ from duobench.files import make_folder, writing
 from duobench.looks.look import Look
 from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
+from duobench.results.entrants import WARNING, paper_results
 from duobench.results.pages import (
     PAGE,
     check_free,
@@ -24,10 +25,9 @@ from duobench.results.pages import (
     part_page,
     write_files,
 )
-from duobench.results.paper import WARNING, paper_results
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
-from duobench.results.scores import Results, RunPart, Score, group_by_condition, summarize
+from duobench.results.scores import Results, RunPart, group_by_condition, summarize
 from duobench.results.suite import find_tasks
 from duobench.shifts.shift import NO_SHIFT
 from duobench.tasks import catalog
@@ -48,10 +48,7 @@ CHOSEN_BY_POLICY = frozenset(
         *("render_mode", "render_size"),
     }
 )
-"""Fields of a configuration that make no episode easier or harder for the others to compare with.
-
-What a policy sees and how it acts is its own affair. All other fields have their defaults.
-"""
+"""Fields of a configuration that are a policy's own affair; all others have their defaults."""
 LONGEST_NAME = 120
 """Characters of a policy's name that are shown."""
 SHORT = 12
@@ -108,11 +105,6 @@ class BoardEntry:
         overall = self.results.overall
         return overall.success_rate or 0.0, overall.mean_final_progress or 0.0
 
-    def category(self, label: str) -> Score | None:
-        """What it reached in a category; None where it played none of its tasks."""
-        found = (one for one in self.results.categories if one.label == label and one.episodes)
-        return next(found, None)
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Board:
@@ -151,17 +143,10 @@ def make_entry(
     unverifiable: Iterable[Key],
     commands: Iterable[str] = (),
 ) -> BoardEntry:
-    """What a verified bundle adds up to; see `BoardEntry`.
+    """What a verified bundle, a file with its SHA-256, adds up to; see `BoardEntry`.
 
-    Args:
-        file: Name of the bundle.
-        digest: Its SHA-256.
-        run: Its run, of tasks of the benchmark and one policy alone.
-        records: Its records.
-        verdicts: How many episodes have which verdict.
-        unverifiable: Names of episodes that cannot be played again. They count as
-            failures that reached no stage.
-        commands: The commands that played it.
+    Its run is of tasks of the benchmark and one policy alone. Episodes that cannot be played again
+    are unverifiable: they count as failures that reached no stage.
     """
     failed = set(unverifiable)
     trusted = [

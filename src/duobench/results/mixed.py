@@ -41,15 +41,12 @@ class MixedRow:
 
 
 def read_mixed(sources: Sequence[str]) -> tuple[MixedRow, ...]:
-    """Read the runs of the table.
+    """Read the rows of the table, task by task, policy by policy, training by training.
 
     Args:
         sources: Folders of runs or bundles, each alone where the run says what its policy was
             trained on, or as TRAINING=FOLDER or NAME/TRAINING=FOLDER with "sim", "real" or "mixed"
             for the training.
-
-    Returns:
-        Rows task by task, policy by policy, training by training.
     """
     if not sources:
         raise EvaluationError("A mixed table needs a run.")
@@ -86,15 +83,7 @@ def read_mixed(sources: Sequence[str]) -> tuple[MixedRow, ...]:
 
 
 def write_mixed(rows: Sequence[MixedRow], out: Path) -> Path:
-    """Write the table as page, Markdown, CSV, LaTeX and JSON.
-
-    Args:
-        rows: What `read_mixed` gave.
-        out: Folder, which is made; an earlier table in it is replaced.
-
-    Returns:
-        The page.
-    """
+    """Write the table as page, Markdown, CSV, LaTeX and JSON; an earlier one is replaced."""
     check_free(out, DOCUMENT, "mixed table")
     text = page("mixed.html.j2", {}, rows=rows, domains=DOMAINS, words=WORDS, text=_cell_text)
     contents = {

@@ -33,24 +33,16 @@ PAGE = "index.html"
 Facts = Mapping[str, str]
 """Values in words by name, in the order in which they are shown."""
 UNKNOWN = "not known"
-JPEG_QUALITY = 80
 _MACHINE = {
     "platform": UNKNOWN,
     "processor": UNKNOWN,
     "renderer": "none: no images for the policy",
 }
 """What a record's versions say of the machine, and the word where they do not."""
-_TOLD_BY_RUN = ("inference",)  # what they say that the run says too
 
 
 def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
-    """A page of results as HTML text.
-
-    Args:
-        template: Its name.
-        svgs: Documents of its figures by name.
-        values: What it shows.
-    """
+    """A page of results as HTML text, with its figures by name, from what its template shows."""
     return render(
         "duobench.results",
         template,
@@ -86,13 +78,7 @@ def json_text(content: object) -> str:
 
 
 def check_free(out: Path, sign: str, what: str) -> None:
-    """Make a folder to write into, or find that it holds what it is to hold.
-
-    Args:
-        out: The folder.
-        sign: The file that tells what it holds.
-        what: What that is, for the message: "comparison".
-    """
+    """Make a folder to write into, or find by the file that is its sign that it holds the same."""
     if not (out / sign).exists() and out.is_dir() and any(out.iterdir()):
         raise OtherRunError(f"{out} is not empty and holds no {what}.")
     make_folder(out)
@@ -149,18 +135,19 @@ def identity(part: RunPart) -> Facts:
 
 def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
     """Machines and software that records come from, each combination once."""
-    found = dict.fromkeys(tuple(record.versions.items()) for record in records)
-    return [_stack(dict(versions)) for versions in found]
-
-
-def _stack(versions: Mapping[str, str | None]) -> Facts:
-    machine = {name.capitalize(): versions.get(name) or word for name, word in _MACHINE.items()}
-    software = [
-        f"{name} {version}"
-        for name, version in versions.items()
-        if version and name not in (*_MACHINE, *_TOLD_BY_RUN)
+    found = map(dict, dict.fromkeys(tuple(record.versions.items()) for record in records))
+    hidden = {*_MACHINE, "inference"}  # which the run says too
+    return [
+        {
+            **{name.capitalize(): versions.get(name) or word for name, word in _MACHINE.items()},
+            "Software": ", ".join(
+                f"{name} {version}"
+                for name, version in versions.items()
+                if version and name not in hidden
+            ),
+        }
+        for versions in found
     ]
-    return {**machine, "Software": ", ".join(software)}
 
 
 def trials(records: Iterable[EpisodeRecord]) -> Facts:
@@ -180,14 +167,7 @@ def trials(records: Iterable[EpisodeRecord]) -> Facts:
 
 
 class PageVideos:
-    """Finds videos for a page of a run.
-
-    Args:
-        folder: The folder of the run.
-        run: The run.
-        page: The folder of the page, from which its links lead.
-        has_command: Whether a command started the run.
-    """
+    """Finds videos for a page of a run, from whose folder its links lead."""
 
     def __init__(self, folder: RunFolder, run: Run, page: Path, has_command: bool) -> None:
         self._folder, self._run, self._page = folder, run, page
@@ -204,30 +184,20 @@ class PageVideos:
             with suppress(VideoError):
                 image = last_frame(self._folder.video(record.key))
                 buffer = io.BytesIO()
-                Image.fromarray(image).save(buffer, "JPEG", quality=JPEG_QUALITY)
+                Image.fromarray(image).save(buffer, "JPEG", quality=80)
                 write(path, buffer.getvalue())
         return self._link(path)
 
     def featured(self, result: TaskResult) -> list[EpisodeRecord]:
-        """Episodes of a task whose videos are shown: the first one for each last stage, in order.
-
-        All other videos are linked.
-        """
-        first: dict[int, EpisodeRecord] = {}
-        for record in result.records:
-            if record.final_stage not in first and self.video(record):
-                first[record.final_stage] = record
+        """Episodes of a task whose videos are shown: the first of each last stage, in order."""
+        found = [record for record in reversed(result.records) if self.video(record)]
+        first = {record.final_stage: record for record in found}
         return [first[stage] for stage in sorted(first)]
 
     def command(self, choice: str, what: str = "videos") -> str:
-        """The command that makes videos, with DIR for the folder, as in the run's own command.
+        """The command that makes videos or replays, with DIR for the folder; empty for no command.
 
-        Args:
-            choice: Of which episodes, as `duobench.replay.videos.choose` takes it.
-            what: "videos" or "replays".
-
-        Returns:
-            The command; empty if the run was not started by one.
+        The choice is one of episodes, as `duobench.replay.videos.choose` takes it.
         """
         if not self._has_command:
             return ""

@@ -89,7 +89,6 @@ class Pair:
     a: Entrant
     b: Entrant
     paired: bool
-    """Whether the tests are about the same episodes."""
     obstacle: str | None
     """Why nothing is tested, if nothing is."""
     conditions: tuple[str, ...]

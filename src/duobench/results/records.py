@@ -1,7 +1,7 @@
 """The record of one finished episode: everything that a table or a report is computed from.
 
 A record holds no clock time and no name of a machine's folder, so that the same episode gives the
-same bytes however it was run: with another number of workers, in another order, after a restart.
+same bytes however it was run.
 """
 
 from __future__ import annotations
@@ -35,15 +35,12 @@ SIM, REAL, MIXED = "sim", "real", "mixed"
 DOMAINS = (SIM, REAL)
 _LONGEST_PART = 40
 
-_TYPES = (np.dtype("<f4"), np.dtype("<f8"))  # numbers that joint targets are kept as
+_SHORT, _LONG = np.dtype("<f4"), np.dtype("<f8")  # numbers that joint targets are kept as
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Condition:
-    """What episodes of a task and an index differ in: by whom, where and how they are played.
-
-    Records that have it in common are added up; every table has a row or a column for each.
-    """
+    """What episodes of a task and an index differ in: by whom, where and how they are played."""
 
     policy: str
     domain: str
@@ -107,7 +104,7 @@ class Judged:
     rater: str
     """Who, by a pseudonym."""
     presses: tuple[StageLabel, ...]
-    """Every press in the order of time, those that were taken back included."""
+    """Every one in the order of time, those that were taken back included."""
     note: str = ""
     repeated: tuple[str, ...] = ()
     """Why earlier trials of this episode are invalid, one reason each; they were played again."""
@@ -139,7 +136,6 @@ class EpisodeRecord:
     suite: str
     """Name and version of the suite, see `Suite.label`."""
     execution: ChunkExecution
-    """What was executed of the policy's chunks, and when."""
     task: str
     episode: int
     """Index in the suite."""
@@ -157,7 +153,6 @@ class EpisodeRecord:
     instruction: str
     """Of the policy; empty if it failed before its reset."""
     success: bool
-    """Whether the last stage was reached."""
     success_at_end: bool
     """Whether the constraints of the last stage still held after the last step."""
     final_stage: int
@@ -170,7 +165,6 @@ class EpisodeRecord:
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage): after how many steps each newly reached stage was reached."""
     steps: int
-    """Control steps that were executed."""
     horizon: int
     """Control steps after which the task truncates an episode."""
     terminated: bool
@@ -178,11 +172,9 @@ class EpisodeRecord:
     """Whether the horizon ended the episode, or arms that could not go on."""
     late_success: int | None = None
     """Control step at which an episode that was played on after its horizon reached the last stage;
-    None if it did not, or was not played on. Nothing else says what happened after the horizon."""
+    None if it did not, or was not played on."""
     error: str | None
-    """Traceback of the error that the episode failed with."""
     layout: SampledLayout
-    """Where the objects began."""
     state_hash: str | None
     """SHA-256 of the whole state after the last step, with what relative actions add up to; None
     after an error."""
@@ -191,11 +183,9 @@ class EpisodeRecord:
     end: StateHashes | None
     """The state after the last step; None as `start` is, and after an error."""
     sent: bytes | None
-    """Joint targets that were sent, one command a step, see `targets`; None where a policy was
-    stopped that took too long."""
+    """Joint targets, one command a step, see `targets`; None where a policy took too long."""
     clipped: int | None
-    """Control steps at which limits of the arms changed what was to be sent; None where `sent`
-    is."""
+    """Control steps at which limits of the arms changed what was to be sent; None as `sent` is."""
     versions: dict[str, str | None]
     """Of everything that the result may depend on."""
     software: Software = Software()
@@ -265,10 +255,7 @@ class EpisodeRecord:
         return "; ".join(self.unmet or ())
 
     def targets(self) -> Array | None:
-        """Joint targets in radians and openings (steps, 16) that were sent; None if unknown.
-
-        From the record's task and seed, in action mode "joint", they play the episode again.
-        """
+        """Joint targets in radians and openings (steps, 16) that were sent; None if unknown."""
         return None if self.sent is None else unpack_targets(self.sent, self.steps)
 
     def stage_after(self, step: int) -> int:
@@ -300,8 +287,8 @@ def pack_targets(sent: ArrayLike) -> bytes:
     clipped to a limit that is no float32, all of the episode are kept as float64. What neighbouring
     numbers share is brought side by side: the bytes are sorted by their significance.
     """
-    exact = np.asarray(sent, dtype=_TYPES[1]).reshape(-1, FLAT_SIZE)
-    short = exact.astype(_TYPES[0])
+    exact = np.asarray(sent, dtype=_LONG).reshape(-1, FLAT_SIZE)
+    short = exact.astype(_SHORT)
     kept = short if np.array_equal(short, exact) else exact
     columns = np.ascontiguousarray(kept.T)
     planes = columns.view(np.uint8).reshape(-1, kept.itemsize).T
@@ -310,7 +297,7 @@ def pack_targets(sent: ArrayLike) -> bytes:
 
 def unpack_targets(content: bytes, steps: int) -> Array:
     """The commands (steps, 16) that `pack_targets` compressed, as float64."""
-    sizes = {steps * FLAT_SIZE * kind.itemsize: kind for kind in _TYPES}
+    sizes = {steps * FLAT_SIZE * kind.itemsize: kind for kind in (_SHORT, _LONG)}
     unpacking = zlib.decompressobj()
     try:
         data = unpacking.decompress(content, max(sizes) + 1)  # a few bytes can become many

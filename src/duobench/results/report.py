@@ -42,13 +42,7 @@ _MOST_UNMET = 6
 
 
 def read_parts(source: RunReader) -> list[RunPart]:
-    """What the records of a run add up to, condition by condition; nothing is written.
-
-    Raises:
-        EvaluationError: If there is no run, or a record of another episode.
-        OtherRunError: If a record is of another run.
-        FileError: If a record cannot be read.
-    """
+    """What the records of a run add up to, condition by condition; nothing is written."""
     run = source.read_run()
     return group_by_condition(run, source.read_records(run))
 
@@ -68,9 +62,6 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
     Args:
         folder: The folder of the run, beside whose records it is written.
         source: What reads the run, where that is not its folder; this holds no run then.
-
-    Returns:
-        What the records of the run, finished or not, add up to.
 
     Raises:
         EvaluationError: If there is no run, or a record of another episode.

@@ -80,15 +80,9 @@ def robustness_of(parts: Sequence[RunPart], title: str = "") -> list[Robustness]
 
 
 def write_robustness(policies: Sequence[Robustness], out: Path, *, is_beside: bool = False) -> Path:
-    """Write page, figure and JSON form of what policies reached under shifts.
+    """Write page, figure and JSON form of what policies, laid over each other, reached.
 
-    Args:
-        policies: One, or several to be laid over each other.
-        out: Folder, which is made.
-        is_beside: Whether the folder is that of the run, with a page for each condition.
-
-    Returns:
-        The page.
+    The folder may be that of the run, with a page for each condition beside.
     """
     if not is_beside:
         check_free(out, DOCUMENT, "evaluation under shifts")

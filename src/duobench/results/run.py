@@ -1,7 +1,6 @@
 """A run: a suite played by one or several policies, described once for all that write its records.
 
-The description holds what decides what records say. It does not hold how much of the run is played
-(episodes and shifts may grow), nor by whom: every writer of a run writes the same description.
+How much of it is played may grow, and writers are many: each writes the same description.
 """
 
 from __future__ import annotations
@@ -41,8 +40,7 @@ class Candidate:
     batching: Batching | None = None
     """How many observations it answers together, if that is known."""
     trained_on: str = ""
-    """What it was trained on, as whoever started the run says: "sim", "real" or "mixed"; empty if
-    that is not known."""
+    """What it was trained on, "sim", "real" or "mixed"; empty if that is not known."""
 
     def __post_init__(self) -> None:
         if self.trained_on not in ("", *TRAININGS):

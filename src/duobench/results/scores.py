@@ -1,8 +1,6 @@
 """What records add up to, condition by condition: success, progress, and where episodes ended.
 
-The quantities are those of the paper: the share of episodes whose last stage is k, the success
-rate as the share that reached the last one, the mean final progress, and the mean progress over
-time. Everything is computed from records alone, in whatever order they come.
+The quantities are those of the paper, computed from records alone, in whatever order they come.
 """
 
 from __future__ import annotations
@@ -65,9 +63,7 @@ class Score:
     """Whose episodes: a task's title, a category, or all of them."""
     episodes: int
     successes: int
-    """How many reached the last stage."""
     errors: int
-    """How many failed with an error."""
     late_successes: int
     """How many more did after their horizon, where they were played on."""
     mean_final_progress: float | None
@@ -110,10 +106,8 @@ class TaskResult:
     last_stage_counts: tuple[int, ...]
     """How many episodes ended with stage 0, 1, ..., last as their highest."""
     progress: tuple[float, ...]
-    """Mean progress 0..1 after 0 %, 1 %, ..., 100 % of the horizon; empty without episodes.
-
-    An episode that is over keeps its last stage, so that the curve ends at the mean final progress.
-    """
+    """Mean progress 0..1 after 0 %, 1 %, ..., 100 % of the horizon; empty without episodes. An
+    episode that is over keeps its last stage, so that it ends at the mean final progress."""
     records: tuple[EpisodeRecord, ...]
     """The episodes, by index."""
 

@@ -56,12 +56,7 @@ class Shard:
         return self.count == 1
 
     def part(self, task: int, episodes: range) -> range:
-        """Those of the episodes of a task that are in it.
-
-        Args:
-            task: Place of the task in the run, from 0.
-            episodes: Indices of the episodes of the run, without gaps.
-        """
+        """Those of the episodes of a task, by its place in the run from 0, that are in it."""
         # Episode i of task t is in the shard whose number is (t + i) modulo the count, plus 1.
         first = (self.number - 1 - task - episodes.start) % self.count
         return range(episodes.start + first, episodes.stop, self.count)

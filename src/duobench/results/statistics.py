@@ -179,21 +179,15 @@ def newcombe_interval(
 def cohen_h(rate_a: float, rate_b: float) -> float:
     """Effect size of a difference of two rates; about .2 is small, .5 medium, .8 large.
 
-    Other than the plain difference, it counts one percent more near 0 and 1, where there is less
-    room.
     Source: J. Cohen, "Statistical Power Analysis for the Behavioral Sciences" (1988), chapter 6.
     """
     return 2 * (math.asin(math.sqrt(rate_a)) - math.asin(math.sqrt(rate_b)))
 
 
 def mcnemar_power(episodes: int, chance_a: float, chance_b: float, level: float = LEVEL) -> float:
-    """Probability that the exact McNemar test finds a difference.
+    """Probability that the exact McNemar test of a level finds a difference.
 
-    Args:
-        episodes: Episodes that both policies play.
-        chance_a: Probability that only the first one solves an episode.
-        chance_b: Probability that only the second one does; at least one of both is positive.
-        level: Level of the two-sided test.
+    The chances are probabilities that only one of both policies solves an episode; one is positive.
     """
     binom = _scipy("stats").binom
     discordant = chance_a + chance_b
@@ -214,12 +208,8 @@ def episodes_needed(
 ) -> int | None:
     """How many episodes the exact McNemar test would need to find the difference that was seen.
 
-    It takes what was seen for the truth; few episodes do not know that well, so the number is a
-    rough one. The power rises in small teeth, of which one is found.
-
-    Returns:
-        How many episodes in all, for a test of a two-sided level that finds the difference with a
-        probability, its power; None if no difference was seen, or for more than `MOST_EPISODES`.
+    It takes what was seen for the truth, so the number is a rough one. The power rises in small
+    teeth, of which one is found. It is None if no difference was seen, or above `MOST_EPISODES`.
     """
     if only_a == only_b:
         return None

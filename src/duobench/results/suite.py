@@ -179,14 +179,10 @@ class NamedSuite:
 
     name: str
     revision: int
-    """Version of what is said here."""
     purpose: str
-    """What it is for, in a few words."""
     episodes: int
-    """Episodes of each task."""
     execution: ChunkExecution = AS_THE_PAPER
     shifts: tuple[Shift, ...] = (NO_SHIFT,)
-    """What its conditions are."""
 
 
 SUITES: Mapping[str, NamedSuite] = {

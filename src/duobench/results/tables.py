@@ -7,10 +7,17 @@ import io
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from duobench.results.entrants import Cell, Entrant, Group, RowKind, TableRow, sections
+from duobench.results.entrants import (
+    Cell,
+    Entrant,
+    Group,
+    RowKind,
+    TableRow,
+    paper_results,
+    sections,
+)
 from duobench.results.pages import json_text
 from duobench.results.pairs import Pair, RunComparison, Test
-from duobench.results.paper import paper_results
 from duobench.results.statistics import LEVEL
 
 COMPARISON_SCHEMA = 2
@@ -52,11 +59,6 @@ def progress_text(cell: Cell) -> str:
 def cell_text(cell: Cell | None, bold: str = "{}") -> str:
     """A cell of the paper's table, `44.0 (0.63)`; a dash where there is none."""
     return f"{bold.format(rate_text(cell))} ({progress_text(cell)})" if cell else "–"
-
-
-def interval_text(interval: tuple[float, float]) -> str:
-    """An interval of rates in percent."""
-    return "–".join(f"{100 * end:.1f}" for end in interval)
 
 
 def points_text(difference: float) -> str:

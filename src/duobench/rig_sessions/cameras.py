@@ -56,12 +56,7 @@ _JPEG_QUALITY = 85
 def head_image(duo: FrankaDuo, shape: tuple[int, int] = NATIVE) -> Image | None:
     """The latest image of a rig's head camera, as the simulation's camera would have taken it.
 
-    Args:
-        duo: The rig.
-        shape: Height and width in pixels.
-
-    Returns:
-        The image (height, width, 3); None if there is no camera, or it gives nothing.
+    It has a shape of height and width in pixels; None if there is no camera, or it gives nothing.
     """
     if HEAD not in duo.cameras:
         return None
@@ -129,11 +124,8 @@ class CameraFeed:
     """Shows a page the newest image of each camera, as it came from it, and how old it is.
 
     Only where somebody looks, and also while the loop that leads the arms waits for the operator. A
-    camera that gives nothing new costs nothing, and the page says how old its image is.
-
-    Args:
-        duo: The rig, which may be connected later.
-        server: The page.
+    camera that gives nothing new costs nothing, and the page says how old its image is. The rig may
+    be connected later.
     """
 
     def __init__(self, duo: FrankaDuo, server: PageServer) -> None:
@@ -198,9 +190,6 @@ def view_of(camera: str, about: Mapping[str, Any]) -> View:
     Args:
         camera: Its name.
         about: What the rig's file said about it when it was recorded.
-
-    Raises:
-        DataError: That is no camera of a rig.
     """
     try:
         config = msgspec.convert(dict(about), CameraConfig)

@@ -42,10 +42,6 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
     Args:
         name: Its name, as `PolicyChoice.parse` takes it; `NAME@URL` for one that is served.
         tasks: What it is to do, as far as that is known.
-
-    Raises:
-        UnknownNameError: There is no policy of that name.
-        PolicyError: It reads the simulation, lacks an address, or cannot be made.
     """
     plain, is_served, url = name.partition("@")
     if is_served and url.startswith(("ws://", "wss://")):

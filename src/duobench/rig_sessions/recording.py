@@ -45,10 +45,6 @@ class Playback:
         recording: The episode, simulated or real.
         name: What to call it.
         tempo: Part of its speed, at most 1; commands in between are interpolated.
-
-    Raises:
-        PolicyError: It has no commands.
-        OptionError: The tempo is out of range.
     """
 
     def __init__(self, recording: Recording, name: str = "playback", tempo: float = TEMPO) -> None:
@@ -86,16 +82,9 @@ def slowed(commands: Array, tempo: float) -> Array:
 
 
 def find_policy(name: str, tempo: float = TEMPO) -> PolicySource:
-    """A policy by its name, or a recorded episode as one.
+    """A policy as `find_rig_policy` finds it, or the file of a recorded episode as one.
 
-    Args:
-        name: A name that `find_rig_policy` takes, or a file of a recorded episode.
-        tempo: Part of its speed with which a recorded episode is played.
-
-    Raises:
-        UnknownNameError: There is none of that name.
-        PolicyError: It reads the simulation, cannot be made, or the episode has no commands.
-        DataError: The episode cannot be read.
+    The tempo is the part of its speed with which a recorded episode is played.
     """
     if not name.endswith(EPISODE_SUFFIX):
         return find_rig_policy(name)
@@ -119,11 +108,6 @@ class RigRecording(RigSession):
         instruction: What the policy is told; empty for the task's own words.
         horizon: Control steps of an episode at most; the task's own where none is given.
         after_success: Seconds that an episode goes on after success.
-
-    Raises:
-        UnknownNameError: There is no such task, or the rig lacks a camera of the policy.
-        OptionError: A number is out of range.
-        BackendError: A device cannot be reached.
     """
 
     def __init__(  # noqa: PLR0913 - what can be chosen about it
@@ -166,11 +150,7 @@ class RigRecording(RigSession):
         """Episodes of the task that are kept, those of earlier sessions counted."""
 
     def run(self) -> int:
-        """Record until so many episodes are kept, or the operator ends it; how many are kept.
-
-        Raises:
-            OutputError: An episode cannot be written.
-        """
+        """Record until so many episodes are kept, or the operator ends it; how many are kept."""
         with suppress(Stopped):
             while self.kept < self._wanted:
                 self._operator.say(f"Kept so far: {self.kept} of {self._wanted}.")

@@ -61,21 +61,9 @@ def make_real_recorder(
 ) -> Recorder:
     """An environment on a rig, recorded with clutches, videos and review.
 
-    A reset raises an `EndedError` where the operator ends the session instead of confirming it.
-
-    Args:
-        duo: The rig, which belongs to the environment from now on.
-        task: A task, its id, or its import path "module:ATTRIBUTE".
-        data: Data set that episodes are added to, or its folder.
-        actor: Who leads, and with which device.
-        operator: Who confirms that the arms may move.
-        action_mode: That of the device.
-        time_limit_s: Seconds after which an episode is truncated.
-        after_success: Seconds that a recording goes on after success.
-
-    Raises:
-        UnknownNameError: There is no such task or action mode.
-        BackendError: A device cannot be reached.
+    The rig belongs to the environment from now on. The operator confirms that the arms may move: a
+    reset raises an `EndedError` where they end the session instead. For the rest see
+    `teleoperation.make_recorder`.
     """
 
     def confirm_homing(options: Mapping[str, Any]) -> None:

@@ -21,7 +21,7 @@ from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge, StageLabel
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
-from duobench.rig_sessions.trials_log import LogKind
+from duobench.rig_sessions.trials_folder import LogKind
 
 HELD_BY_OPERATOR = "The operator held the arms."
 CUT_SHORT = (
@@ -72,11 +72,7 @@ class SessionView(Protocol):
         """Show the session as it is now."""
 
     def next(self) -> messages.Message | None:
-        """What the operator wants next; None after a while without a word.
-
-        Raises:
-            Stopped: The operator ends the session.
-        """
+        """What the operator wants next; None after a while without a word."""
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
@@ -126,10 +122,6 @@ class RigSession:
 
         Returns:
             Whether the message was one of these, so that nothing else is to be done.
-
-        Raises:
-            MessageError: It is not for the phase of the session.
-            OptionError: There is no such stage, or nothing to take back.
         """
         if isinstance(message, messages.Hold):
             self.duo.hold(HELD_BY_OPERATOR)
@@ -148,7 +140,7 @@ class RigSession:
         return True
 
     def write(self, kind: LogKind, **more: Any) -> None:
-        """Write down what happens, before anybody sees its effect; see `trials_log.LogEntry`."""
+        """Write down what happens, before anybody sees its effect; see `LogEntry`."""
 
     def _write_label(self, label: StageLabel) -> None:
         self.write(LogKind.PRESS, stage=label.stage, step=label.step, time_s=label.time_s)

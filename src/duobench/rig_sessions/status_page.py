@@ -85,10 +85,6 @@ class StatusPage:
         """Show the film of the episode, which is over."""
         self._film = self._server.publish_image(f"{name}.webm", video)
 
-    def show_frame(self, frame: bytes) -> None:
-        """Show what the head camera sees, as JPEG."""
-        self._server.publish_frame(frame)
-
     def publish(self) -> None:
         """Show the session as it is now."""
         session = self._session

@@ -97,18 +97,11 @@ class Teleoperation:
         self.note = ""
         """A sentence for the operator."""
         self.haptics = Haptics(env)
-        self._state = TeleopState.WAITING
-        self._is_paused = False
-        self._wanted = episodes
-        self._instruction = instruction
-        self._inbox = Inbox()
-        self._presses = ButtonPresses()
-        self._is_kept = False
-        self._info: Info = {}
-        self._steps = 0
-        self._stage_changes: list[list[int]] = []
+        self._wanted, self._instruction = episodes, instruction
+        self._inbox, self._presses = Inbox(), ButtonPresses()
         data = env.data
-        self._kept = 0 if data is None else data.kept(env.task)
+        self.kept = 0 if data is None else data.kept(env.task)
+        """Episodes that were kept, those of earlier sessions counted."""
         self._number = 0 if data is None else data.next_number(env.task)
         self._reset()
 
@@ -162,9 +155,6 @@ class Teleoperation:
 
         An episode that has begun is written as one that is not meant to be used; one that waits
         for the operator is forgotten.
-
-        Raises:
-            OutputError: It cannot be written.
         """
         if self._state is TeleopState.WAITING:
             self.env.discard()
@@ -174,11 +164,6 @@ class Teleoperation:
     def state(self) -> TeleopState:
         """Where the episode is."""
         return TeleopState.PAUSED if self._is_paused else self._state
-
-    @property
-    def kept(self) -> int:
-        """Episodes that were kept, those of earlier sessions counted."""
-        return self._kept
 
     def status(self) -> dict[str, Any]:
         """What the page shows, as the fields of its message `status`."""
@@ -196,7 +181,7 @@ class Teleoperation:
             "state": str(self.state),
             "success": bool(info["success"]),
             "count": self._number,
-            "kept": self._kept,
+            "kept": self.kept,
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
@@ -262,7 +247,7 @@ class Teleoperation:
             self.note = UNSOLVED
         elif self._state is TeleopState.DECIDE:
             self.env.keep()
-            self._kept += 1
+            self.kept += 1
             self._next()
 
     def _discard(self) -> None:
@@ -280,7 +265,7 @@ class Teleoperation:
 
     def _next(self) -> None:
         self._number += 1
-        if self._kept >= self._wanted:
+        if self.kept >= self._wanted:
             self._state, self.note = TeleopState.OVER, "All episodes are recorded."
         else:
             self._reset()
@@ -289,10 +274,11 @@ class Teleoperation:
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._number, TRAIN)
         env.next_name = f"{self._number:05d}"
-        _, self._info = env.reset(seed=seed, options=self._reset_options(seed))
+        self._info: Info = env.reset(seed=seed, options=self._reset_options(seed))[1]
         self._seen: DuoState = env.base.backend.read()
-        self._steps, self._stage_changes, self._is_kept = 0, [], False
-        self._is_paused = False
+        self._steps = 0
+        self._stage_changes: list[list[int]] = []
+        self._is_kept = self._is_paused = False
         self._state, self.note = TeleopState.WAITING, ""
         self.device.begin(env.base.backend.last_command)
         self.haptics.begin()

@@ -37,8 +37,12 @@ from duobench.rig_sessions.policy_runner import (
 )
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.rig_sessions.status_page import SILENCE_S, StatusPage
-from duobench.rig_sessions.trials_folder import TrialsFolder
-from duobench.rig_sessions.trials_log import LogEntry, LogKind, TrialsProgress
+from duobench.rig_sessions.trials_folder import (
+    LogEntry,
+    LogKind,
+    TrialsFolder,
+    TrialsProgress,
+)
 from duobench.rig_sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
@@ -68,10 +72,6 @@ class TrialsSession(RigSession):
         data: Where trials that count are recorded, with all cameras of the rig; None records none.
         command: The command that started it, if there is one.
         silence_s: Seconds without a sign of the page after which the arms are held.
-
-    Raises:
-        DuoBenchError: A policy cannot be made or does not fit, the rig cannot be reached, the
-            folder holds another evaluation, or its log is damaged.
     """
 
     def __init__(  # noqa: PLR0913 - everything that can be chosen
@@ -114,7 +114,7 @@ class TrialsSession(RigSession):
         definition = cast(Task, catalog.get(task.reference))
         self._overlay = Overlay(replace(definition, horizon=task.horizon), duo.rig)
         ending.callback(self._overlay.close)
-        self._folder, self._plan = folder, plan
+        self._folder, self._plan, self._server = folder, plan, server
         self._runners = [
             self._runner(candidate, sources[candidate.policy], data) for candidate in plan.policies
         ]
@@ -129,11 +129,7 @@ class TrialsSession(RigSession):
         self.view = self._page = StatusPage(self, server, self._overlay, silence_s)
 
     def run(self) -> bool:
-        """Play what is missing; whether nothing is missing at the end.
-
-        Raises:
-            OutputError: Something cannot be written.
-        """
+        """Play what is missing; whether nothing is missing at the end."""
         try:
             for trial in self._folder.remaining(self._plan, self._progress):
                 while not self._play_once(trial):
@@ -182,7 +178,7 @@ class TrialsSession(RigSession):
         self.write(LogKind.BEGIN, text=self._plan.letter(trial.policy))
         self.place()
         recorder = EpisodeRecorder(episode)
-        film = Film(self.duo, self._page.show_frame)
+        film = Film(self.duo, self._server.publish_frame)
         runner = self._runners[trial.policy]
         played = self.play(runner, episode.seed, {LAYOUT: layout}, recorder, film)
         name = f"{trial.number}.{self._attempt}"

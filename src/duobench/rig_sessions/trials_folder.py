@@ -1,26 +1,161 @@
-"""The folder of an evaluation on real arms: its plan, its log, and the run of its policies."""
+"""The folder of an evaluation on real arms: its plan, its log, and the run of its policies.
+
+The log holds every press of a person: one JSON object a line, with the operating system before
+anybody sees its effect, whatever happens to the process afterwards. What closes a trial is flushed
+to the disk as well. A trial that the log does not close was cut, and is played again.
+"""
 
 from __future__ import annotations
 
+import os
+import threading
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 
-from duobench.errors import EvaluationError
-from duobench.files import begin_or_continue, encode, read, write
+import msgspec
+
+from duobench.errors import EvaluationError, FileError
+from duobench.files import begin_or_continue, encode, make_folder, read, write, writing
 from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.results.folder import RunFolder
-from duobench.rig_sessions.trials_log import (
-    LogEntry,
-    LogKind,
-    TrialLog,
-    TrialsProgress,
-    read_entries,
-)
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
 CUT = "The program ended during the trial."
 """Why a trial is invalid whose process was killed."""
+
+
+class LogKind(StrEnum):
+    """What an entry is about."""
+
+    BEGIN = "begin"
+    """A trial begins: objects are to be placed."""
+    PLACED = "placed"
+    START = "start"
+    """The policy begins to play."""
+    PRESS = "press"
+    """A stage was pressed, or a press taken back."""
+    HOLD = "hold"
+    END = "end"
+    """The policy plays no more."""
+    AT_END = "at_end"
+    """Whether the last stage still held at the end."""
+    NOTE = "note"
+    VALID = "valid"
+    """The trial counts."""
+    INVALID = "invalid"
+    """It does not, and is played again."""
+
+
+_CLOSING = (LogKind.VALID, LogKind.INVALID)
+
+
+class LogEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """One line of the log."""
+
+    kind: LogKind
+    trial: int
+    attempt: int
+    """How often the trial was tried with this one, from 1 on."""
+    text: str = ""
+    """Reason of an end, a hold or an invalid trial; a note; what plays."""
+    stage: int | None = None
+    """Of a press: the stage; None takes the latest one back."""
+    step: int | None = None
+    """Control steps of the episode by then."""
+    time_s: float | None = None
+    """Seconds of the episode by then, on the rig's clock."""
+    yes: bool | None = None
+    """Whether the last stage still held; whether an invalid trial was found so by a machine."""
+    at: str = ""
+    """Date and time of day in UTC, for people; nothing depends on it."""
+
+
+@dataclass(kw_only=True, slots=True)
+class TrialsProgress:
+    """How far an evaluation is, by its log."""
+
+    valid: dict[int, int] = field(default_factory=dict[int, int])
+    """Attempt that counts, by the trial's number."""
+    attempts: dict[int, int] = field(default_factory=dict[int, int])
+    """How often a trial was begun, by its number."""
+    invalid: dict[int, list[str]] = field(default_factory=dict[int, list[str]])
+    """Why attempts do not count, by the trial's number."""
+    cut: tuple[int, int] | None = None
+    """Trial and attempt that was being played when the log ended; None if none was."""
+
+    @staticmethod
+    def of(entries: Iterable[LogEntry]) -> TrialsProgress:
+        """What a log adds up to."""
+        progress = TrialsProgress()
+        for entry in entries:
+            match entry.kind:
+                case LogKind.BEGIN:
+                    progress.attempts[entry.trial] = entry.attempt
+                case LogKind.START:
+                    progress.cut = entry.trial, entry.attempt
+                case LogKind.VALID:
+                    progress.valid[entry.trial], progress.cut = entry.attempt, None
+                case LogKind.INVALID:
+                    progress.invalid.setdefault(entry.trial, []).append(entry.text)
+                    progress.cut = None
+                case _:
+                    pass
+        return progress
+
+
+class TrialLog:
+    """A log that is written by one process, from any of its threads.
+
+    Opening it begins the file if there is none; half a line, left by a killed process, is removed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.Lock()
+        make_folder(path.parent)
+        with writing(path):
+            self._file = path.open("ab")
+            content = path.read_bytes()
+            whole = content.rfind(b"\n") + 1
+            if whole < len(content):
+                self._file.truncate(whole)
+        self._entries = list(read_entries(path))
+
+    @property
+    def entries(self) -> tuple[LogEntry, ...]:
+        """Everything so far."""
+        with self._lock:
+            return tuple(self._entries)
+
+    def add(self, entry: LogEntry) -> None:
+        """Write a line; when this returns, the end of this process loses nothing of it."""
+        said = msgspec.to_builtins(entry)
+        if entry.kind is LogKind.PRESS:
+            said["stage"] = entry.stage  # null takes a press back
+        line = msgspec.json.encode(said) + b"\n"
+        with self._lock, writing(self.path):
+            self._file.write(line)
+            self._file.flush()
+            if entry.kind in _CLOSING:  # a press shall not wait for a disk
+                os.fsync(self._file.fileno())
+            self._entries.append(entry)
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
+def read_entries(path: Path) -> Iterable[LogEntry]:
+    """The lines of a log; half a line at the end is left out."""
+    try:
+        lines = path.read_bytes().split(b"\n")[:-1]
+        return [msgspec.json.decode(line, type=LogEntry) for line in lines]
+    except (OSError, msgspec.MsgspecError) as error:
+        raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
 
 
 class TrialsFolder:
@@ -49,11 +184,6 @@ class TrialsFolder:
 
         Returns:
             The plan that holds: with letters and order of the one that is there already.
-
-        Raises:
-            OtherRunError: The folder holds another one, or files that belong to none.
-            FileError: The plan that is there cannot be read.
-            OutputError: Nothing can be written.
         """
         if self.description.exists():
             plan = plan.ordered_as(self.read_plan())
@@ -69,12 +199,7 @@ class TrialsFolder:
         return plan
 
     def read_plan(self) -> TrialsPlan:
-        """The plan.
-
-        Raises:
-            EvaluationError: There is none.
-            FileError: It cannot be read.
-        """
+        """The plan."""
         if not self.description.exists():
             raise EvaluationError(
                 f"{self.path} holds no evaluation on real arms: {DESCRIPTION} is missing."
@@ -82,12 +207,7 @@ class TrialsFolder:
         return read(self.description, TrialsPlan, PLAN_SCHEMA)
 
     def open_log(self, at: str) -> TrialLog:
-        """The log to write on; a trial that was cut is closed as invalid first, at a date and time.
-
-        Raises:
-            FileError: It is damaged.
-            OutputError: It cannot be written.
-        """
+        """The log to write on; a trial that was cut is closed as invalid first."""
         log = TrialLog(self.log_file)
         if (cut := TrialsProgress.of(log.entries).cut) is not None:
             about = {"trial": cut[0], "attempt": cut[1]}

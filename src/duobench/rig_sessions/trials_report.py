@@ -15,8 +15,7 @@ from duobench.results.folder import CONDITIONS
 from duobench.results.report import read_parts, write_report
 from duobench.results.scores import RunPart, Score
 from duobench.results.tables import verdict
-from duobench.rig_sessions.trials_folder import TrialsFolder
-from duobench.rig_sessions.trials_log import TrialsProgress
+from duobench.rig_sessions.trials_folder import TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_plan import TrialsPlan
 
 
@@ -69,11 +68,6 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
     """Write the reports of all policies, their comparison, and the page that leads to them.
 
     While trials are missing, a blind evaluation gets no report: its names stay hidden.
-
-    Raises:
-        EvaluationError: There is no evaluation, or a record of another one.
-        FileError: A file cannot be read.
-        OutputError: Something cannot be written.
     """
     plan = folder.read_plan()
     progress = TrialsProgress.of(folder.read_log())

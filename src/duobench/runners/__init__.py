@@ -5,11 +5,12 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
-    from duobench.runners.demonstrations import Attempt as Attempt
-    from duobench.runners.demonstrations import record as record
+    from duobench.runners.demonstrations import Attempt as Attempt, record as record
     from duobench.runners.evaluate import evaluate as evaluate
-    from duobench.runners.executor import Executor as Executor
-    from duobench.runners.executor import LocalExecutor as LocalExecutor
-    from duobench.runners.executor import ProcessExecutor as ProcessExecutor
+    from duobench.runners.executor import (
+        Executor as Executor,
+        LocalExecutor as LocalExecutor,
+        ProcessExecutor as ProcessExecutor,
+    )
 
 lazy(__name__)

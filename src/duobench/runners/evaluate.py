@@ -65,8 +65,7 @@ def evaluate(  # noqa: PLR0913
             because a process dies in them each time.
         command: The command that starts it, for the report.
         shard: Which part of the episodes is played. All parts may be played into one folder, or
-            into several that are copied into one afterwards. The report is written by what
-            finishes the run.
+            into several that are copied into one. What finishes the run writes the report.
         cluster: The Ray cluster on which workers and policy are; None for this machine alone.
 
     Returns:
@@ -108,17 +107,13 @@ def evaluate(  # noqa: PLR0913
             journal.end(result.record, result.times)
             for observer in observers:
                 observer.on_episode(result.record)
-        unplayed = {
-            episode: why
-            for episode, why in executor.unplayed.items()
-            if run.key(episode) not in records
+        given_up = {
+            each: why for each, why in executor.unplayed.items() if run.key(each) not in records
         }
-        for episode, why in unplayed.items():
+        for episode, why in given_up.items():
             journal.give_up(run.key(episode), why)
-        there = folder.finished(described := folder.read_run())
-        if shard.is_whole or len(there) == described.size:
-            write_report(folder)
-        check_played(unplayed, has_shifts=len(suite.shifts) > 1)
+        there = _report(folder, shard)
+        check_played(given_up, has_shifts=len(suite.shifts) > 1)
         _check_complete(folder, set(run.episode_keys(shard)), there)
     return summarize(suite.tasks, list(records.values()))
 
@@ -133,6 +128,15 @@ def _finished(
                 folder.discard(record.key)
         finished = [record for record in finished if record.error is None]
     return finished
+
+
+def _report(folder: RunFolder, shard: Shard) -> list[Key]:
+    """Report a run that is finished, or played by one alone; give what has a record."""
+    run = folder.read_run()
+    there = folder.finished(run)
+    if shard.is_whole or len(there) == run.size:
+        write_report(folder)
+    return there
 
 
 def _check_complete(folder: RunFolder, ours: Set[Key], there: Sequence[Key]) -> None:

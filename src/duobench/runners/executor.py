@@ -388,12 +388,7 @@ Executor = LocalExecutor | ProcessExecutor
 
 
 def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Executor:
-    """What does a job, with so many processes side by side, or with 0 in this one.
-
-    Raises:
-        EvaluationError: The number of workers is negative, or 0 on a cluster, or there is no Ray.
-        RenderingError: There are to be videos, and nothing renders.
-    """
+    """What does a job, with so many processes side by side, or with 0 in this one."""
     if workers < 0:
         raise EvaluationError(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."

@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Generic, NoReturn, Protocol, TypeVar
+from typing import Any, NoReturn, Protocol
 
 import msgspec
 
@@ -36,7 +36,6 @@ from duobench.errors import (
 from duobench.evaluation.clock import ClockReading, EpisodeClock
 from duobench.machine import watch_parent
 
-T = TypeVar("T")
 Requests = queue.SimpleQueue[Any]
 
 DEATH_S = 10.0
@@ -58,12 +57,7 @@ class Transport(Protocol):
         ...
 
     def receive(self) -> list[Any]:
-        """What it has said and was not received yet.
-
-        Raises:
-            EOFError: Nothing will come any more.
-            MessageError: A message is none of the expected kind.
-        """
+        """What it has said and was not received yet."""
         ...
 
     def death(self) -> str | None:
@@ -98,7 +92,7 @@ class Stop(msgspec.Struct, tag=True, frozen=True):
     """To a process: free everything and leave."""
 
 
-class Channel(Generic[T]):
+class Channel:
     """One end of a connection, on which every message is a line of JSON.
 
     Args:
@@ -112,22 +106,14 @@ class Channel(Generic[T]):
         self._rest = bytearray()
 
     def send(self, message: Any) -> None:
-        """Send a message.
-
-        Raises:
-            OSError: The other end is closed.
-        """
+        """Send a message."""
         self.socket.sendall(msgspec.json.encode(message) + b"\n")
 
-    def receive(self) -> list[T]:
+    def receive(self) -> list[Any]:
         """Read what has arrived; the messages that are complete.
 
         It waits only if nothing has arrived: an end of the channel that dies in the middle of a
         message leaves it incomplete, also while a child of it keeps the channel open.
-
-        Raises:
-            EOFError: The other end is closed.
-            MessageError: A message is none of the expected kind.
         """
         try:
             piece = self.socket.recv(_PIECE)
@@ -155,16 +141,13 @@ class WorkerProcess:
         kind: Type of the messages that it sends.
         arguments: Further arguments.
         hidden: Environment variables that it does not get.
-
-    Raises:
-        MachineryError: The process cannot be started.
     """
 
     def __init__(
         self, module: str, kind: Any, *arguments: str, hidden: Collection[str] = ()
     ) -> None:
         ours, theirs = socket.socketpair()
-        self._channel: Channel[Any] = Channel(ours, kind)
+        self._channel = Channel(ours, kind)
         memory = os.memfd_create("duobench-clock")
         os.ftruncate(memory, EpisodeClock.SIZE)
         self._clock = EpisodeClock(memory)
@@ -242,7 +225,7 @@ def _module_folders() -> list[str]:
     return [folder for folder in folders if folder != here] + [here] * (here in folders)
 
 
-class Parent(Channel[Any]):
+class Parent(Channel):
     """The parent as a child sees it; without one there is no reason to go on."""
 
     def report(self, report: msgspec.Struct) -> None:

@@ -77,20 +77,12 @@ class Schedule:
                 self._waiting[episode.task.id].appendleft(episode)
 
     def retry(self, episode: Episode, fault: str) -> None:
-        """Let an episode wait again that could not be played where it was.
-
-        Raises:
-            MachineryError: It had too many faults.
-        """
+        """Let an episode wait again that could not be played where it was."""
         self.note_fault(episode, fault)
         self._waiting[episode.task.id].appendleft(episode)
 
     def note_fault(self, episode: Episode, fault: str) -> None:
-        """Note a fault of what an episode needs, such as a server or a renderer.
-
-        Raises:
-            MachineryError: The episode had too many of them.
-        """
+        """Note a fault of what an episode needs, such as a server or a renderer."""
         self._faults[episode] += 1
         if self._faults[episode] == MAX_PLAYS:
             raise MachineryError(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -113,71 +113,76 @@ _SPRING_JOINT = {
 }
 
 
-def _finger(*, mirrored: bool) -> tuple[FingerLink, ...]:
-    """The four moving bodies of one finger; the mirrored one is turned by half a turn about z."""
-    sign = -1.0 if mirrored else 1.0
-    root_wxyz = (0.0, 0.0, -1.0, 1.0) if mirrored else (1.0, -1.0, 0.0, 0.0)
-    return (
-        FingerLink(
-            name="driver",
-            parent="base",
-            position=(-0.0306011 * sign, 0.00475 * sign, 0.0657045),
-            wxyz=root_wxyz,
-            mass=0.00899563,
-            centre=(-0.0175297, 0.00165308, -0.00469625),
-            axes_wxyz=(-0.469642, 0.469642, -0.528617, 0.528617),
-            inertia=(1.72352e-06, 1.60906e-06, 3.22006e-07),
-            joint=_DRIVER_JOINT,
-            mesh_position=(0.0306011, 0.0549045, -0.0047),
-            mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
-            visuals=(("driver", METAL),),
-        ),
-        FingerLink(
-            name="coupler",
-            parent="driver",
-            position=(-0.0314249, 0.00453223, -0.0102),
-            wxyz=(0.0, 0.0, 0.0, 1.0),
-            mass=0.0140974,
-            centre=(0.00367747, 0.01986, 0.0055),
-            axes_wxyz=(0.701447, -0.701447, 0.0892884, -0.0892884),
-            inertia=(4.16206e-06, 3.52216e-06, 8.88131e-07),
-            mesh_position=(-0.062026, -0.0503723, 0.0055),
-            mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
-            visuals=(("coupler", BLACK),),
-        ),
-        FingerLink(
-            name="spring_link",
-            parent="base",
-            position=(-0.0127 * sign, -0.012 * sign, 0.07222),
-            wxyz=root_wxyz,
-            mass=0.0221642,
-            centre=(-0.0183, -0.0205732, 0.01205),
-            axes_wxyz=(0.660941, 0.660941, -0.251309, -0.251309),
-            inertia=(8.96853e-06, 6.71733e-06, 2.63931e-06),
-            joint=_SPRING_JOINT,
-            mesh_position=(0.0127, 0.06142, 0.01205),
-            mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
-            hull_setback=SPRING_LINK_SETBACK,
-            visuals=(("spring_link", BLACK),),
-        ),
-        FingerLink(
-            name="follower",
-            parent="spring_link",
-            position=(-0.0382079, -0.0425003, 0.00295),
-            wxyz=(0.0, -1.0, 0.0, 0.0),
-            mass=0.0125222,
-            centre=(-0.00852976, -0.0014822, -0.00910001),
-            axes_wxyz=(0.359439, 0.359439, 0.608937, 0.608937),
-            inertia=(2.67415e-06, 2.4559e-06, 6.02031e-07),
-            joint=_FOLLOWER_JOINT,
-            mesh_position=(0.0509079, -0.10392, -0.0091),
-            mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
-            visuals=(("follower", BLACK), ("tongue", METAL)),
-        ),
-    )
+_FINGER = (
+    FingerLink(
+        name="driver",
+        parent="base",
+        position=(-0.0306011, 0.00475, 0.0657045),
+        wxyz=(1.0, -1.0, 0.0, 0.0),
+        mass=0.00899563,
+        centre=(-0.0175297, 0.00165308, -0.00469625),
+        axes_wxyz=(-0.469642, 0.469642, -0.528617, 0.528617),
+        inertia=(1.72352e-06, 1.60906e-06, 3.22006e-07),
+        joint=_DRIVER_JOINT,
+        mesh_position=(0.0306011, 0.0549045, -0.0047),
+        mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
+        visuals=(("driver", METAL),),
+    ),
+    FingerLink(
+        name="coupler",
+        parent="driver",
+        position=(-0.0314249, 0.00453223, -0.0102),
+        wxyz=(0.0, 0.0, 0.0, 1.0),
+        mass=0.0140974,
+        centre=(0.00367747, 0.01986, 0.0055),
+        axes_wxyz=(0.701447, -0.701447, 0.0892884, -0.0892884),
+        inertia=(4.16206e-06, 3.52216e-06, 8.88131e-07),
+        mesh_position=(-0.062026, -0.0503723, 0.0055),
+        mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
+        visuals=(("coupler", BLACK),),
+    ),
+    FingerLink(
+        name="spring_link",
+        parent="base",
+        position=(-0.0127, -0.012, 0.07222),
+        wxyz=(1.0, -1.0, 0.0, 0.0),
+        mass=0.0221642,
+        centre=(-0.0183, -0.0205732, 0.01205),
+        axes_wxyz=(0.660941, 0.660941, -0.251309, -0.251309),
+        inertia=(8.96853e-06, 6.71733e-06, 2.63931e-06),
+        joint=_SPRING_JOINT,
+        mesh_position=(0.0127, 0.06142, 0.01205),
+        mesh_wxyz=(1.0, 1.0, 0.0, 0.0),
+        hull_setback=SPRING_LINK_SETBACK,
+        visuals=(("spring_link", BLACK),),
+    ),
+    FingerLink(
+        name="follower",
+        parent="spring_link",
+        position=(-0.0382079, -0.0425003, 0.00295),
+        wxyz=(0.0, -1.0, 0.0, 0.0),
+        mass=0.0125222,
+        centre=(-0.00852976, -0.0014822, -0.00910001),
+        axes_wxyz=(0.359439, 0.359439, 0.608937, 0.608937),
+        inertia=(2.67415e-06, 2.4559e-06, 6.02031e-07),
+        joint=_FOLLOWER_JOINT,
+        mesh_position=(0.0509079, -0.10392, -0.0091),
+        mesh_wxyz=(1.0, -1.0, 0.0, 0.0),
+        visuals=(("follower", BLACK), ("tongue", METAL)),
+    ),
+)
+"""The four moving bodies of the left finger."""
 
 
-FINGERS = {"left": _finger(mirrored=False), "right": _finger(mirrored=True)}
+def _mirrored(link: FingerLink) -> FingerLink:
+    """The same link of the other finger, which is turned by half a turn about z."""
+    if link.parent != "base":
+        return link
+    x, y, z = link.position
+    return replace(link, position=(-x, -y, z), wxyz=(0.0, 0.0, -1.0, 1.0))
+
+
+FINGERS = {"left": _FINGER, "right": tuple(map(_mirrored, _FINGER))}
 """The two fingers, by their names within the gripper."""
 _BASE = Link(
     mass=0.777441,

@@ -87,8 +87,7 @@ class SimBackend:
     def command(self, command: DuoCommand) -> DuoCommand:
         """Advance one control step towards a command, limited where the arms keep slower limits.
 
-        Raises:
-            SimulationError: The physics diverged.
+        While the arms are held, they stay at the last one.
         """
         if self._held is not None:
             command = self.last_command
@@ -104,12 +103,7 @@ class SimBackend:
         return self._look
 
     def set_look(self, look: Look) -> None:
-        """Give images in another look from now on; physics and model stay as they are.
-
-        Raises:
-            UnknownNameError: The look names an object that the model has not.
-            AssetError: An image file of the look cannot be read.
-        """
+        """Give images in another look from now on; physics and model stay as they are."""
         if look == self._look:
             return
         Appearance(self.simulation.model, look)  # rejects it before anything has changed

@@ -105,11 +105,6 @@ def plan_all(
         small: Whether to take the recipe for a processor.
         domain_ids: Whether the policy is told which episodes are simulated and which are real; an
             evaluation says domain 0, simulation, wherever it is played.
-
-    Raises:
-        UnknownNameError: There is no such recipe, or no such task in the data set.
-        DataError: The data set cannot be used.
-        OtherRunError: The folder of a training holds something else.
     """
     data = data.absolute()
     wanted = () if ALL in tasks else tuple(tasks)
@@ -272,10 +267,6 @@ class LearningData:
     """A data set in LeRobot's format that a policy can learn from, as far as its JSON files tell.
 
     Any writer's will do: this package's export, a merge, or a set of one's own.
-
-    Raises:
-        DataError: There is none, or a policy that learns from it could not play here; the message
-            lists all of it.
     """
 
     def __init__(self, path: Path) -> None:

@@ -11,6 +11,7 @@ import hmac
 import secrets
 import socket
 import ssl
+import string
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from duobench.errors import ServingError
 from duobench.machine import install_extra, is_loopback
 
 _TOKEN_BYTES = 16
-_UNRESERVED = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-._~")
+_UNRESERVED = frozenset(string.ascii_letters + string.digits + "-._~")
 _ELSEWHERE = "192.0.2.1"
 """An address for documentation [RFC 5737]; nothing is sent to it."""
 _MAX_FIELDS = 16
@@ -53,9 +54,6 @@ def make_certificate(hosts: Collection[str] = ()) -> Certificate:
 
     Args:
         hosts: Names and addresses that it holds for; none means those of `own_hosts`.
-
-    Raises:
-        ServingError: The package that makes certificates is not installed, or a host is no name.
     """
     try:
         import trustme  # pyright: ignore[reportMissingImports] - an extra
@@ -75,11 +73,7 @@ def make_certificate(hosts: Collection[str] = ()) -> Certificate:
 
 
 def check_address(host: str, certificate: Certificate | None) -> None:
-    """Reject an address at which the token would go through the network in the clear.
-
-    Raises:
-        ServingError: Other machines reach the address, and there is no certificate.
-    """
+    """Reject an address at which the token would go through the network in the clear."""
     if certificate is None and not is_loopback(host):
         raise ServingError(
             f"A page at {host or 'every address'} is reached by other machines, which needs a "
@@ -95,9 +89,6 @@ class Admission:
     Args:
         token: What the address must hold; None makes one up.
         hosts: Names and addresses by which other machines may know the server.
-
-    Raises:
-        ServingError: The token is none that can stand in an address as it is.
     """
 
     def __init__(self, token: str | None, hosts: Collection[str]) -> None:

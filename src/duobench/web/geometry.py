@@ -137,10 +137,7 @@ class Geometry:
         """What only scenes with the same file have in common."""
 
     def poses(self, data: mujoco.MjData) -> NDArray[np.float32]:
-        """Where the bodies are.
-
-        Args:
-            data: State of the model, with up-to-date kinematics.
+        """Where the bodies are in a state with up-to-date kinematics.
 
         Returns:
             New array (bodies, 7): position x y z in metres, quaternion w x y z, in the table frame.
@@ -285,7 +282,6 @@ def triangles_of(model: mujoco.MjModel, geom: int, cells: tuple[int, int] = (1, 
 
 
 def _cylinder(radius: float, half_height: float) -> Triangles:
-    """An upright cylinder, in metres."""
     return _revolved(
         [(0, -1), (1, -1), (1, -1), (1, 1), (1, 1), (0, 1)],
         [(0, -1), (0, -1), (1, 0), (1, 0), (0, 1), (0, 1)],

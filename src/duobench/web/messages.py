@@ -75,28 +75,11 @@ def reader(kinds: Any) -> Callable[[str | bytes], Any]:
 
 
 def pack_frame(poses: NDArray[np.float32], step: int, time_s: float) -> bytes:
-    """A frame as it is sent.
+    """A frame of poses (bodies, 7), as `Geometry.poses` gives them, after so many control steps.
 
-    Args:
-        poses: Positions in metres and quaternions (bodies, 7), as `Geometry.poses` gives them.
-        step: Control steps of the episode so far.
-        time_s: Time in seconds on a clock of the server that never goes back.
+    The time is that of a clock of the server that never goes back.
     """
     return _FRAME.pack(time_s, step, len(poses)) + poses.astype("<f4").tobytes()
-
-
-def unpack_frame(data: bytes) -> tuple[NDArray[np.float32], int, float]:
-    """Poses (bodies, 7), step and time of a frame.
-
-    Raises:
-        MessageError: It is none.
-    """
-    try:
-        time_s, step, bodies = _FRAME.unpack_from(data)
-        poses = np.frombuffer(data, "<f4", offset=_FRAME.size).reshape(bodies, 7)
-    except (struct.error, ValueError) as error:
-        raise MessageError(f"This is no frame: {error}.") from error
-    return poses.astype(np.float32), step, time_s
 
 
 def encode(**fields: Any) -> str:

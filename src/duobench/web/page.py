@@ -32,7 +32,7 @@ class EpisodeReplay:
     """An episode that is watched in 3D."""
 
     title: str
-    """What it is called; names the task and the episode."""
+    """Names the task and the episode."""
     scene: str
     """Name of its scene."""
     track: bytes
@@ -77,21 +77,15 @@ def assets(page: str = "live_page.html") -> Mapping[str, tuple[str, bytes]]:
         kind = _TYPES.get(file.name[file.name.rfind(".") :])
         if kind is not None:
             found[f"/{file.name}"] = (kind, file.read_bytes())
-    found["/page.css"] = (_TYPES[".css"], _style().encode())
+    common = files("duobench.pages") / "templates" / "style.css"
+    found["/page.css"] = (_TYPES[".css"], common.read_bytes() + _asset("page.css").encode())
     return found
 
 
 def replay_page(title: str, scenes: Mapping[str, bytes], replays: Sequence[EpisodeReplay]) -> str:
     """A page that plays episodes in 3D, as HTML; it is one file that loads nothing.
 
-    Args:
-        title: Its headline.
-        scenes: Scene files by name, `Geometry.data`.
-        replays: The episodes; the first is shown at first.
-
-    Raises:
-        OptionError: There is no episode, or two have the same id.
-        UnknownNameError: An episode's scene is not there.
+    The first episode is shown at first; for the rest see `replay_fragment`.
     """
     fragment = replay_fragment(scenes, replays, is_open=True)
     return pages.render(_PACKAGE, "replay_page.html", title=title, fragment=Markup(fragment))
@@ -109,10 +103,6 @@ def replay_fragment(
         scenes: Scene files by name, `Geometry.data`; those that no episode needs are left out.
         replays: The episodes, in the order of the list.
         is_open: Whether the first episode is shown at once.
-
-    Raises:
-        OptionError: There is no episode, or two have the same id.
-        UnknownNameError: An episode's scene is not there.
     """
     if not replays:
         raise OptionError("A page of replays needs at least one episode.")
@@ -173,9 +163,3 @@ def _base64(data: bytes) -> str:
 
 def _asset(name: str) -> str:
     return (_ASSETS / name).read_text(encoding="utf-8")
-
-
-def _style() -> str:
-    """The style of all pages, and that of what is shown in 3D."""
-    common = files("duobench.pages") / "templates" / "style.css"
-    return common.read_text(encoding="utf-8") + _asset("page.css")

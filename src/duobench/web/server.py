@@ -82,7 +82,8 @@ class Peer:
 
     def __init__(self, connection: ServerConnection) -> None:
         self._connection = connection
-        self._waiting: dict[str, str | bytes] = {}
+        self.waiting: dict[str, str | bytes] = {}
+        """What is still to be sent, by its place."""
         self._changed = asyncio.Event()
         self._next_frame = 0.0
         if raw := connection.transport.get_extra_info("socket"):
@@ -91,17 +92,8 @@ class Peer:
 
     def put(self, place: str, message: str | bytes) -> None:
         """Let a message wait, in place of what waits there."""
-        self._waiting[place] = message
+        self.waiting[place] = message
         self._changed.set()
-
-    @property
-    def has_waiting(self) -> bool:
-        """Whether something waits to be sent."""
-        return bool(self._waiting)
-
-    def forget_frame(self) -> None:
-        """Drop the frame that waits: it belongs to another scene."""
-        self._waiting.pop(FRAME, None)
 
     async def send_all(self) -> None:
         """Send what waits, text first, as fast as it is read, until the connection ends."""
@@ -110,14 +102,14 @@ class Peer:
             while True:
                 await self._changed.wait()
                 self._changed.clear()
-                while (text := next((each for each in self._waiting if each != FRAME), None)) or (
-                    FRAME in self._waiting and loop.time() >= self._next_frame
+                while (text := next((each for each in self.waiting if each != FRAME), None)) or (
+                    FRAME in self.waiting and loop.time() >= self._next_frame
                 ):
-                    await self._connection.send(self._waiting.pop(text or FRAME))
+                    await self._connection.send(self.waiting.pop(text or FRAME))
                     if text is None:
                         period = 1 / FRAMES_HZ
                         self._next_frame = max(self._next_frame + period, loop.time() - period / 2)
-                if FRAME in self._waiting:
+                if FRAME in self.waiting:
                     loop.call_at(self._next_frame, self._changed.set)
 
 
@@ -132,9 +124,6 @@ class PageServer:
         port: Port to listen at; 0 takes a free one.
         token: What the address of the page must hold; None makes one up.
         certificate: Encrypts; any host but this machine's own needs one.
-
-    Raises:
-        ServingError: The address cannot be had, or needs a certificate; or the token is none.
     """
 
     def __init__(
@@ -211,14 +200,9 @@ class PageServer:
         return len(self._peers) > 0
 
     def publish_scene(self, name: str, data: bytes) -> None:
-        """Show a scene from now on; frames of the one before are dropped.
+        """Show a scene file from now on; frames of the one before are dropped.
 
-        Args:
-            name: Its name: letters, digits, '_', '-' and '.'. The same name is the same scene.
-            data: The scene file; see `web.geometry`.
-
-        Raises:
-            ServingError: The name is none.
+        The name is letters, digits, '_', '-' and '.'; the same name is the same scene.
         """
         if not re.fullmatch(_NAME, name, re.ASCII):
             raise ServingError(f"A scene cannot be named {name!r}: letters, digits, '_', '-', '.'.")
@@ -228,17 +212,10 @@ class PageServer:
         self._server.call(self._show_scene, encode(kind="scene", name=name, url=url))
 
     def publish_image(self, name: str, data: bytes) -> str:
-        """Give an image or a film out from now on.
-
-        Args:
-            name: Its name: letters, digits, '_', '-' and '.'.
-            data: JPEG, PNG, WebM or PDF.
+        """Give JPEG, PNG, WebM or PDF out from now on, by a name as scenes have it.
 
         Returns:
             Its address on this server, with the token.
-
-        Raises:
-            ServingError: The name is none, or the data are of another kind.
         """
         kind = next((kind for sign, kind in IMAGE_KINDS.items() if data.startswith(sign)), None)
         if kind is None or not re.fullmatch(_NAME, name, re.ASCII):
@@ -277,13 +254,7 @@ class PageServer:
         self._server.call(self._put, "cameras", encode(kind="cameras", cameras=cameras))
 
     def pulse(self, side: str, strength: float, ms: int) -> None:
-        """Let a controller of the driver rumble.
-
-        Args:
-            side: "left" or "right".
-            strength: 0 to 1.
-            ms: How long, in milliseconds.
-        """
+        """Let the left or right controller of the driver rumble, at a strength from 0 to 1."""
         text = encode(kind="pulse", side=side, strength=strength, ms=ms)
         self._server.call(lambda: self._driver and self._driver.put(f"pulse {side}", text))
 
@@ -298,7 +269,7 @@ class PageServer:
             return
         self._latest.pop(FRAME, None)
         for peer in self._peers:
-            peer.forget_frame()
+            peer.waiting.pop(FRAME, None)
         self._show("scene", text)
 
     def _show(self, place: str, message: str | bytes) -> None:
@@ -323,7 +294,7 @@ class PageServer:
         """Give every browser the time to take what waits for it."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_TIMEOUT_S):
-                while any(peer.has_waiting for peer in self._peers):
+                while any(peer.waiting for peer in self._peers):
                     await asyncio.sleep(_LOOK_S)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:

@@ -38,9 +38,6 @@ def encode(poses: ArrayLike) -> bytes:
     Args:
         poses: Poses (steps, bodies, 7), x y z in metres and w x y z, as `Geometry.poses` returns
             them; both signs of a quaternion mean the same.
-
-    Raises:
-        DataError: They have another shape, or one of them is no number.
     """
     array = np.asarray(poses, dtype=np.float64)
     if array.ndim != 3 or array.shape[2] != len(_STEPS) or not array.size:  # noqa: PLR2004
@@ -60,11 +57,7 @@ def encode(poses: ArrayLike) -> bytes:
 
 
 def decode(track: bytes) -> NDArray[np.float32]:
-    """Unpack what `encode` packed, into poses (steps, bodies, 7) with unit quaternions.
-
-    Raises:
-        DataError: It is no track, or a damaged one.
-    """
+    """Unpack what `encode` packed, into poses (steps, bodies, 7) with unit quaternions."""
     steps, bodies = _head(track)
     try:
         planes = np.frombuffer(zlib.decompress(track[_HEADER.size :], _RAW), dtype=np.uint8)
@@ -78,11 +71,7 @@ def decode(track: bytes) -> NDArray[np.float32]:
 
 
 def length(track: bytes) -> int:
-    """The number of steps of a track.
-
-    Raises:
-        DataError: It is no track.
-    """
+    """The number of steps of a track."""
     return _head(track)[0]
 
 

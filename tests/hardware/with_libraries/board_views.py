@@ -12,7 +12,7 @@ from duobench.hardware.calibration.board import Board
 from duobench.hardware.canonical import remapped
 from duobench.hardware.rig import CameraCalibration
 from duobench.spatial import SE3
-from tests.hardware.lenses import directions_of
+from tests.hardware.lenses import directions_of, pattern
 
 cv2: Any = pytest.importorskip("cv2", reason="It is not installed here: make test-hardware")
 
@@ -38,11 +38,10 @@ def view(
     places = eye[:2] + reach[..., None] * rays[..., :2]
     distance = float(np.linalg.norm(camera_from_board.apply(board.middle)))
     per_square = max(8, 8 * round(lens.fx * board.square / distance / 8))
-    pattern = board.pattern(per_square)
     border = round(PAPER_MARGIN / board.square * per_square)
-    pattern = np.pad(pattern, border, constant_values=255)
+    printed = np.pad(pattern(per_square), border, constant_values=255)
     scale = per_square / board.square
-    height = pattern.shape[0]
+    height = printed.shape[0]
     pixels = np.stack(
         [
             places[..., 0] * scale + border - 0.5,
@@ -51,7 +50,7 @@ def view(
         axis=-1,
     )
     pixels[reach <= 0] = -1.0
-    sheet = np.repeat((30 + pattern * 0.8)[..., None].astype(np.uint8), 3, axis=-1)
+    sheet = np.repeat((30 + printed * 0.8)[..., None].astype(np.uint8), 3, axis=-1)
     image = remapped(sheet, pixels).astype(np.float32)
     image[image.max(axis=-1) == 0] = 110.0
     image = cv2.GaussianBlur(image, (0, 0), 0.7) + random.normal(0, NOISE, image.shape)

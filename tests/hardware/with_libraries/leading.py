@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,18 +36,12 @@ def franky_rig(*, cameras: Sequence[str] = (), **limits: float) -> Rig:
 
 def recover(duo: FrankaDuo) -> None:
     """Recover as an operator does who waits until the arms stand still."""
-    for _ in range(TRIES - 1):
+    for left in reversed(range(TRIES)):
         try:
             duo.supervisor.recover()
-        except BackendError:
-            time.sleep(0.5)
-        else:
             break
-    else:
-        duo.supervisor.recover()
+        except BackendError:
+            if not left:
+                raise
+            time.sleep(0.5)
     duo.supervisor.confirm()
-
-
-def say(text: str) -> None:
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()

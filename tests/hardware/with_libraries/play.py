@@ -18,8 +18,9 @@ from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import MAX_ACCELERATION, MAX_SPEED_FRACTION
 from duobench.types import SIDES
+from tests.hardware.programs import say
 from tests.hardware.with_libraries.arms import become_realtime
-from tests.hardware.with_libraries.leading import franky_rig, say
+from tests.hardware.with_libraries.leading import franky_rig
 
 
 def main() -> None:

@@ -11,22 +11,22 @@ import json
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from duobench.data import Recorder
 from duobench.hardware import watchdog
-from duobench.hardware.drivers.simulated import SimulatedCamera, SimulatedGripper
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side
+from tests.hardware.programs import say
+from tests.hardware.rigs import camera, gripper
 from tests.hardware.with_libraries.arms import become_realtime
-from tests.hardware.with_libraries.leading import franky_rig, recover, say
+from tests.hardware.with_libraries.leading import franky_rig, recover
 
 SWING, PACE = 0.25, 2.0
 """The swing of every joint in radians, and how fast it is in rad/s: at most 0.5 rad/s."""
@@ -40,26 +40,6 @@ SOON_S = 2.0
 """What stands for the half minute after which arms stop, damped."""
 
 
-@dataclass(kw_only=True)
-class Seen:
-    """What happened, for whoever reads the program's output."""
-
-    steps: int
-    """Steps that the environment was asked for."""
-    reason: str | None
-    fault_kind: str | None
-    speed_before: list[float]
-    """Largest measured speed of a joint in rad/s when it was struck, left then right."""
-    rest_s: float
-    """Seconds from the episode's end until both arms stood still."""
-    is_tracking: list[bool]
-    """Whether each arm followed its reference then, left then right."""
-    errors: list[str]
-    """What was wrong with each arm then; empty words where nothing was."""
-    state: str
-    """Of the rig, after it was recovered and sent home."""
-
-
 def stall(duo: FrankaDuo) -> None:
     """Say nothing for longer than the arms wait."""
     watchdog.STOP_AFTER_S = SOON_S  # pyright: ignore[reportAttributeAccessIssue]
@@ -67,14 +47,6 @@ def stall(duo: FrankaDuo) -> None:
     assert max(speeds(duo)) < RESTING / 10  # at rest at the last target, and still held there
     assert all(reading.is_tracking for reading in duo.readings().values())
     time.sleep(SOON_S)
-
-
-def silence_gripper(duo: FrankaDuo, *, is_silent: bool = True) -> None:
-    cast("SimulatedGripper", duo.grippers[Side.RIGHT]).is_silent = is_silent
-
-
-def silence_camera(duo: FrankaDuo, *, is_silent: bool = True) -> None:
-    cast("SimulatedCamera", duo.cameras["head"]).is_silent = is_silent
 
 
 def jump(duo: FrankaDuo) -> None:
@@ -88,8 +60,8 @@ def jump(duo: FrankaDuo) -> None:
 
 STRIKES: dict[str, Callable[[FrankaDuo], None]] = {
     "stall": stall,
-    "gripper": silence_gripper,
-    "camera": silence_camera,
+    "gripper": lambda duo: setattr(gripper(duo, Side.RIGHT), "is_silent", True),
+    "camera": lambda duo: setattr(camera(duo, "head"), "is_silent", True),
     "jump": jump,
     "person": lambda duo: duo.hold("The button on the page."),
     "nothing": lambda _: None,  # from outside: frozen, or killed
@@ -141,22 +113,22 @@ def main() -> None:
     steps, before, info = play(env, duo, name)
     rest_s = wait_for_rest(duo)
     readings = [duo.readings()[side] for side in SIDES]
-    silence_gripper(duo, is_silent=False)
-    silence_camera(duo, is_silent=False)
+    gripper(duo, Side.RIGHT).is_silent = camera(duo, "head").is_silent = False
     recover(duo)
     duo.home()
-    seen = Seen(
-        steps=steps,
-        reason=info.get("truncation_reason"),
-        fault_kind=info.get("fault_kind"),
-        speed_before=before,
-        rest_s=rest_s,
-        is_tracking=[reading.is_tracking for reading in readings],
-        errors=["" if reading.fault is None else reading.fault.text for reading in readings],
-        state=str(duo.supervisor.state),
-    )
+    seen = {
+        "steps": steps,  # that the environment was asked for
+        "reason": info.get("truncation_reason"),
+        "fault_kind": info.get("fault_kind"),
+        "speed_before": before,  # largest one of a joint when it was struck, left then right
+        "rest_s": rest_s,  # from the episode's end until both arms stood still
+        # Of each arm then, left then right: whether it followed its reference, and what was wrong.
+        "is_tracking": [reading.is_tracking for reading in readings],
+        "errors": ["" if reading.fault is None else reading.fault.text for reading in readings],
+        "state": str(duo.supervisor.state),  # after the rig was recovered and sent home
+    }
     env.close()
-    say(json.dumps(asdict(seen)))
+    say(json.dumps(seen))
 
 
 if __name__ == "__main__":

@@ -24,8 +24,9 @@ from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.types import DuoCommand
+from tests.hardware.programs import say
 from tests.hardware.with_libraries.arms import become_realtime
-from tests.hardware.with_libraries.leading import franky_rig, recover, say
+from tests.hardware.with_libraries.leading import franky_rig, recover
 
 GUARDED = 0.3
 """How far from home in radians targets are that the guard looks at."""

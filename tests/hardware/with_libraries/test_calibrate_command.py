@@ -37,13 +37,18 @@ def rig(tmp_path: Path) -> Path:
     return path
 
 
+def calibrate(rig: Path, *words: str) -> None:
+    views = str(rig.parent / "views")
+    options = ["--rig", str(rig), "--views", views, "--ruler", "200", *words]
+    main(["real", "calibrate", "head", *options])
+
+
 def test_images_are_taken_at_enter_and_measured(
     rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = Rig.read(rig)
     monkeypatch.setattr("sys.stdin", io.StringIO("\n\nd\n"))
-    views = tmp_path / "views"
-    main(["real", "calibrate", "head", "--rig", str(rig), "--views", str(views), "--ruler", "200"])
+    calibrate(rig)
     output = capsys.readouterr().out
     assert "2: 28 of 28 corners" in output
     after = Rig.read(rig)
@@ -54,25 +59,24 @@ def test_images_are_taken_at_enter_and_measured(
     assert distance < 0.005
     assert math.degrees(angle) < 0.5
     assert after.hash != before.hash
-    assert len(ViewFolder(views, "head")) == 2
+    assert len(ViewFolder(tmp_path / "views", "head")) == 2
     again = rig.read_bytes()
-    main(["real", "calibrate", "head", "--rig", str(rig), "--views", str(views), "--ruler", "200"])
+    calibrate(rig)
     assert rig.read_bytes() == again, "measured again offline"
 
 
-def test_a_rig_is_left_alone_when_the_board_lies_elsewhere(
-    rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("typed", "at", "complaint"),
+    [
+        ("\nd\n", ["--at", "400", "120", "90"], "Does the board lie where it was said"),
+        ("", [], "holds no images"),
+    ],
+)
+def test_a_rig_is_left_alone_without_images_or_when_the_board_lies_elsewhere(
+    typed: str, at: list[str], complaint: str, rig: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = rig.read_bytes()
-    monkeypatch.setattr("sys.stdin", io.StringIO("\nd\n"))
-    words = ["--rig", str(rig), "--views", str(tmp_path / "v"), "--ruler", "200"]
-    with pytest.raises(SystemExit, match="Does the board lie where it was said"):
-        main(["real", "calibrate", "head", *words, "--at", "400", "120", "90"])
+    monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+    with pytest.raises(SystemExit, match=complaint):
+        calibrate(rig, *at)
     assert rig.read_bytes() == before
-
-
-def test_no_images_are_told(rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.stdin", io.StringIO(""))
-    words = ["--rig", str(rig), "--views", str(tmp_path / "v"), "--ruler", "200"]
-    with pytest.raises(SystemExit, match="holds no images"):
-        main(["real", "calibrate", "head", *words])

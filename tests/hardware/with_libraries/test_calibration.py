@@ -11,8 +11,13 @@ import pytest
 
 from duobench.errors import CalibrationError
 from duobench.hardware.calibration.board import Board, Detector, board_pose
-from duobench.hardware.calibration.lens import calibrate_lens
-from duobench.hardware.calibration.places import View, calibrate_wrist, flange_pose, locate_head
+from duobench.hardware.calibration.places import (
+    View,
+    calibrate_lens,
+    calibrate_wrist,
+    flange_pose,
+    locate_head,
+)
 from duobench.hardware.canonical import distorted, nominal_pose
 from duobench.hardware.rig import CameraCalibration
 from duobench.robot.joints import HOME_JOINTS
@@ -32,8 +37,12 @@ HAND = nominal_pose("left_wrist") @ SE3(
 """Where the imitated wrist camera really is."""
 
 
-def angle_of(a: SE3, b: SE3) -> float:
-    return math.degrees(a.distance(b)[1])
+def check_pose(found: CameraCalibration, pose: SE3, metres: float, degrees: float) -> None:
+    distance, angle = SE3.from_tquat(found.pose).distance(pose)
+    assert distance < metres
+    assert math.degrees(angle) < degrees
+    assert found.error_px is not None
+    assert found.error_px < 0.5
 
 
 def is_seen(camera_from_board: SE3, lens: CameraCalibration, margin: float = 30.0) -> bool:
@@ -106,13 +115,8 @@ def test_the_head_is_located_by_one_pose(paper: str) -> None:
     pose = HEAD_POSE.inverse() @ where
     images = [view(board, pose, ZED, np.random.default_rng(seed)) for seed in range(5)]
     measured = locate_head(images, board, ZED, where)
-    distance, angle = SE3.from_tquat(measured.calibration.pose).distance(HEAD_POSE)
-    assert distance < (0.004 if paper == "a4" else 0.003)
-    assert math.degrees(angle) < 0.3
-    assert measured.notes == ()
-    assert measured.calibration.views == 5
-    assert measured.calibration.error_px is not None
-    assert measured.calibration.error_px < 0.5
+    check_pose(measured.calibration, HEAD_POSE, 0.004 if paper == "a4" else 0.003, 0.3)
+    assert (measured.notes, measured.calibration.views) == ((), 5)
 
 
 def test_a_board_that_lies_otherwise_is_noticed() -> None:
@@ -130,14 +134,9 @@ def test_a_board_that_lies_otherwise_is_noticed() -> None:
 @pytest.mark.parametrize("side", [Side.LEFT, Side.RIGHT])
 def test_a_wrist_camera_is_found(side: Side) -> None:
     measured = calibrate_wrist(wrist_views(side), side, BOARD, D405)
-    found = SE3.from_tquat(measured.calibration.pose)
-    distance, angle = found.distance(HAND)
-    assert distance < 0.0005
-    assert math.degrees(angle) < 0.1
+    check_pose(measured.calibration, HAND, 0.0005, 0.1)
     assert measured.error_mm is not None
     assert measured.error_mm < 1.0
-    assert measured.calibration.error_px is not None
-    assert measured.calibration.error_px < 0.5
     assert measured.calibration.views == 20
     assert measured.calibration.opencv == cv2.__version__
 
@@ -153,13 +152,11 @@ def test_a_print_of_another_size_is_right_once_it_was_measured() -> None:
     small = Board().measured(195.2)
     pose = HEAD_POSE.inverse() @ TABLE_FROM_BOARD
     image = view(small, pose, ZED, np.random.default_rng(3))
-    right = locate_head([image], small, ZED, TABLE_FROM_BOARD)
-    wrong = locate_head([image], BOARD, ZED, TABLE_FROM_BOARD)
-    errors = [
-        SE3.from_tquat(each.calibration.pose).distance(HEAD_POSE)[0] for each in (right, wrong)
-    ]
-    assert errors[0] < 0.005
-    assert errors[1] > 0.015, "the scale makes no difference in this test"
+    found = [locate_head([image], board, ZED, TABLE_FROM_BOARD) for board in (small, BOARD)]
+    poses = [SE3.from_tquat(each.calibration.pose) for each in found]
+    right, wrong = (pose.distance(HEAD_POSE)[0] for pose in poses)
+    assert right < 0.005
+    assert wrong > 0.015, "the scale makes no difference in this test"
 
 
 def test_a_board_that_was_pushed_is_noticed() -> None:
@@ -179,13 +176,10 @@ def test_a_board_that_was_pushed_is_noticed() -> None:
 
 
 def test_poses_that_are_too_few_or_too_alike_are_refused() -> None:
-    views = wrist_views(Side.LEFT)
-    with pytest.raises(CalibrationError, match="12 are needed"):
-        calibrate_wrist(views[:8], Side.LEFT, BOARD, D405)
-    alike = [replace(view, joints=views[0].joints + 0.01 * k) for k, view in enumerate(views)]
-    with pytest.raises(CalibrationError, match="too much alike"):
-        calibrate_wrist(alike, Side.LEFT, BOARD, D405)
-    for joints in (np.full(7, np.nan), np.zeros(6), np.degrees(views[0].joints)):
-        bad = [replace(views[0], joints=joints), *views[1:]]
-        with pytest.raises(CalibrationError, match="7 joints in radians"):
-            calibrate_wrist(bad, Side.LEFT, BOARD, D405)
+    first, *rest = views = wrist_views(Side.LEFT)
+    alike = [replace(view, joints=first.joints + 0.01 * k) for k, view in enumerate(views)]
+    wrong = (np.full(7, np.nan), np.zeros(6), np.degrees(first.joints))
+    bad = [([replace(first, joints=joints), *rest], "7 joints in radians") for joints in wrong]
+    for given, words in [(views[:8], "12 are needed"), (alike, "too much alike"), *bad]:
+        with pytest.raises(CalibrationError, match=words):
+            calibrate_wrist(given, Side.LEFT, BOARD, D405)

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 from duobench.cli import main
-from duobench.hardware.doctor import Outcome, examine
-from duobench.hardware.doctor.examine import shift_between
+from duobench.hardware.doctor.checks import Outcome
+from duobench.hardware.doctor.examine import examine, shift_between
 from duobench.hardware.drivers.simulated import SimulatedCamera
 from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
 from duobench.types import HEAD
@@ -36,7 +36,7 @@ def scene(right: float = 0.0, down: float = 0.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("right", "down"), [(0.0, 0.0), (3.0, -2.0), (-12.4, 7.3)])
-def test_a_camera_that_was_moved_is_found(right: float, down: float) -> None:
+def test_how_far_a_camera_was_moved_is_found(right: float, down: float) -> None:
     now = scene(right, down)
     noise = np.random.default_rng(0).normal(0, 3, now.shape)
     now = np.clip(now + noise, 0, 255).astype(np.uint8)
@@ -59,9 +59,9 @@ def test_images_that_show_something_else_have_no_shift() -> None:
 def test_the_reference_decides(pixels: float, outcome: Outcome) -> None:
     duo, moved = new_rig(), scene(pixels)
     duo.cameras[HEAD] = SimulatedCamera(duo.clock, source=lambda *_: moved)
-    checks = examine(duo, seconds=0.1, reference=scene())
+    checks = {check.name: check for check in examine(duo, seconds=0.1, reference=scene())}
     duo.close()
-    (check,) = (each for each in checks if each.name == "head camera's place")
+    check = checks["head camera's place"]
     assert check.outcome is outcome
     assert f"{pixels:.0f}." in check.value or pixels == 0.0
 

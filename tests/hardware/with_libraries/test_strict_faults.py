@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from duobench.data import DataSet
 from duobench.types import SIDES
+from tests.hardware import programs
 from tests.hardware.with_libraries import strict_arms
 from tests.hardware.with_libraries.strict_arms import StrictArms
 
@@ -37,26 +37,14 @@ def arms(tmp_path: Path) -> Iterator[StrictArms]:
         yield arms
 
 
-def begun(name: str, folder: Path) -> subprocess.Popen[str]:
+def moving(name: str, folder: Path) -> subprocess.Popen[str]:
     """A program whose arms are fast."""
-    program = "tests.hardware.with_libraries.strict_faults"
-    command = [sys.executable, "-m", program, name, str(folder)]
-    player = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    assert player.stdout is not None
-    assert player.stdout.readline() == "moving\n"
-    return player
+    return programs.begun("with_libraries.strict_faults", "moving", name, folder / name)
 
 
-def end_of(player: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
-    """What it saw; whatever happened, nothing recorded is lost and the arms can go home again."""
-    assert player.stdout is not None
-    with player:
-        seen: dict[str, Any] = json.loads(player.stdout.readline())
-        assert player.wait(60) == 0
-    (recording,) = DataSet.open(folder).recordings()
-    assert recording.info.outcome is not None
-    assert recording.info.outcome.reason == seen["reason"]
-    assert len(recording.sent) in {seen["steps"], seen["steps"] + 1}
+def end_of(name: str, folder: Path, player: subprocess.Popen[str] | None = None) -> dict[str, Any]:
+    """What it saw; whatever happened, the arms can go home again."""
+    seen, _ = programs.end_of(player or moving(name, folder), folder / name)
     assert min(seen["speed_before"]) > MOVING
     assert seen["rest_s"] < STILL_S
     assert seen["state"] == "ready"
@@ -66,35 +54,27 @@ def end_of(player: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
 
 @pytest.mark.usefixtures("arms")
 @pytest.mark.parametrize(
-    ("name", "kind", "text"),
+    ("name", "kind", "text", "is_tracking"),
     [
-        ("gripper", "communication", "The right gripper: The gripper has not answered for"),
-        ("camera", "communication", "The latest image of the camera head is"),
-        ("person", None, "The button on the page."),
+        ("gripper", "communication", "The right gripper: The gripper has not answered for", True),
+        ("camera", "communication", "The latest image of the camera head is", True),
+        ("person", None, "The button on the page.", True),
+        ("stall", None, "No command came for", False),
     ],
 )
-def test_both_arms_hold_and_neither_has_a_reflex(
-    name: str, kind: str | None, text: str, tmp_path: Path
+def test_both_arms_hold_or_stop_and_neither_has_a_reflex(
+    name: str, kind: str | None, text: str, is_tracking: bool, tmp_path: Path
 ) -> None:
-    seen = end_of(begun(name, tmp_path / "data"), tmp_path / "data")
+    seen = end_of(name, tmp_path)
     assert text in seen["reason"]
     assert seen["fault_kind"] == kind
-    assert seen["is_tracking"] == [True, True]
-    assert seen["errors"] == ["", ""]
-
-
-@pytest.mark.usefixtures("arms")
-def test_a_policy_that_stalls_leaves_both_arms_at_rest_and_then_stopped(tmp_path: Path) -> None:
-    seen = end_of(begun("stall", tmp_path / "data"), tmp_path / "data")
-    assert seen["reason"].startswith("No command came for")
-    assert seen["fault_kind"] is None
-    assert seen["is_tracking"] == [False, False]
+    assert seen["is_tracking"] == [is_tracking, is_tracking]
     assert seen["errors"] == ["", ""]
 
 
 @pytest.mark.usefixtures("arms")
 def test_a_jump_trips_a_reflex_and_the_other_arm_holds(tmp_path: Path) -> None:
-    seen = end_of(begun("jump", tmp_path / "data"), tmp_path / "data")
+    seen = end_of("jump", tmp_path)
     assert seen["fault_kind"] == "reflex"
     assert "The left arm" in seen["reason"]
     assert seen["is_tracking"] == [False, True]
@@ -104,12 +84,12 @@ def test_a_jump_trips_a_reflex_and_the_other_arm_holds(tmp_path: Path) -> None:
 def test_a_process_that_is_frozen_stops_both_arms_and_says_so(
     arms: StrictArms, tmp_path: Path
 ) -> None:
-    player = begun("nothing", tmp_path / "data")
+    player = moving("nothing", tmp_path)
     player.send_signal(signal.SIGSTOP)
     time.sleep(1.0)
     said = [arms.said(side) for side in SIDES]
     player.send_signal(signal.SIGCONT)
-    seen = end_of(player, tmp_path / "data")
+    seen = end_of("nothing", tmp_path, player)
     assert all("communication_constraints_violation" in text for text in said)
     assert seen["fault_kind"] == "communication"
     assert seen["is_tracking"] == [False, False]
@@ -119,13 +99,6 @@ def test_a_process_that_is_frozen_stops_both_arms_and_says_so(
 def test_a_killed_process_loses_next_to_nothing_and_the_arms_can_be_led_again(
     tmp_path: Path,
 ) -> None:
-    player = begun("nothing", tmp_path / "data")
-    player.kill()
-    with player:
-        player.wait(10)
-    data = DataSet.open(tmp_path / "data")
-    (partial,) = data.partials()
-    data.recover(partial)
-    (recording,) = data.recordings()
-    assert len(recording.sent) >= 15
-    end_of(begun("person", tmp_path / "again"), tmp_path / "again")
+    programs.kill(moving("nothing", tmp_path))
+    assert len(programs.recovered(tmp_path / "nothing").sent) >= 15
+    end_of("person", tmp_path)

@@ -7,8 +7,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any
 
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.server import ServerConnection
-from websockets.sync.server import serve as serve_websocket
+from websockets.sync.server import ServerConnection, serve as serve_websocket
 
 from duobench.policy import Batching
 from duobench.policy.batch import BatchPolicy

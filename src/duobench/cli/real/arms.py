@@ -23,7 +23,7 @@ from duobench.results.scores import interval_percent, percent
 from duobench.results.suite import find_tasks
 
 if TYPE_CHECKING:
-    from duobench.hardware.doctor import Report
+    from duobench.data import DataSet
     from duobench.hardware.duo import FrankaDuo
     from duobench.rig_sessions.trials import TrialsSession
     from duobench.rig_sessions.trials_folder import TrialsFolder
@@ -171,12 +171,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("real eval", evaluate, locals())
     load_engine()
-    from duobench.data import DataSet
-    from duobench.hardware.doctor.checks import read_checks
     from duobench.rig_sessions.trials import TrialsSession
 
-    policies = _pairs(policy, trained_on)
-    (info,) = find_tasks([task])
+    policies, (info,) = _pairs(policy, trained_on), find_tasks([task])
     with advising(OTHER_OUT), ExitStack() as ending:
         folder, duo, server = _place(ending, rig, out, page)
         session = TrialsSession(
@@ -191,12 +188,17 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             first_episode=first_episode,
             order_seed=secrets.randbelow(2**31) if order_seed is None else order_seed,
             blind=blind,
-            data=None if record is None else DataSet.open(record),
+            data=None if record is None else _data(record),
             command=command,
         )
-        if remark := _remark(read_checks(folder.path), duo.rig.hash):
-            say(f"{remark} See: duobench real doctor --rig {rig.rig} --out {out}")
+        _tell_of_doctor(folder, rig, duo, out)
         _judge(session, folder, server, out)
+
+
+def _data(path: Path) -> DataSet:
+    from duobench.data import DataSet
+
+    return DataSet.open(path)
 
 
 def _pairs(policies: tuple[str, ...], trained_on: tuple[str, ...]) -> list[tuple[str, str]]:
@@ -237,11 +239,17 @@ def _judge(session: TrialsSession, folder: TrialsFolder, server: PageServer, out
     say(files)
 
 
-def _remark(found: Report | None, rig_hash: str) -> str:
+def _tell_of_doctor(folder: TrialsFolder, rig: RigOptions, duo: FrankaDuo, out: Path) -> None:
+    from duobench.hardware.doctor.checks import read_checks
+
+    found = read_checks(folder.path)
     if found is None:
-        return "The doctor has not looked at this rig for this folder."
-    objection = found.objection(rig_hash)
-    return f"At {found.time}, the doctor {objection}." if objection else ""
+        remark = "The doctor has not looked at this rig for this folder."
+    elif objection := found.objection(duo.rig.hash):
+        remark = f"At {found.time}, the doctor {objection}."
+    else:
+        return
+    say(f"{remark} See: duobench real doctor --rig {rig.rig} --out {out}")
 
 
 def _show_report(report: TrialsReport) -> None:

@@ -63,7 +63,7 @@ def lens(
         views: Folder of images; if there are none in it, they are taken now, one at each Enter.
         paper: Sheet of the board.
     """
-    from duobench.hardware.calibration.lens import calibrate_lens
+    from duobench.hardware.calibration.places import calibrate_lens
 
     known, sheet = Rig.read(rig_file(rig)), Board(paper=paper)
     folder = _folder(known, views, camera, None, sheet)

@@ -21,11 +21,7 @@ if TYPE_CHECKING:
 
 
 def rig_file(path: str | Path, also: str = "") -> Path:
-    """The file of a rig, which is there.
-
-    Raises:
-        AdvisedError: It is not.
-    """
+    """The file of a rig, which is there."""
     if not Path(path).is_file():
         raise AdvisedError(f"There is no file {path}. --rig takes a rig.json{also}.")
     return Path(path)
@@ -43,12 +39,7 @@ class RigOptions:
     """Do not wait for real time; for drivers without hardware alone."""
 
     def open(self) -> FrankaDuo:
-        """The rig, not connected yet.
-
-        Raises:
-            AdvisedError: It is fast, and there is hardware; or there is no such file.
-            FileError: The file cannot be read, or is no rig.
-        """
+        """The rig, not connected yet."""
         from duobench.data.rig import drivers_of
         from duobench.hardware.opening import SIMULATED, open_rig
 

@@ -34,11 +34,7 @@ KINDS = {
 
 
 def find_folder(folder: Path, sign: str) -> None:
-    """Reject a folder without the file that such folders have, a key of `KINDS`.
-
-    Raises:
-        AdvisedError: There is no such folder, or it is of another kind; it says what would do.
-    """
+    """Reject a folder without the file that such folders have, a key of `KINDS`."""
     if (folder / sign).exists():
         return
     if not folder.exists():
@@ -87,11 +83,7 @@ FOR_RECORDING: Advice = {
 
 @contextmanager
 def advising(advice: Advice) -> Iterator[None]:
-    """Add advice to what the library raises in a block.
-
-    Raises:
-        AdvisedError: In place of an error about which there is advice.
-    """
+    """Add advice to what the library raises in a block."""
     try:
         yield
     except DuoBenchError as error:

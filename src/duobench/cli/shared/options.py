@@ -113,9 +113,6 @@ def check_spelling(words: Sequence[str], verbs: Verbs, program: str, default: st
 
     The program is called such as "duobench export"; `default` is the verb to propose where none is
     near, if there is only one sensible.
-
-    Raises:
-        SpellingError: Something is misspelt; it says what was probably meant.
     """
     if not words or words[0] in HELP:
         return

@@ -21,11 +21,7 @@ ASKED = "MUJOCO_GL"
 
 
 def load_engine() -> None:
-    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names.
-
-    Raises:
-        RenderingError: `MUJOCO_GL` names something that MuJoCo does not know or cannot load.
-    """
+    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names."""
     try:
         import_module("mujoco")
     except (RuntimeError, AttributeError, ImportError, OSError) as error:

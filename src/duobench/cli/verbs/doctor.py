@@ -30,7 +30,7 @@ from duobench.types import HEAD, POLICY_CAMERAS
 from duobench.versions import record_versions
 
 if TYPE_CHECKING:
-    from duobench.hardware.doctor import Check
+    from duobench.hardware.doctor.checks import Check
     from duobench.hardware.duo import FrankaDuo
 
 
@@ -113,7 +113,8 @@ def examine_rig(
     """
     if seconds <= 0.0:
         raise AdvisedError("--seconds is more than 0.")
-    from duobench.hardware.doctor import examine, write_checks
+    from duobench.hardware.doctor.checks import write_checks
+    from duobench.hardware.doctor.examine import examine
     from duobench.hardware.opening import SIMULATED, open_rig
 
     path = None if rig == SIMULATED else rig_file(rig, f", or {SIMULATED}")

@@ -25,9 +25,8 @@ from duobench.cli.shared.console import counted, results_table, say
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
-from duobench.results.entrants import read_named, split_name
+from duobench.results.entrants import SCHEME, read_named, split_name
 from duobench.results.folder import RunFolder
-from duobench.results.paper import SCHEME
 from duobench.results.records import Condition
 from duobench.results.scores import RunPart, interval_percent, percent
 from duobench.shifts.shift import NO_SHIFT
@@ -149,8 +148,7 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool 
         return
     if _compare_shifts(runs, out):
         return
-    from duobench.results.compare import compare as compare_runs
-    from duobench.results.compare import write_comparison
+    from duobench.results.compare import compare as compare_runs, write_comparison
     from duobench.results.tables import verdict
 
     comparison = compare_runs(runs)

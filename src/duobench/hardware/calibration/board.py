@@ -64,11 +64,7 @@ class Board:
             raise OptionError(f"A board's scale is about 1, got {self.scale}.")
 
     def measured(self, ruler_mm: float) -> Board:
-        """The board as it was printed, with a ruler of that many mm by another ruler.
-
-        Raises:
-            CalibrationError: The length is too far from what it should be.
-        """
+        """The board as it was printed, with a ruler of that many mm by another ruler."""
         wanted = RULER_MM[Paper(self.paper)]
         if not abs(ruler_mm / wanted - 1.0) <= LARGEST_DEVIATION:
             raise CalibrationError(
@@ -100,18 +96,6 @@ class Board:
         across = 1 + numbers % (COLUMNS - 1)
         down = 1 + numbers // (COLUMNS - 1)
         return self.square * np.stack([across, ROWS - down, 0 * numbers], axis=-1).astype(float)
-
-    def pattern(self, pixels: int = 12) -> NDArray[np.uint8]:
-        """Black (0) and white (255) of the board, seen from the front with the ruler below.
-
-        Args:
-            pixels: Pixels along the edge of a square; a multiple of 8.
-        """
-        cells = np.full((ROWS * pixels, COLUMNS * pixels), 255, np.uint8)
-        for x, y, width, height in rectangles():
-            rows = slice(round((ROWS - y - height) * pixels), round((ROWS - y) * pixels))
-            cells[rows, round(x * pixels) : round((x + width) * pixels)] = 0
-        return cells
 
 
 @cache
@@ -151,11 +135,7 @@ def rectangles() -> list[tuple[float, float, float, float]]:
 
 
 def opencv() -> Any:
-    """OpenCV, with what calibration needs of it.
-
-    Raises:
-        CalibrationError: It is missing, or too new.
-    """
+    """OpenCV, with what calibration needs of it."""
     try:
         import cv2  # pyright: ignore[reportMissingImports]
     except ImportError as error:
@@ -173,11 +153,7 @@ def opencv() -> Any:
 
 
 def write_board(board: Board, path: Path) -> None:
-    """Write a sheet to print as PDF; the same board always gives the same bytes.
-
-    Raises:
-        OutputError: It cannot be written.
-    """
+    """Write a sheet to print as PDF; the same board always gives the same bytes."""
     paper = Paper(board.paper)
     height, width = paper.size
     sheet = Sheet(width, height)
@@ -230,11 +206,7 @@ class Detection:
 
 
 class Detector:
-    """Finds the corners of a board in images.
-
-    Raises:
-        CalibrationError: OpenCV is missing, or too new.
-    """
+    """Finds the corners of a board in images."""
 
     def __init__(self, board: Board) -> None:
         aruco = opencv().aruco
@@ -264,11 +236,7 @@ class Detector:
         return Detection(points=self._corners[np.ravel(numbers)], pixels=pixels)
 
     def find_all(self, images: Sequence[Image], fewest: int) -> list[tuple[int, Detection]]:
-        """Corners of the images that show the board, with the number of each image.
-
-        Raises:
-            CalibrationError: Too few images show it.
-        """
+        """Corners of the images that show the board, with the number of each image."""
         tried = enumerate(map(self.find, images))
         found = [(number, each) for number, each in tried if each is not None]
         if len(found) < fewest:
@@ -280,11 +248,7 @@ class Detector:
 
 
 def board_pose(detection: Detection, lens: CameraCalibration) -> SE3:
-    """Pose of the board in the camera (x right, y down, z forwards).
-
-    Raises:
-        CalibrationError: The corners show no pose.
-    """
+    """Pose of the board in the camera (x right, y down, z forwards)."""
     cv2 = opencv()
     matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
     is_found, turn, shift = cv2.solvePnP(

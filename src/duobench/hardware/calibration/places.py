@@ -1,4 +1,4 @@
-"""Where cameras are: the head camera on the table, a wrist camera on the flange.
+"""The lens of a camera, and where it is: on the table the head's, on a flange a wrist's.
 
 For a wrist camera, hand-eye calibration by the method of Park and Martin gives a first answer; it
 is then made better by least squares of the pixels of all corners, with the place of the board as a
@@ -27,7 +27,7 @@ from duobench.hardware.calibration.board import (
     split_views,
 )
 from duobench.hardware.canonical import nominal_pose
-from duobench.hardware.rig import CameraCalibration
+from duobench.hardware.rig import UNPOSED, CameraCalibration
 from duobench.robot.frames import TCP_OFFSET, tool_pose
 from duobench.robot.joints import JOINT_RANGES
 from duobench.spatial import SE3, rotation_by, rotation_vector
@@ -39,6 +39,45 @@ REFUSED_M, REFUSED_DEG = 0.25, 45.0
 """And from which something must be wrong."""
 LARGEST_ERROR_PX = 2.0
 """Error on held-out corners from which something is wrong."""
+
+
+FEWEST_LENS_VIEWS = 10
+LARGEST_LENS_ERROR_PX = 1.0
+"""Error of a lens on held-out images from which something is wrong."""
+
+
+def calibrate_lens(images: Sequence[Image], board: Board) -> CameraCalibration:
+    """Focal lengths, middle and distortion of a camera, without its place.
+
+    Images show the board from many sides and in all their parts, at least ten times; every fifth
+    is held out. The scale of the board does not matter here.
+    """
+    height, width, _ = images[0].shape
+    found = Detector(board).find_all(images, FEWEST_LENS_VIEWS)
+    used, held = split_views([detection for _, detection in found])
+    _, matrix, distortion, _, _ = opencv().calibrateCamera(
+        [each.points.astype(np.float32) for each in used],
+        [each.pixels.astype(np.float32) for each in used],
+        (width, height),
+        None,
+        None,
+    )
+    lens = CameraCalibration(
+        fx=float(matrix[0, 0]),
+        fy=float(matrix[1, 1]),
+        cx=float(matrix[0, 2]),
+        cy=float(matrix[1, 2]),
+        distortion=tuple(float(each) for each in np.ravel(distortion)[:5]),
+        pose=UNPOSED,
+    )
+    error = rms([offsets(each, board_pose(each, lens), lens) for each in held])
+    if error > LARGEST_LENS_ERROR_PX:
+        raise CalibrationError(
+            f"Images that were held out are off by {error:.2f} px with the lens that was found; "
+            f"at most {LARGEST_LENS_ERROR_PX:g} is usual. Is the board flat, and were "
+            "the images sharp?"
+        )
+    return lens
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,9 +99,6 @@ def locate_head(
 
     One or more images show the board, as it was printed, which lies still; every fifth corner is
     held out.
-
-    Raises:
-        CalibrationError: The board is not seen, or the camera would be somewhere else altogether.
     """
     found = [each for _, each in Detector(board).find_all(images, 1)]
     points = np.concatenate([each.points for each in found])
@@ -79,11 +115,7 @@ def locate_head(
 def _measured(
     camera: str, lens: CameraCalibration, pose: SE3, method: str, views: int, error_px: float
 ) -> Measured:
-    """A lens with a place, how it was found, and what is remarkable about it.
-
-    Raises:
-        CalibrationError: The error is too large, or the place can hardly be true.
-    """
+    """A lens with a place, how it was found, and what is remarkable about it."""
     if error_px > LARGEST_ERROR_PX:
         raise CalibrationError(
             f"What was held out is off by {error_px:.2f} px; at most {LARGEST_ERROR_PX:g} is "
@@ -152,10 +184,6 @@ def calibrate_wrist(
 
     There are 15 to 25 views of a board, as it was printed, that does not move. The wrist is turned
     by 20 to 40 degrees about at least two axes; every fifth view is held out.
-
-    Raises:
-        CalibrationError: There are too few views, the arm was turned too little, the board's size
-            is not the one that was said, or the held-out views do not fit.
     """
     for view in views:
         if np.shape(view.joints) != (ARM_JOINTS,) or not np.all(np.abs(view.joints) < MAX_JOINT):

@@ -67,11 +67,7 @@ class Report:
 
 
 def read_checks(folder: Path) -> Report | None:
-    """What is in `doctor.json` of a run's folder; None if there is none.
-
-    Raises:
-        FileError: It cannot be read.
-    """
+    """What is in `doctor.json` of a run's folder; None if there is none."""
     path = folder / DOCTOR_FILE
     return files.read(path, Report, DOCTOR_SCHEMA) if path.exists() else None
 
@@ -82,11 +78,7 @@ def is_well(checks: Iterable[Check]) -> bool:
 
 
 def write_checks(folder: Path, rig: str, rig_hash: str, checks: Sequence[Check]) -> Path:
-    """Write `doctor.json` into a run's folder, which is made if it is missing; gives the file.
-
-    Raises:
-        OutputError: It cannot be written.
-    """
+    """Write `doctor.json` into a run's folder, which is made if it is missing; gives the file."""
     report = Report(
         rig=rig,
         rig_hash=rig_hash,

@@ -194,10 +194,6 @@ def shift_between(image: Image, reference: Image) -> tuple[float, float] | None:
     """How far right and down in pixels an image's content is from that of one of the same size.
 
     None where too little of both is alike.
-
-    Raises:
-        OptionError: The sizes differ.
-        ImportError: OpenCV is missing.
     """
     import cv2  # pyright: ignore[reportMissingImports]
 

@@ -68,11 +68,7 @@ class LatestFrame:
         self._connected_at = self.clock.now()
 
     def publish(self, image: Image, time_s: float, index: int) -> None:
-        """Take a frame, whose arguments are those of `Frame`, and give it to who listens.
-
-        Raises:
-            BackendError: It has another size than the rig says.
-        """
+        """Take a frame, whose arguments are those of `Frame`, and give it to who listens."""
         height, width = self.config.size
         if image.shape != (height, width, 3):
             raise BackendError(

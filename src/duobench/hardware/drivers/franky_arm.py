@@ -81,10 +81,9 @@ class FrankyArm:
 
     def start(self) -> None:
         """Hold the measured joints and follow `command` from now on."""
-        franky = self._known()
+        franky, config = self._known(), self._config
         with self._lock:
             self._fault = None
-            config = self._config
             try:
                 if self._robot.has_errors:
                     names = ", ".join(errors_in(self._robot.state.current_errors))

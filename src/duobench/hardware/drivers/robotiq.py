@@ -180,11 +180,7 @@ class RobotiqGripper:
         return None if self._newest is None else self._newest[1].position
 
     def command(self, opening: float) -> None:
-        """Go to an opening, 0 closed to 1 open; beyond them is the nearer end. Returns at once.
-
-        Raises:
-            ActionError: It is no finite number.
-        """
+        """Go to an opening, 0 closed to 1 open; beyond them is the nearer end. Returns at once."""
         if not math.isfinite(opening):
             raise ActionError(f"An opening is a number from 0 to 1, got {opening}.")
         low, high = self._config.open_count, self._config.closed_count
@@ -291,10 +287,6 @@ def measure_ends(
     """Open and close an empty gripper, and give it with the ends where it stops.
 
     Only on a person's word; the ends that it has are not looked at.
-
-    Raises:
-        BackendError: It cannot be reached or activated, stops answering, or something was between
-            its fingers.
     """
     whole = replace(config, open_count=0, closed_count=255)
     gripper = RobotiqGripper(whole, clock, answer_s=answer_s)

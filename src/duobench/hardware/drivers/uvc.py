@@ -124,11 +124,7 @@ class FileCamera(TickedCamera):
 
 
 def opened(name: str, device: str, kind: str | None, options: dict[str, str] | None = None) -> Any:
-    """A container of PyAV with a stream of images.
-
-    Raises:
-        BackendError: It cannot be opened, or has no images.
-    """
+    """A container of PyAV with a stream of images."""
     try:
         container = av.open(device, format=kind, options=options or {})
     except (FFmpegError, ValueError) as error:
@@ -152,9 +148,6 @@ def lock_exposure(device: str, exposure_us: float | None, gain: float | None) ->
 
     Exposure is in microseconds, in steps of 100, and gain in the camera's units; None leaves one
     alone.
-
-    Raises:
-        BackendError: The device has no such control, or does not take the value.
     """
     controls: list[tuple[str, int, int]] = []
     if exposure_us is not None:

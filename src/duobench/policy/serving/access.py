@@ -15,11 +15,7 @@ _SCHEMES = ("Api-Key", "Bearer")
 
 
 def read_key(file: Path | None = None) -> str | None:
-    """The key of a server, from a file that holds nothing else or the environment; None if none is.
-
-    Raises:
-        ServingError: If the file cannot be read, or what it holds cannot be a key.
-    """
+    """The key of a server, from a file that holds nothing else or the environment, or None."""
     if file is None:
         key = os.environ.get(KEY_VARIABLE, "").strip()
         where = KEY_VARIABLE

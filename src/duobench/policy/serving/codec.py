@@ -71,11 +71,7 @@ def unpack(data: bytes) -> dict[str, Any]:
 
 
 def read(data: bytes) -> Any:
-    """A message of any type from bytes that anybody may have sent.
-
-    Raises:
-        MessageError: If it is none, or beyond the limits, before any of it is made.
-    """
+    """A message of any type from bytes that anybody may have sent."""
     _check_size(data)
     try:
         message = msgspec.msgpack.decode(data)

@@ -49,13 +49,7 @@ _LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
 
 
 class ConnectedPolicy(ABC):
-    """A policy at a server; a subclass knows what is said there.
-
-    Raises:
-        ServingError: If the server asks for another key, cannot be understood, or contradicts
-            the format.
-        MachineryError: If there is no server of this kind.
-    """
+    """A policy at a server; a subclass knows what is said there."""
 
     metadata: PolicyMetadata
     """What the policy expects of the environment."""

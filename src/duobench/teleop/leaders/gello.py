@@ -98,12 +98,7 @@ class GelloConfig:
 
     @staticmethod
     def read(path: Path) -> GelloConfig:
-        """Read a TOML file: `[left]` and `[right]` with the fields of `GelloArm`, and `baud`.
-
-        Raises:
-            LeaderError: It cannot be read, or lacks something.
-            UnknownNameError: It has a key that means nothing.
-        """
+        """Read a TOML file: `[left]` and `[right]` with the fields of `GelloArm`, and `baud`."""
         try:
             document = tomllib.loads(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -119,11 +114,7 @@ class GelloConfig:
 
 
 class _Bus:
-    """The servos of one arm, which a thread of its own asks again and again.
-
-    Raises:
-        LeaderError: The port cannot be opened, or a servo does not answer.
-    """
+    """The servos of one arm, which a thread of its own asks again and again."""
 
     def __init__(self, arm: GelloArm, baud: int) -> None:
         import dynamixel_sdk as sdk  # pyright: ignore[reportMissingImports]
@@ -197,12 +188,7 @@ class GelloSource:
         self._buses: list[_Bus] = []
 
     def connect(self) -> None:
-        """Open both ports, and begin to read.
-
-        Raises:
-            LeaderError: dynamixel-sdk is not installed, a port cannot be opened, or a servo does
-                not answer.
-        """
+        """Open both ports, and begin to read."""
         try:
             import dynamixel_sdk  # noqa: F401  # pyright: ignore[reportMissingImports]
         except ImportError as error:
