@@ -29,11 +29,9 @@ RANGE_MARGIN = 0.05
 
 
 def duo_limits(speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0) -> DuoLimits:
-    """Limits of both arms.
+    """Limits of both arms, which use a part of the joints' speed limits, left then right.
 
-    Args:
-        speed_fractions: Part of the joints' speed limits that the left and the right arm may use.
-        margin: Distance in radians from the ends of the joints' ranges.
+    The margin is the distance in radians from the ends of the joints' ranges.
     """
     low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
     max_change = np.full(FLAT_SIZE, np.inf)

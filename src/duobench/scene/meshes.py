@@ -104,13 +104,8 @@ def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = 
     the crease angle against its own triangle. Each counts by its angle at the vertex, so that the
     result depends on the surface and not on how it was cut into triangles.
 
-    Args:
-        vertices: Positions (n, 3).
-        faces: Vertices of each triangle (m, 3), counter-clockwise from outside.
-        crease: Largest angle in radians that looks round.
-
-    Returns:
-        Normals (3 m, 3), triangle by triangle.
+    From vertices (n, 3) and faces (m, 3), counter-clockwise from outside, with the largest angle in
+    radians that looks round; normals (3 m, 3), triangle by triangle.
     """
     a = vertices[faces]
     onward = _unit(np.roll(a, -1, axis=1) - a)

@@ -18,12 +18,7 @@ _STATISTICS = ("meaninertia", "meanmass", "meansize", "extent")
 
 
 class PhysicsScaler:
-    """Multiplies the physics of some bodies of a model; the numbers that were compiled are kept.
-
-    Args:
-        model: The model, which is written to by `apply`.
-        roots: Ids of the root bodies of the objects.
-    """
+    """Multiplies the physics of objects, by the ids of their root bodies, in a compiled model."""
 
     def __init__(self, model: mujoco.MjModel, roots: Iterable[int]) -> None:
         self._model = model

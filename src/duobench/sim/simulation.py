@@ -39,12 +39,7 @@ shaking hands 21 missed more than 0.4, and all others less than 0.01."""
 
 
 class Simulation:
-    """The FR3 Duo and a task's props, stepping at the control rate.
-
-    Args:
-        props: The task's objects.
-        overview: What the camera for people sees.
-    """
+    """The FR3 Duo and a task's props, stepping at the control rate."""
 
     def __init__(self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> None:
         props = tuple(props)
