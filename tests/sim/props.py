@@ -15,6 +15,13 @@ from duobench.types import DuoCommand, Side
 
 EDGE = 0.032
 LID = "chest/lid"
+REST = {
+    "cube": SE3.at(0.5, 0.1, EDGE / 2, yaw=0.3),
+    "slab": SE3.at(0.5, -0.2, 0.01),
+    "bowl": SE3.at(0.7, 0.3),
+    "chest": SE3.at(0.7, -0.3, yaw=0.1),
+}
+"""Where the objects of `scene` stand on the table."""
 
 
 def hold(

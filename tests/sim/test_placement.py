@@ -11,17 +11,9 @@ from duobench.sim.layout import Layout
 from duobench.sim.placement import MAX_SAMPLES, first_valid, problems
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from tests.sim.props import EDGE, scene
+from tests.sim.props import EDGE, REST, scene
 
-GOOD = Layout(
-    poses={
-        "cube": SE3.at(0.5, 0.1, EDGE / 2, yaw=0.3),
-        "slab": SE3.at(0.5, -0.2, 0.01),
-        "bowl": SE3.at(0.7, 0.3),
-        "chest": SE3.at(0.7, -0.3, yaw=0.1),
-    },
-    variants={"lid": "red"},
-)
+GOOD = Layout(poses=REST, variants={"lid": "red"})
 
 
 @pytest.fixture(scope="module")

@@ -15,14 +15,7 @@ from duobench.sim.duo import HOME
 from duobench.sim.simulation import MAX_SETTLE_STEPS, Simulation
 from duobench.spatial import SE3
 from duobench.types import DuoCommand
-from tests.sim.props import EDGE, LID, scene
-
-REST = {
-    "cube": SE3.at(0.5, 0.1, EDGE / 2, yaw=0.3),
-    "slab": SE3.at(0.5, -0.2, 0.01),
-    "bowl": SE3.at(0.7, 0.3),
-    "chest": SE3.at(0.7, -0.3, yaw=0.1),
-}
+from tests.sim.props import EDGE, LID, REST, scene
 
 
 @pytest.fixture(scope="module")
