@@ -34,40 +34,23 @@ NOISE = 14
 Description = dict[str, Any]
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(text.split())
-
-
-OPTIONS = _names(
-    """
-    timestep gravity integrator cone jacobian solver iterations tolerance ls_iterations ls_tolerance
-    noslip_iterations noslip_tolerance ccd_iterations ccd_tolerance impratio density viscosity wind
-    disableflags enableflags disableactuator
-    """
-)
-SIZES = ("nq", "nv", "nu", "na", "nbody", "njnt", "ngeom", "nmocap", "neq", "ntendon", "npair")
-BODY = ("mass", "inertia", "ipos", "pos", "gravcomp")
-TURNS = ("quat", "iquat")
-JOINT = _names(
-    """
-    type axis pos range limited stiffness stiffnesspoly springyield actfrcrange actfrclimited margin
-    solref solimp
-    """
-)
-DOF = ("damping", "dampingpoly", "armature", "frictionloss", "solref", "solimp")
-SERVO = _names(
-    """
-    trntype gear gaintype gainprm biastype biasprm dyntype dynprm ctrlrange ctrllimited forcerange
-    forcelimited armature damping delay
-    """
-)
-EQUALITY = ("type", "data", "solref", "solimp", "active0")
-TENDON = ("range", "limited", "stiffness", "damping", "frictionloss", "lengthspring")
-CONTACT = _names(
-    """
-    contype conaffinity condim friction solref solimp solmix margin gap priority adhesion surfacevel
-    """
-)
+QUANTITIES = {
+    "opt": "timestep gravity integrator cone jacobian solver iterations tolerance ls_iterations "
+    "ls_tolerance noslip_iterations noslip_tolerance ccd_iterations ccd_tolerance impratio density "
+    "viscosity wind disableflags enableflags disableactuator",
+    "size": "nq nv nu na nbody njnt ngeom nmocap neq ntendon npair",
+    "body": "mass inertia ipos pos gravcomp",
+    "jnt": "type axis pos range limited stiffness stiffnesspoly springyield actfrcrange "
+    "actfrclimited margin solref solimp",
+    "dof": "damping dampingpoly armature frictionloss solref solimp",
+    "actuator": "trntype gear gaintype gainprm biastype biasprm dyntype dynprm ctrlrange "
+    "ctrllimited forcerange forcelimited armature damping delay",
+    "eq": "type data solref solimp active0",
+    "tendon": "range limited stiffness damping frictionloss lengthspring",
+    "geom": "contype conaffinity condim friction solref solimp solmix margin gap priority adhesion "
+    "surfacevel",
+}
+"""Names of what is compared, by the beginning of its name in a model."""
 HINGE_TYPE = mujoco.mjtJoint.mjJNT_HINGE
 HINGE = ("stiffness", "range", "axis", "pos")
 HINGE_DOF = ("damping", "armature", "frictionloss")
@@ -101,8 +84,10 @@ def describe(props: tuple[Prop, ...]) -> dict[str, Description]:
     station = [number for number in range(model.nbody) if number not in numbers.values()]
     return {
         "compiled": {"arrays": digest(model_digests(model))},
-        "options": {name: significant(getattr(model.opt, name)) for name in OPTIONS},
-        "sizes": {name: int(getattr(model, name)) for name in SIZES},
+        "options": {
+            name: significant(getattr(model.opt, name)) for name in QUANTITIES["opt"].split()
+        },
+        "sizes": {name: int(getattr(model, name)) for name in QUANTITIES["size"].split()},
         **_station(model, np.array(station)),
         **{name: _object(model, number, solids[name]) for name, number in numbers.items()},
     }
@@ -114,16 +99,19 @@ def _station(model: mujoco.MjModel, bodies: np.ndarray) -> dict[str, Description
     dofs = np.isin(model.dof_bodyid, bodies)
     geoms = _colliding(model, bodies)
     return {
-        "station bodies": _digests(model, "body", BODY, bodies)
-        | {name: digest(_turns(getattr(model, f"body_{name}")[bodies])) for name in TURNS},
-        "station joints": _digests(model, "jnt", JOINT, joints)
-        | {f"dof {name}": value for name, value in _digests(model, "dof", DOF, dofs).items()}
+        "station bodies": _digests(model, "body", bodies)
+        | {
+            name: digest(_turns(getattr(model, f"body_{name}")[bodies]))
+            for name in ("quat", "iquat")
+        },
+        "station joints": _digests(model, "jnt", joints)
+        | {f"dof {name}": value for name, value in _digests(model, "dof", dofs).items()}
         | {"rest": digest(significant(model.qpos_spring[model.jnt_qposadr[joints]]))},
-        "station servos": _digests(model, "actuator", SERVO),
-        "station linkages": _digests(model, "eq", EQUALITY)
-        | {f"tendon {name}": value for name, value in _digests(model, "tendon", TENDON).items()}
+        "station servos": _digests(model, "actuator"),
+        "station linkages": _digests(model, "eq")
+        | {f"tendon {name}": value for name, value in _digests(model, "tendon").items()}
         | {"shares": digest(significant(model.wrap_prm))},
-        "station contacts": _digests(model, "geom", CONTACT, geoms)
+        "station contacts": _digests(model, "geom", geoms)
         | {"shapes": digest(_primitives(model, geoms))}
         | {"excluded": digest(sorted(model.exclude_signature.tolist()))},
     }
@@ -141,7 +129,7 @@ def _object(model: mujoco.MjModel, body: int, solid: Solid) -> Description:
         "centre": lengths(model.body_ipos[body]),
         "shapes": len(geoms),
         "friction": _distinct(model.geom_friction[geoms]),
-        "contact": digest(list(_digests(model, "geom", CONTACT, geoms).values())),
+        "contact": digest(list(_digests(model, "geom", geoms).values())),
         "geometry": digest([placed, _primitives(model, geoms), drawn]),
     }
     joints = np.flatnonzero((model.jnt_bodyid == body) & (model.jnt_type == HINGE_TYPE))
@@ -150,9 +138,7 @@ def _object(model: mujoco.MjModel, body: int, solid: Solid) -> Description:
         told |= {name: significant(getattr(model, f"jnt_{name}")[joint]) for name in HINGE}
         told |= {name: significant(getattr(model, f"dof_{name}")[dof]) for name in HINGE_DOF}
         told["rest"] = significant(model.qpos_spring[angle])
-        told["others"] = digest(
-            [_digests(model, "jnt", JOINT, [joint]), _digests(model, "dof", DOF, [dof])]
-        )
+        told["others"] = digest([_digests(model, "jnt", [joint]), _digests(model, "dof", [dof])])
     return told
 
 
@@ -183,10 +169,9 @@ def _turns(quaternions: np.ndarray) -> list[Any]:
     return turns
 
 
-def _digests(
-    model: mujoco.MjModel, kind: str, names: tuple[str, ...], rows: Any = ...
-) -> dict[str, str]:
-    return {name: digest(significant(getattr(model, f"{kind}_{name}")[rows])) for name in names}
+def _digests(model: mujoco.MjModel, kind: str, rows: Any = ...) -> dict[str, str]:
+    arrays = {name: getattr(model, f"{kind}_{name}")[rows] for name in QUANTITIES[kind].split()}
+    return {name: digest(significant(array)) for name, array in arrays.items()}
 
 
 def _distinct(rows: np.ndarray) -> list[Any]:
