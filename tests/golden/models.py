@@ -51,6 +51,7 @@ QUANTITIES = {
     "surfacevel",
 }
 """Names of what is compared, by the beginning of its name in a model."""
+TURNS = ("quat", "iquat")
 HINGE_TYPE = mujoco.mjtJoint.mjJNT_HINGE
 HINGE = ("stiffness", "range", "axis", "pos")
 HINGE_DOF = ("damping", "armature", "frictionloss")
@@ -81,13 +82,12 @@ def describe(props: tuple[Prop, ...]) -> dict[str, Description]:
         solids[prop.name] = prop.solid
         solids |= {prop.part_name(part.name): part.solid for part in prop.parts}
     numbers = {name: model.body(name).id for name in solids}
+    options, sizes = QUANTITIES["opt"].split(), QUANTITIES["size"].split()
     station = [number for number in range(model.nbody) if number not in numbers.values()]
     return {
         "compiled": {"arrays": digest(model_digests(model))},
-        "options": {
-            name: significant(getattr(model.opt, name)) for name in QUANTITIES["opt"].split()
-        },
-        "sizes": {name: int(getattr(model, name)) for name in QUANTITIES["size"].split()},
+        "options": {name: significant(getattr(model.opt, name)) for name in options},
+        "sizes": {name: int(getattr(model, name)) for name in sizes},
         **_station(model, np.array(station)),
         **{name: _object(model, number, solids[name]) for name, number in numbers.items()},
     }
