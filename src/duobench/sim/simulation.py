@@ -161,13 +161,11 @@ class Simulation:
 
     def _run(self, command: DuoCommand, *, checked: bool) -> bool:
         """Each step is its second half (forces, integration) and the next one's first half."""
-        model, data = self.model, self.data
-        begin, finish = mujoco.mj_step1, mujoco.mj_step2
         for _ in self.duo.interpolate(command):
-            finish(model, data)
+            mujoco.mj_step2(self.model, self.data)
             if checked and not self._is_solved():
                 return False
-            begin(model, data)
+            mujoco.mj_step1(self.model, self.data)
         return True
 
     def _is_solved(self) -> bool:
@@ -193,18 +191,16 @@ class Simulation:
         return steps
 
     def _raise_on_warning(self) -> None:
-        counts = self.data.warning.number.tolist()
-        if not any(counts):
-            return
         names = [
             f"{mujoco.mjtWarning(kind).name.removeprefix('mjWARN_').lower()} x{count}"
-            for kind, count in enumerate(counts)
+            for kind, count in enumerate(self.data.warning.number.tolist())
             if count
         ]
-        raise SimulationError(
-            f"The physics engine warned at t = {self.data.time:.3f} s: {', '.join(names)}. The "
-            "episode is not valid; reset the environment."
-        )
+        if names:
+            raise SimulationError(
+                f"The physics engine warned at t = {self.data.time:.3f} s: {', '.join(names)}. The "
+                "episode is not valid; reset the environment."
+            )
 
     # --- props ---------------------------------------------------------------------------------
 
