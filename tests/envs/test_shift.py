@@ -112,9 +112,9 @@ def test_the_compiled_model_comes_back_to_the_bit(make: Make) -> None:
         return arrays(simulation.model), statistics.meaninertia, statistics.meanmass
 
     before = compiled()
-    simulation.scale_physics(mass=2.0, friction=0.5, spring=3.0)
+    simulation.scaler.apply(mass=2.0, friction=0.5, spring=3.0)
     assert simulation.model.body_mass.tobytes() != before[0]["body_mass"]
-    simulation.scale_physics()
+    simulation.scaler.apply()
     assert compiled() == before
 
 

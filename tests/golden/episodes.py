@@ -1,16 +1,14 @@
 """The golden episodes: what the experts do on two seeds of every task, on any machine.
 
-Processors of one architecture give the same bits whatever kernels they choose: there, hashes of the
-compiled model and of the states at the begin and at the end of each episode must be met exactly.
-Those of other architectures differ in the last bit of a sum, and contact amplifies it. So the file
-also holds the control steps at which stages are reached, which must be met within a few steps, and
-states over the first second, which must be met within a tolerance; afterwards a grasp has begun.
-What comes later shows in the stages, and in what the physics is made of: masses, springs, friction,
-shapes, which must be met exactly (see `tests.golden.models`).
+Processors of one architecture give the same bits: there, hashes of the compiled model and of the
+states at both ends of each episode must be met exactly. Others differ in the last bit of a sum, and
+contact amplifies it. So the file also holds the control steps at which stages are reached, to be
+met within a few steps, and states over the first second, before a grasp begins, to be met within a
+tolerance; and what the physics is made of, to be met exactly (see `tests.golden.models`).
 
-Renew it with `make golden`. That is allowed only together with a new `SUITE_VERSION` in
-`duobench.randomness`: whoever compares scores must be able to see that the episodes are others. So
-a file of this version is never written over with other contents.
+Renew it with `make golden`, only together with a new `SUITE_VERSION` in `duobench.randomness`: who
+compares scores must see that the episodes are others. So a file of this version is never written
+over with other contents.
 """
 
 import json
@@ -53,11 +51,6 @@ class NotRenewedError(Exception):
     """The file would be others' under the same suite version."""
 
 
-def play(name: str, seeds: tuple[int, ...] = SEEDS) -> dict[str, Any]:
-    played = play_alone(name, *seeds)
-    return {str(seed): summary(episode) for seed, episode in zip(seeds, played, strict=True)}
-
-
 def summary(episode: Episode) -> dict[str, Any]:
     stages = [info["stage"] for *_, info in episode.results]
     changes = [
@@ -73,9 +66,11 @@ def summary(episode: Episode) -> dict[str, Any]:
 
 def record(names: Iterable[str]) -> Content:
     """The file's contents for some tasks, as this version of the benchmark has them."""
-    tasks = {
-        name: {MODEL: models.describe(catalog.get(name).props), **play(name)} for name in names
-    }
+    tasks: Content = {}
+    for name in names:
+        played = zip(SEEDS, play_alone(name, *SEEDS), strict=True)
+        tasks[name] = {MODEL: models.describe(catalog.get(name).props)}
+        tasks[name] |= {str(seed): summary(episode) for seed, episode in played}
     return {"suite_version": SUITE_VERSION, "tasks": tasks}
 
 
@@ -128,9 +123,7 @@ def episode_differences(episode: str, old: Any, new: Any) -> Iterator[str]:
 def _same_stages(one: list[list[int]], other: list[list[int]]) -> bool:
     """Whether two episodes reach the same last stage, and each stage within the tolerance."""
     first, second = _reached(one), _reached(other)
-    return len(first) == len(second) and all(
-        abs(a - b) <= STEP_TOLERANCE for a, b in zip(first, second, strict=True)
-    )
+    return len(first) == len(second) and np.allclose(first, second, rtol=0, atol=STEP_TOLERANCE)
 
 
 def _reached(changes: list[list[int]]) -> list[int]:

@@ -5,9 +5,9 @@ The inputs of the physics can be compared exactly and as a whole. Numbers of a t
 written out, so that a difference tells what changed; of the robot and of long lists there are
 digests, one for each property.
 
-Numbers are rounded, to `DIGITS` significant digits or, where they are lengths and directions, to
-`DECIMALS` places, so that the last bits of a sine do not matter. What the compiler computes from a
-mesh is left out: of a hull the description is used, and where it is.
+Numbers are rounded, to `DIGITS` significant digits or, lengths and directions, to `DECIMALS`
+places: the last bits of a sine do not matter. Of a hull the description is used, and where it is,
+not what the compiler computes from its mesh.
 """
 
 import hashlib
@@ -34,40 +34,25 @@ NOISE = 14
 Description = dict[str, Any]
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(text.split())
-
-
-OPTIONS = _names(
-    """
-    timestep gravity integrator cone jacobian solver iterations tolerance ls_iterations ls_tolerance
-    noslip_iterations noslip_tolerance ccd_iterations ccd_tolerance impratio density viscosity wind
-    disableflags enableflags disableactuator
-    """
-)
-SIZES = ("nq", "nv", "nu", "na", "nbody", "njnt", "ngeom", "nmocap", "neq", "ntendon", "npair")
-BODY = ("mass", "inertia", "ipos", "pos", "gravcomp")
+QUANTITIES = {
+    "opt": "timestep gravity integrator cone jacobian solver iterations tolerance ls_iterations "
+    "ls_tolerance noslip_iterations noslip_tolerance ccd_iterations ccd_tolerance impratio density "
+    "viscosity wind disableflags enableflags disableactuator",
+    "size": "nq nv nu na nbody njnt ngeom nmocap neq ntendon npair",
+    "body": "mass inertia ipos pos gravcomp",
+    "jnt": "type axis pos range limited stiffness stiffnesspoly springyield actfrcrange "
+    "actfrclimited margin solref solimp",
+    "dof": "damping dampingpoly armature frictionloss solref solimp",
+    "actuator": "trntype gear gaintype gainprm biastype biasprm dyntype dynprm ctrlrange "
+    "ctrllimited forcerange forcelimited armature damping delay",
+    "eq": "type data solref solimp active0",
+    "tendon": "range limited stiffness damping frictionloss lengthspring",
+    "geom": "contype conaffinity condim friction solref solimp solmix margin gap priority adhesion "
+    "surfacevel",
+}
+"""Names of what is compared, by the beginning of its name in a model."""
 TURNS = ("quat", "iquat")
-JOINT = _names(
-    """
-    type axis pos range limited stiffness stiffnesspoly springyield actfrcrange actfrclimited margin
-    solref solimp
-    """
-)
-DOF = ("damping", "dampingpoly", "armature", "frictionloss", "solref", "solimp")
-SERVO = _names(
-    """
-    trntype gear gaintype gainprm biastype biasprm dyntype dynprm ctrlrange ctrllimited forcerange
-    forcelimited armature damping delay
-    """
-)
-EQUALITY = ("type", "data", "solref", "solimp", "active0")
-TENDON = ("range", "limited", "stiffness", "damping", "frictionloss", "lengthspring")
-CONTACT = _names(
-    """
-    contype conaffinity condim friction solref solimp solmix margin gap priority adhesion surfacevel
-    """
-)
+HINGE_TYPE = mujoco.mjtJoint.mjJNT_HINGE
 HINGE = ("stiffness", "range", "axis", "pos")
 HINGE_DOF = ("damping", "armature", "frictionloss")
 
@@ -97,11 +82,12 @@ def describe(props: tuple[Prop, ...]) -> dict[str, Description]:
         solids[prop.name] = prop.solid
         solids |= {prop.part_name(part.name): part.solid for part in prop.parts}
     numbers = {name: model.body(name).id for name in solids}
+    options, sizes = QUANTITIES["opt"].split(), QUANTITIES["size"].split()
     station = [number for number in range(model.nbody) if number not in numbers.values()]
     return {
         "compiled": {"arrays": digest(model_digests(model))},
-        "options": {name: significant(getattr(model.opt, name)) for name in OPTIONS},
-        "sizes": {name: int(getattr(model, name)) for name in SIZES},
+        "options": {name: significant(getattr(model.opt, name)) for name in options},
+        "sizes": {name: int(getattr(model, name)) for name in sizes},
         **_station(model, np.array(station)),
         **{name: _object(model, number, solids[name]) for name, number in numbers.items()},
     }
@@ -113,16 +99,19 @@ def _station(model: mujoco.MjModel, bodies: np.ndarray) -> dict[str, Description
     dofs = np.isin(model.dof_bodyid, bodies)
     geoms = _colliding(model, bodies)
     return {
-        "station bodies": _digests(model, "body", BODY, bodies)
-        | {name: digest(_turns(getattr(model, f"body_{name}")[bodies])) for name in TURNS},
-        "station joints": _digests(model, "jnt", JOINT, joints)
-        | {f"dof {name}": value for name, value in _digests(model, "dof", DOF, dofs).items()}
+        "station bodies": _digests(model, "body", bodies)
+        | {
+            name: digest(_turns(getattr(model, f"body_{name}")[bodies]))
+            for name in ("quat", "iquat")
+        },
+        "station joints": _digests(model, "jnt", joints)
+        | {f"dof {name}": value for name, value in _digests(model, "dof", dofs).items()}
         | {"rest": digest(significant(model.qpos_spring[model.jnt_qposadr[joints]]))},
-        "station servos": _digests(model, "actuator", SERVO),
-        "station linkages": _digests(model, "eq", EQUALITY)
-        | {f"tendon {name}": value for name, value in _digests(model, "tendon", TENDON).items()}
+        "station servos": _digests(model, "actuator"),
+        "station linkages": _digests(model, "eq")
+        | {f"tendon {name}": value for name, value in _digests(model, "tendon").items()}
         | {"shares": digest(significant(model.wrap_prm))},
-        "station contacts": _digests(model, "geom", CONTACT, geoms)
+        "station contacts": _digests(model, "geom", geoms)
         | {"shapes": digest(_primitives(model, geoms))}
         | {"excluded": digest(sorted(model.exclude_signature.tolist()))},
     }
@@ -133,33 +122,24 @@ def _object(model: mujoco.MjModel, body: int, solid: Solid) -> Description:
     geoms = _colliding(model, np.array([body]))
     hulls = [shape for shape in solid.shapes if shape.kind is ShapeKind.HULL]
     placed = [lengths(model.body_pos[body]), _turns(model.body_quat[[body]])]
-    drawn = [
-        lengths(np.vstack([hull.pose.rotation, hull.pose.translation, hull.points]))
-        for hull in hulls
-    ]
+    drawn = [lengths([*hull.pose.rotation, hull.pose.translation, *hull.points]) for hull in hulls]
     told: Description = {
         "mass": significant(model.body_mass[body]),
         "inertia": significant(model.body_inertia[body]),
         "centre": lengths(model.body_ipos[body]),
         "shapes": len(geoms),
         "friction": _distinct(model.geom_friction[geoms]),
-        "contact": digest(list(_digests(model, "geom", CONTACT, geoms).values())),
+        "contact": digest(list(_digests(model, "geom", geoms).values())),
         "geometry": digest([placed, _primitives(model, geoms), drawn]),
     }
-    joints = np.flatnonzero((model.jnt_bodyid == body) & (model.jnt_type == _HINGE_TYPE))
+    joints = np.flatnonzero((model.jnt_bodyid == body) & (model.jnt_type == HINGE_TYPE))
     for joint in joints.tolist():
         dof, angle = model.jnt_dofadr[joint], model.jnt_qposadr[joint]
         told |= {name: significant(getattr(model, f"jnt_{name}")[joint]) for name in HINGE}
         told |= {name: significant(getattr(model, f"dof_{name}")[dof]) for name in HINGE_DOF}
         told["rest"] = significant(model.qpos_spring[angle])
-        told["others"] = digest(
-            [_digests(model, "jnt", JOINT, [joint]), _digests(model, "dof", DOF, [dof])]
-        )
+        told["others"] = digest([_digests(model, "jnt", [joint]), _digests(model, "dof", [dof])])
     return told
-
-
-_HINGE_TYPE = mujoco.mjtJoint.mjJNT_HINGE
-_MESH = mujoco.mjtGeom.mjGEOM_MESH
 
 
 def _colliding(model: mujoco.MjModel, bodies: np.ndarray) -> np.ndarray:
@@ -170,17 +150,13 @@ def _colliding(model: mujoco.MjModel, bodies: np.ndarray) -> np.ndarray:
 
 def _primitives(model: mujoco.MjModel, geoms: np.ndarray) -> list[Any]:
     """Type, size and pose of each geom that is no mesh, and the type alone of one that is."""
-    return [
-        [
-            int(model.geom_type[geom]),
-            lengths(model.geom_size[geom]),
-            lengths(model.geom_pos[geom]),
-            _turns(model.geom_quat[[geom]]),
-        ]
-        if model.geom_type[geom] != _MESH
-        else [int(_MESH)]
-        for geom in geoms.tolist()
-    ]
+    told = []
+    for geom in geoms.tolist():
+        told.append([int(model.geom_type[geom])])
+        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+            told[-1] += [lengths(model.geom_size[geom]), lengths(model.geom_pos[geom])]
+            told[-1].append(_turns(model.geom_quat[[geom]]))
+    return told
 
 
 def _turns(quaternions: np.ndarray) -> list[Any]:
@@ -193,10 +169,9 @@ def _turns(quaternions: np.ndarray) -> list[Any]:
     return turns
 
 
-def _digests(
-    model: mujoco.MjModel, kind: str, names: tuple[str, ...], rows: Any = ...
-) -> dict[str, str]:
-    return {name: digest(significant(getattr(model, f"{kind}_{name}")[rows])) for name in names}
+def _digests(model: mujoco.MjModel, kind: str, rows: Any = ...) -> dict[str, str]:
+    arrays = {name: getattr(model, f"{kind}_{name}")[rows] for name in QUANTITIES[kind].split()}
+    return {name: digest(significant(array)) for name, array in arrays.items()}
 
 
 def _distinct(rows: np.ndarray) -> list[Any]:

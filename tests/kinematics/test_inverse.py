@@ -1,6 +1,7 @@
 """Inverse kinematics: tools reach poses, within ranges and velocity limits."""
 
 import math
+from itertools import product
 
 import mink
 import numpy as np
@@ -35,9 +36,8 @@ def down(x: float, y: float, z: float, yaw: float = 0.0) -> SE3:
 
 
 def test_home_is_where_the_facts_say(kinematics: Kinematics) -> None:
-    for side, sign in zip(SIDES, (1, -1), strict=True):
-        pose = kinematics.forward(HOME_JOINTS)[side]
-        assert pose.translation == pytest.approx([0.51, 0.21 * sign, 0.54], abs=0.01)
+    for side, pose in kinematics.forward(HOME_JOINTS).items():
+        assert pose.translation == pytest.approx([0.51, 0.21 * side.sign, 0.54], abs=0.01)
         assert pose.rotation[2, 2] == pytest.approx(-math.cos(math.radians(20)), abs=0.01)
 
 
@@ -55,19 +55,14 @@ def test_arms_are_mirror_images(kinematics: Kinematics) -> None:
 def test_poses_over_the_arms_half_of_the_table_are_solved(
     kinematics: Kinematics, side: Side
 ) -> None:
-    sign = 1 if side is Side.LEFT else -1
-    for x in (0.35, 0.5, 0.7):
-        for y in (0.0, 0.2, 0.4):
-            goal = down(x, sign * y, 0.05, yaw=sign * 0.4)
-            joints, solved = kinematics.solve(HOME_JOINTS, {side: goal})
-            assert solved, (x, y)
-            assert max(kinematics.forward(joints)[side].distance(goal)) < 1e-3
-            assert np.array_equal(joints[side.other.index], HOME_JOINTS[side.other.index])
-
-
-def test_what_is_out_of_reach_is_not_solved(kinematics: Kinematics) -> None:
-    _, solved = kinematics.solve(HOME_JOINTS, {Side.LEFT: down(2.0, 0.0, 0.3)}, max_steps=20)
-    assert not solved
+    for x, y in product((0.35, 0.5, 0.7), (0.0, 0.2, 0.4)):
+        goal = down(x, side.sign * y, 0.05, yaw=side.sign * 0.4)
+        joints, solved = kinematics.solve(HOME_JOINTS, {side: goal})
+        assert solved, (x, y)
+        assert max(kinematics.forward(joints)[side].distance(goal)) < 1e-3
+        assert np.array_equal(joints[side.other.index], HOME_JOINTS[side.other.index])
+    _, solved = kinematics.solve(HOME_JOINTS, {side: down(2.0, 0.0, 0.3)}, max_steps=20)
+    assert not solved, "out of reach"
 
 
 def poses(rng: np.random.Generator, low: list[float], high: list[float]) -> dict[Side, SE3]:
@@ -163,18 +158,16 @@ def test_a_side_without_a_target_stays(kinematics: Kinematics) -> None:
     assert np.array_equal(kinematics.step(HOME_JOINTS, {}), HOME_JOINTS)
 
 
-def test_a_solver_remembers_nothing(kinematics: Kinematics) -> None:
-    goal = {Side.LEFT: down(0.5, 0.2, 0.3)}
-    first = kinematics.step(HOME_JOINTS, goal)
+def test_a_solver_remembers_nothing_and_solutions_are_on_a_grid_that_float32_holds(
+    kinematics: Kinematics,
+) -> None:
+    goals = {side: down(0.5, 0.2 * side.sign, 0.3) for side in SIDES}
+    first = kinematics.step(HOME_JOINTS, goals)
     kinematics.solve(HOME_JOINTS + 0.2, {Side.RIGHT: down(0.6, -0.1, 0.1)})
-    assert np.array_equal(kinematics.step(HOME_JOINTS, goal), first)
-    assert np.array_equal(Kinematics().step(HOME_JOINTS, goal), first)
-
-
-def test_solutions_are_on_a_grid_that_float32_holds(kinematics: Kinematics) -> None:
-    moved = kinematics.step(HOME_JOINTS, {side: down(0.5, 0.2 * side.sign, 0.3) for side in SIDES})
-    assert np.array_equal(moved * GRID, np.rint(moved * GRID))
-    assert np.array_equal(moved.astype(np.float32), moved)
+    assert np.array_equal(kinematics.step(HOME_JOINTS, goals), first)
+    assert np.array_equal(Kinematics().step(HOME_JOINTS, goals), first)
+    assert np.array_equal(first * GRID, np.rint(first * GRID))
+    assert np.array_equal(first.astype(np.float32), first)
 
 
 def test_with_the_step_before_no_joint_jumps_or_turns_about(kinematics: Kinematics) -> None:

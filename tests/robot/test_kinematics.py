@@ -1,9 +1,10 @@
-"""Forward kinematics from link frames, against MuJoCo's."""
+"""Forward kinematics from link frames and of the inverse, against MuJoCo's."""
 
 import mujoco
 import numpy as np
 import pytest
 
+from duobench.kinematics.inverse import Kinematics
 from duobench.robot.frames import tcp_poses, tool_pose
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES
 from duobench.scene.compose import compose
@@ -19,12 +20,15 @@ def engine() -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def test_tool_poses_are_those_of_the_engine(engine: tuple[mujoco.MjModel, mujoco.MjData]) -> None:
-    duo, rng = Duo(*engine), np.random.default_rng(0)
+    duo, rng, kinematics = Duo(*engine), np.random.default_rng(0), Kinematics()
     low, high = JOINT_RANGES.T
     for joints in (HOME_JOINTS, *rng.uniform(low, high, size=(200, 2, len(low)))):
         engine[1].qpos[duo.joints] = joints
         mujoco.mj_kinematics(*engine)
-        np.testing.assert_allclose(tcp_poses(joints), duo.read().tcp_poses, rtol=0, atol=1e-9)
+        found = duo.read().tcp_poses
+        np.testing.assert_allclose(tcp_poses(joints), found, rtol=0, atol=1e-9)
+        for pose, row in zip(kinematics.forward(joints).values(), found, strict=True):
+            assert max(pose.distance(SE3.from_tquat(row))) < 1e-6
 
 
 def test_the_tool_turns_with_the_last_joint_alone_and_stays_in_place() -> None:

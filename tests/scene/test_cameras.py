@@ -3,27 +3,35 @@
 import json
 import math
 from collections.abc import Iterator
+from itertools import product
 
 import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from duobench.errors import DuoBenchError
+from duobench.objects.pot import PLATE
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import sphere
 from duobench.objects.solid import Solid
-from duobench.robot.cameras import describe_cameras
+from duobench.robot.cameras import OVERVIEW, OVERVIEW_VIEW, View, describe_cameras
 from duobench.robot.workcell import ROOM_X, ROOM_Y
-from duobench.scene import cameras
+from duobench.scene.compose import compose
 from duobench.scene.naming import flange_name, tcp_name
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
+from duobench.tasks import catalog
+from duobench.tasks.carry_pot import TASK
 from duobench.types import HEAD, POLICY_CAMERAS, SIDES, Side, wrist_name
+from tests.sim.props import at_reset
 
 Array = NDArray[np.float64]
 
 SQUARE = 224
+LEAST_PIXELS = 10
+"""Pixels of an image of 640x480 by which a body counts as seen."""
 BALL_RADIUS = 0.02
 # The published intrinsics, written out again so that the cameras are held to them.
 FOCAL = {"head": 740.0, "left_wrist": 650.0, "right_wrist": 650.0}
@@ -61,15 +69,10 @@ def centroid(mask: NDArray[np.bool_]) -> Array:
     return (np.array([columns.mean(), rows.mean()]) + 0.5) / np.array(mask.shape[::-1])
 
 
-def geoms_below(simulation: Simulation, root: str) -> NDArray[np.int64]:
-    """Ids of the geoms of a body and of everything that hangs on it."""
-    model = simulation.model
-    start = model.body(root).id
-    inside = {start}
-    for body in range(start + 1, model.nbody):
-        if int(model.body_parentid[body]) in inside:
-            inside.add(body)
-    return np.flatnonzero(np.isin(model.geom_bodyid, list(inside)))
+def geoms_of(simulation: Simulation, start: str) -> list[int]:
+    """Ids of the geoms of the bodies whose names have a beginning."""
+    bodies = [simulation.model.body(body).name for body in simulation.model.geom_bodyid]
+    return [geom for geom, body in enumerate(bodies) if body.startswith(start)]
 
 
 @pytest.mark.parametrize("camera", POLICY_CAMERAS)
@@ -132,16 +135,15 @@ def test_each_finger_fills_its_lower_corner(
     ids = square.segment(simulation.data, camera)
     fingers = []
     for finger in ("left", "right"):
-        root = f"{side}/gripper/{finger}_driver", f"{side}/gripper/{finger}_spring_link"
-        geoms = np.concatenate([geoms_below(simulation, body) for body in root])
-        fingers.append(centroid(np.isin(ids, geoms)))
-        assert np.isin(ids, geoms).mean() > 0.03
+        shown = np.isin(ids, geoms_of(simulation, f"{side}/gripper/{finger}_"))
+        fingers.append(centroid(shown))
+        assert shown.mean() > 0.03
     left, right = sorted(fingers, key=lambda middle: middle[0])
     assert left[0] < 0.3
     assert right[0] > 0.7
     assert min(left[1], right[1]) > 0.6
     # Between them the camera sees past the gripper, and the upper half is free of it.
-    gripper = np.isin(ids, geoms_below(simulation, f"{side}/gripper/base"))
+    gripper = np.isin(ids, geoms_of(simulation, f"{side}/gripper/"))
     assert not gripper[: SQUARE // 2, :].any()
     assert not gripper[:, int(0.45 * SQUARE) : int(0.55 * SQUARE)].any()
 
@@ -152,7 +154,7 @@ def test_the_head_sees_the_table_and_both_grippers_from_above(
     ids = square.segment(simulation.data, HEAD)
     table = ids == simulation.model.geom("table").id
     assert table[SQUARE // 2 :, SQUARE // 4 : -SQUARE // 4].all()
-    tips = [centroid(np.isin(ids, geoms_below(simulation, f"{s}/gripper/base"))) for s in SIDES]
+    tips = [centroid(np.isin(ids, geoms_of(simulation, f"{s}/gripper/"))) for s in SIDES]
     assert tips[0][0] < 0.4, "the left gripper is in the left half"
     assert tips[1][0] > 0.6
     assert max(tips[0][1], tips[1][1]) < 0.2
@@ -192,11 +194,19 @@ def test_a_small_image_is_the_native_one_made_small(simulation: Simulation) -> N
     assert np.abs(small - made_small).mean() < 4.0
 
 
+def test_the_head_sees_the_whole_stove_plate_of_every_layout(simulation: Simulation) -> None:
+    place, (length, width, height) = TASK.placements["stove"], PLATE
+    for x, y, yaw in product(*((u.low, u.high) for u in (place.x, place.y, place.yaw))):
+        for corner in product((-length / 2, length / 2), (-width / 2, width / 2), (0.0, height)):
+            shown = project(simulation, HEAD, SE3.at(x, y, yaw=yaw).apply(corner))
+            assert 0.01 < shown.min() <= shown.max() < 0.99, (x, y, yaw)
+
+
 def test_no_camera_looks_into_a_void(simulation: Simulation, square: Renderer) -> None:
     rng = np.random.default_rng(0)
     model, data = simulation.model, simulation.data
     eyes = model.cam_pos.copy(), model.cam_quat.copy()
-    number = model.camera(cameras.OVERVIEW).id
+    number = model.camera(OVERVIEW).id
     try:
         for _ in range(12):
             model.cam_pos[number] = rng.uniform(
@@ -205,7 +215,7 @@ def test_no_camera_looks_into_a_void(simulation: Simulation, square: Renderer) -
             quat = rng.normal(size=4)
             model.cam_quat[number] = quat / np.linalg.norm(quat)
             mujoco.mj_camlight(model, data)
-            assert (square.segment(data, cameras.OVERVIEW) >= 0).all()
+            assert (square.segment(data, OVERVIEW) >= 0).all()
     finally:
         model.cam_pos[:], model.cam_quat[:] = eyes
         mujoco.mj_camlight(model, data)
@@ -213,11 +223,61 @@ def test_no_camera_looks_into_a_void(simulation: Simulation, square: Renderer) -
 
 def test_the_overview_shows_the_whole_robot_and_the_whole_table(simulation: Simulation) -> None:
     with Renderer(simulation.model, height=480, width=640) as renderer:
-        ids = renderer.segment(simulation.data, cameras.OVERVIEW)
-    robot = np.concatenate([geoms_below(simulation, f"{side}/link0") for side in SIDES])
+        ids = renderer.segment(simulation.data, OVERVIEW)
+    robot = [geom for side in SIDES for geom in geoms_of(simulation, f"{side}/")]
     seen = np.isin(ids, [*robot, simulation.model.geom("table").id])
     assert seen.mean() > 0.25, "they fill the image"
     border = np.concatenate([seen[0], seen[:, 0], seen[:, -1]])
     assert not border.any()
     table = ids == simulation.model.geom("table").id
     assert table[-1].mean() < 0.1, "at most the corner nearest to the camera is cut"
+
+
+def pixels(name: str) -> tuple[Simulation, np.ndarray]:
+    """The simulation of a task at a reset, and how often the overview shows each geom."""
+    sim = at_reset(name, seed=0)
+    with Renderer(sim.model, height=480, width=640) as renderer:
+        geoms = renderer.segment(sim.data, OVERVIEW)
+    return sim, np.bincount(geoms[geoms >= 0], minlength=sim.model.ngeom)
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_it_shows_every_object_and_both_arms_at_the_reset(name: str) -> None:
+    sim, counts = pixels(name)
+    by_body = np.bincount(sim.model.geom_bodyid, counts, minlength=sim.model.nbody)
+    seen = {sim.model.body(number).name: count for number, count in enumerate(by_body)}
+    # Marbles lie at the bottom of a cup.
+    props = [prop for key, prop in sim.props.items() if not key.startswith("marble")]
+    parts = [prop.part_name(part.name) for prop in props for part in prop.parts]
+    for body in [*(prop.name for prop in props), *parts]:
+        assert seen[body] >= LEAST_PIXELS, body
+    for side in SIDES:
+        assert (
+            sum(n for key, n in seen.items() if key.startswith(f"{side}/")) > 100 * LEAST_PIXELS
+        ), side
+
+
+@pytest.mark.parametrize(
+    ("name", "work"), [("spring_door", "microwave/door"), ("join_blocks", "wall:image")]
+)
+def test_it_shows_the_side_of_the_work_where_that_faces_the_robot(name: str, work: str) -> None:
+    sim, counts = pixels(name)
+    geoms = [n for n in range(sim.model.ngeom) if sim.model.geom(n).name.startswith(work)]
+    assert sum(counts[geoms]) >= LEAST_PIXELS
+    eye, body = sim.data.camera(OVERVIEW).xpos, sim.model.geom_bodyid[geoms[0]]
+    assert eye[0] < sim.data.xpos[body][0], "from the robot's side"
+
+
+def test_the_model_takes_the_view_that_is_given() -> None:
+    view = View(eye=(0.1, -1.2, 0.9), target=(0.4, 0.0, 0.1), fovy_deg=30.0)
+    model = Simulation((), view).model
+    camera = model.camera(OVERVIEW)
+    assert camera.pos == pytest.approx(view.eye)
+    assert camera.fovy == pytest.approx(view.fovy_deg)
+    assert Simulation().model.camera(OVERVIEW).pos == pytest.approx(OVERVIEW_VIEW.eye)
+
+
+@pytest.mark.parametrize("eye", [(0.0, 0.0, 1.9), (3.1, 0.0, 1.0), (0.0, -2.4, 1.0)])
+def test_an_eye_outside_the_room_is_refused(eye: tuple[float, float, float]) -> None:
+    with pytest.raises(DuoBenchError, match="inside the room"):
+        compose((), View(eye=eye, target=(0.4, 0.0, 0.1), fovy_deg=30.0))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import duobench
 from duobench.envs.observation_wrappers import IMAGE_SIZE
 from duobench.envs.sim_env import sim_of
 from duobench.objects.blocks import CUBE_EDGE
@@ -17,6 +16,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import HEAD, POLICY_CAMERAS
 from tests.experts.baseline_episodes import SEEDS, baseline, make
+from tests.sim.props import at_reset
 
 DIFFERENCE = 25.0
 """Least difference of two neighbouring pixels' luminance, of 255."""
@@ -54,15 +54,14 @@ def contrasts(
 
 
 def contrasts_seen(
-    simulation: Simulation, renderer: Renderer, cube: str, around: str
+    simulation: Simulation, renderer: Renderer, *names: str
 ) -> dict[str, NDArray[np.float64]]:
     """By camera, the contrasts between the pixels of two bodies."""
     model, data = simulation.model, simulation.data
     found = {}
     for camera, image in renderer.render_all(data, POLICY_CAMERAS).items():
         bodies = model.geom_bodyid[renderer.segment(data, camera)]
-        one, other = (bodies == model.body(name).id for name in (cube, around))
-        found[camera] = contrasts(image, one, other)
+        found[camera] = contrasts(image, *(bodies == model.body(name).id for name in names))
     return found
 
 
@@ -93,9 +92,7 @@ def test_the_black_cube_is_told_from_its_bowl_under_the_hand() -> None:
 def test_a_black_cube_is_told_from_what_it_lies_on(
     name: str, cube: str, around: str, offset: SE3, lit: bool
 ) -> None:
-    env = duobench.make(name, cameras=False)
-    env.reset(seed=1)
-    simulation = sim_of(env).simulation
+    simulation = at_reset(name, seed=1)
     simulation.place(cube, simulation.pose(around) @ offset)
     simulation.forward()
     for light in range(simulation.model.nlight):
@@ -104,7 +101,6 @@ def test_a_black_cube_is_told_from_what_it_lies_on(
     # Twice as many pixels as a policy has: from home, a cube is five of those wide.
     with Renderer(simulation.model, height=2 * IMAGE_SIZE[0], width=2 * IMAGE_SIZE[1]) as renderer:
         found = contrasts_seen(simulation, renderer, cube, surface)
-    env.close()
     for camera in (HEAD, "right_wrist"):
         assert len(found[camera]) > 20, camera
     assert np.concatenate(list(found.values())).min() > DIFFERENCE

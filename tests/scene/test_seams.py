@@ -1,15 +1,10 @@
 """No bright dashes along seams: light neither leaks through them nor counts twice."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 
-import mujoco
 import numpy as np
 import pytest
 
-import duobench
-from duobench.envs.sim_env import sim_of
 from duobench.objects.blocks import WHITE
 from duobench.objects.bowl import FLOOR, RADIUS, WALL as BOWL_WALL, bowl
 from duobench.objects.cup import cup
@@ -22,6 +17,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS
+from tests.sim.props import at_reset
 
 FINE_SHADOWS = 4096
 """Side of a shadow map in texels with which light leaks nowhere."""
@@ -36,25 +32,15 @@ ROUNDING = 4
 """By how much of 255 a sum of colours may be wrong."""
 
 
-@contextmanager
-def quality(model: mujoco.MjModel, shadow_map: int) -> Iterator[None]:
-    """Renderers that are made meanwhile have another shadow map."""
-    before = int(model.vis.quality.shadowsize)
-    model.vis.quality.shadowsize = shadow_map
-    yield
-    model.vis.quality.shadowsize = before
-
-
 @pytest.mark.parametrize("solid", [bowl(WHITE), cup(WHITE)], ids=["bowl", "cup"])
 def test_no_light_leaks_through_the_seam_of_a_wall_and_a_floor(solid: Solid) -> None:
     above = View(eye=(0.62, 0.01, 0.55), target=(0.65, 0.0, 0.0), fovy_deg=24.0)
     simulation = Simulation([Prop(name="it", solid=solid, fixed=True)], above)
     model, data = simulation.model, simulation.data
-    coarse = int(model.vis.quality.shadowsize)
 
-    def images(shadow_map: int) -> np.ndarray:
+    def images() -> np.ndarray:
         taken = []
-        with quality(model, shadow_map), Renderer(model, height=400, width=400) as renderer:
+        with Renderer(model, height=400, width=400) as renderer:
             for yaw_deg in (-10, -4, 0, 10, 20, 45):
                 simulation.place("it", SE3.at(0.65, 0.0, yaw=math.radians(yaw_deg)))
                 simulation.forward()
@@ -63,17 +49,16 @@ def test_no_light_leaks_through_the_seam_of_a_wall_and_a_floor(solid: Solid) -> 
                 taken.append(np.where(shown == model.body("it").id, image, np.nan))
         return np.array(taken)
 
-    fine = images(FINE_SHADOWS)
-    share = np.sum(images(coarse) - fine > BRIGHTER) / np.sum(~np.isnan(fine))
-    assert share < FEW
+    coarse = images()
+    model.vis.quality.shadowsize = FINE_SHADOWS  # of renderers that are made from now on
+    fine = images()
+    assert np.sum(coarse - fine > BRIGHTER) / np.sum(~np.isnan(fine)) < FEW
 
 
 @pytest.mark.parametrize("name", catalog.names())
 def test_a_shadow_makes_no_object_brighter(name: str) -> None:
     """Where two faces coincide, the light that casts shadows is added once for each."""
-    env = duobench.make(name, cameras=False)
-    env.reset(seed=1)
-    simulation = sim_of(env).simulation
+    simulation = at_reset(name, seed=1)
     model, data = simulation.model, simulation.data
     robot = {model.body(f"{side}/link0").id for side in ("left", "right")}
     objects = ~np.isin(model.body_rootid[model.geom_bodyid], [0, *robot])
@@ -83,7 +68,6 @@ def test_a_shadow_makes_no_object_brighter(name: str) -> None:
         seen = {camera: objects[renderer.segment(data, camera)] for camera in cameras}
         model.light_castshadow[:] = False
         without = renderer.render_all(data, cameras)
-    env.close()
     for camera in cameras:
         brighter = (with_shadows[camera].astype(int) - without[camera]).max(axis=2)
         assert np.count_nonzero(brighter[seen[camera]] > ROUNDING) <= STRAY_PIXELS, camera

@@ -1,10 +1,11 @@
+from dataclasses import astuple
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from duobench.errors import OptionError, UnknownNameError
-from duobench.looks.look import Look
+from duobench.looks.look import Look, Material
 from duobench.shifts import levels
 from duobench.shifts.levels import latency_steps
 from duobench.shifts.samples import (
@@ -57,12 +58,9 @@ def test_physics_stay_within_their_bounds_in_the_same_direction_at_all_levels() 
     for key in KEYS:
         found = [physics_scale(Shift(axis="physics", level=level), key) for level in range(1, 6)]
         for level, scale in enumerate(found, 1):
-            for factor, bound in (
-                (scale.mass, levels.MASS_FACTORS[level]),
-                (scale.friction, levels.FRICTION_FACTORS[level]),
-                (scale.spring, levels.SPRING_FACTORS[level]),
-            ):
-                assert 1 / bound <= factor <= bound
+            bounds = levels.MASS_FACTORS, levels.FRICTION_FACTORS, levels.SPRING_FACTORS
+            for factor, bound in zip(astuple(scale), bounds, strict=True):
+                assert 1 / bound[level] <= factor <= bound[level]
         strengths = [abs(np.log(scale.mass)) for scale in found]
         assert strengths == sorted(strengths)
         assert len({scale.mass > 1 for scale in found}) == 1
@@ -85,37 +83,33 @@ def test_more_episodes_are_reworded_at_every_level_and_all_at_the_last() -> None
 
 def test_looks_have_one_thing_more_at_every_level() -> None:
     usual = Look()
-    first, second, third, fourth, fifth = (
-        shifted_look(Shift(axis="look", level=level), KEYS[0], usual) for level in range(1, 6)
-    )
+
+    def shifted(axis: str, level: int) -> Look:
+        return shifted_look(Shift(axis=axis, level=level), KEYS[0], usual)
+
+    looks = first, second, third, fourth, fifth = [shifted("look", level) for level in range(1, 6)]
     assert first.lights == fifth.lights != usual.lights
     assert (first.parts, first.clutter, first.objects) == ({}, 0, {})
-    assert {name: part.colour for name, part in second.parts.items()} == {
-        name: part.colour for name, part in fifth.parts.items()
-    }
-    assert {part.texture for part in second.parts.values()} == {None}
+    plain = {name: Material(colour=part.colour) for name, part in fifth.parts.items()}
+    assert second.parts == plain
     assert third.parts == fifth.parts
     assert fourth.clutter == fifth.clutter > 0 == third.clutter
     assert fifth.objects
     assert not fourth.objects
-    for look in (first, second, third, fourth, fifth):
+    for look in looks:
         assert (look.cameras, look.noise, look.blur) == ({}, 0.0, 0.0)
-    camera = shifted_look(Shift(axis="camera", level=5), KEYS[0], usual)
+    camera = shifted("camera", 5)
     assert set(camera.cameras) == {"head", "left_wrist", "right_wrist"}
     assert camera == Look(cameras=camera.cameras)
-    assert shifted_look(Shift(axis="sensing", level=2), KEYS[0], usual) == Look(
-        noise=levels.IMAGE_NOISE[2]
-    )
-    assert shifted_look(Shift(axis="layout", level=5), KEYS[0], usual) is usual
+    assert shifted("sensing", 2) == Look(noise=levels.IMAGE_NOISE[2])
+    assert shifted("layout", 5) is usual
 
 
 @pytest.mark.parametrize("task_id", catalog.names())
 def test_layouts_lie_outside_of_the_range_of_training_and_within_the_margin(task_id: str) -> None:
     task = catalog.get(task_id)
     shifted = shifted_task(task, Shift(axis="layout", level=1))
-    moved = {
-        name for name, each in shifted.placements.items() if isinstance(each, OutsidePlacement)
-    }
+    moved = {name for name, at in shifted.placements.items() if isinstance(at, OutsidePlacement)}
     assert moved
     margin = levels.MARGIN_METRES[1]
     for seed in range(5):
@@ -126,10 +120,8 @@ def test_layouts_lie_outside_of_the_range_of_training_and_within_the_margin(task
             assert usual.x.low - margin <= x <= usual.x.high + margin
             assert usual.y.low - margin <= y <= usual.y.high + margin
         for name in task.placements.keys() - moved:
-            assert (
-                layout.poses[name].tquat.tolist()
-                == task.placements[name].sample(np.random.default_rng(0)).tquat.tolist()
-            )
+            still = task.placements[name].sample(np.random.default_rng(0))
+            assert layout.poses[name].tquat.tolist() == still.tquat.tolist()
     assert shifted_task(task, NO_SHIFT) is task
 
 

@@ -14,20 +14,27 @@ from duobench.sim.opengl import ASKED, CHOSEN, RenderingInfo, RenderThread, choo
 from tests.children import ran
 
 VARIABLES = (ASKED, CHOSEN, "PYOPENGL_PLATFORM")
-DESCRIBE = """
-    from duobench.errors import RenderingError
-    from duobench.sim.rendering import describe
-    try:
-        describe()
-    except RenderingError as error:
-        print(error)
-    """
 
 
 def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """Python in a process of its own, in which nobody has chosen an OpenGL library."""
     kept = {name: value for name, value in os.environ.items() if name not in VARIABLES}
     return ran("-c", textwrap.dedent(code), env={**kept, **environment}, timeout=120)
+
+
+def described(**environment: str) -> str:
+    """Why nothing renders in an environment."""
+    code = """
+        from duobench.errors import RenderingError
+        from duobench.sim.rendering import describe
+        try:
+            describe()
+        except RenderingError as error:
+            print(error)
+        """
+    outcome = run_python(code, **environment)
+    assert outcome.returncode == 0, outcome.stderr
+    return outcome.stdout
 
 
 @pytest.fixture
@@ -37,15 +44,6 @@ def undecided(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
     return monkeypatch
-
-
-@pytest.fixture
-def impostor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Something that probes run instead of the interpreter; a test writes what it does."""
-    path = tmp_path / "python"
-    path.touch(mode=0o755)
-    monkeypatch.setattr(opengl.sys, "executable", str(path))
-    return path
 
 
 def test_what_people_ask_for_is_taken_without_a_probe(undecided: pytest.MonkeyPatch) -> None:
@@ -98,17 +96,23 @@ def test_a_probe_says_what_drew_in_one_child_and_in_several() -> None:
         assert outcome.renderer
 
 
-def test_a_child_that_hangs_is_given_up(impostor: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    impostor.write_text("#!/bin/sh\nexec sleep 600\n")
+@pytest.mark.parametrize(
+    ("script", "told"),
+    [
+        ("exec sleep 600", "no image within 0.5 s; the driver hangs"),
+        ("kill -SEGV $$", "the process ended with status -11"),
+        ("echo 'no such card' >&2; exit 1", "no such card"),
+    ],
+)
+def test_children_that_hang_crash_or_fail_are_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, told: str
+) -> None:
+    impostor = tmp_path / "python"
+    impostor.touch(mode=0o755)
+    impostor.write_text(f"#!/bin/sh\n{script}\n")
+    monkeypatch.setattr(opengl.sys, "executable", str(impostor))
     monkeypatch.setattr(opengl, "PROBE_TIMEOUT_S", 0.5)
-    assert probe("egl", processes=2) == "no image within 0.5 s; the driver hangs"
-
-
-def test_a_child_that_crashes_is_reported(impostor: Path) -> None:
-    impostor.write_text("#!/bin/sh\nkill -SEGV $$\n")
-    assert probe("egl") == "the process ended with status -11"
-    impostor.write_text("#!/bin/sh\necho 'no such card' >&2\nexit 1\n")
-    assert probe("egl") == "no such card"
+    assert probe("egl", processes=2) == told
 
 
 def test_where_nothing_works_the_packages_to_install_are_named(tmp_path: Path) -> None:
@@ -116,9 +120,7 @@ def test_where_nothing_works_the_packages_to_install_are_named(tmp_path: Path) -
     for version in ("", ".6", ".8"):
         (tmp_path / f"libOSMesa.so{version}").touch()
     folder = str(tmp_path)
-    outcome = run_python(DESCRIBE, __EGL_VENDOR_LIBRARY_DIRS=folder, LD_LIBRARY_PATH=folder)
-    assert outcome.returncode == 0, outcome.stderr
-    message = outcome.stdout
+    message = described(__EGL_VENDOR_LIBRARY_DIRS=folder, LD_LIBRARY_PATH=folder)
     assert message.startswith("No offscreen OpenGL works on this machine:")
     for part in ("  egl: ", "  osmesa: ", "libegl1", "libosmesa6", "conda-forge", "MUJOCO_GL"):
         assert part in message
@@ -127,20 +129,7 @@ def test_where_nothing_works_the_packages_to_install_are_named(tmp_path: Path) -
     assert osmesa.startswith("  osmesa: its library is missing or lacks a function")
 
 
-def test_a_process_is_bound_to_the_library_that_was_chosen() -> None:
-    outcome = run_python(
-        """
-        from duobench.sim.rendering import describe
-        backend = describe().backend
-        from OpenGL.platform import PLATFORM
-        print(backend, type(PLATFORM).__name__)
-        """
-    )
-    backend, platform = outcome.stdout.split()
-    assert platform.lower() == f"{backend}platform"
-
-
-def test_software_rendering_is_told_once_for_a_whole_family_of_processes() -> None:
+def test_a_process_is_bound_to_what_was_chosen_and_software_is_told_once_for_its_family() -> None:
     outcome = run_python(
         """
         import subprocess, sys
@@ -149,12 +138,14 @@ def test_software_rendering_is_told_once_for_a_whole_family_of_processes() -> No
         describe()
         child = "from duobench.sim.rendering import describe; describe()"
         subprocess.run([sys.executable, "-c", child], check=True)
-        print(info.software)
+        from OpenGL.platform import PLATFORM
+        print(info.backend, type(PLATFORM).__name__, info.software)
         """
     )
     assert outcome.returncode == 0, outcome.stderr
-    told = outcome.stderr.count("the processor does")
-    assert told == {"True\n": 1, "False\n": 0}[outcome.stdout]
+    backend, platform, software = outcome.stdout.split()
+    assert platform.lower() == f"{backend}platform"
+    assert outcome.stderr.count("the processor does") == (software == "True")
 
 
 @pytest.mark.parametrize("asked", ["vulkan", "glfw"])
@@ -164,10 +155,9 @@ def test_what_needs_a_display_or_does_not_exist_is_refused_with_what_does_not(as
 
 
 def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) -> None:
-    outcome = run_python(DESCRIBE, MUJOCO_GL="egl", __EGL_VENDOR_LIBRARY_DIRS=str(tmp_path))
-    assert outcome.returncode == 0, outcome.stderr
-    assert "The OpenGL backend 'egl' does not work here" in outcome.stdout
-    assert "libegl1" in outcome.stdout
+    message = described(MUJOCO_GL="egl", __EGL_VENDOR_LIBRARY_DIRS=str(tmp_path))
+    assert "The OpenGL backend 'egl' does not work here" in message
+    assert "libegl1" in message
 
 
 def test_a_thread_hands_back_what_a_job_returns_or_raises() -> None:

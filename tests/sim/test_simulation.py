@@ -3,7 +3,7 @@
 import copy
 import math
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
@@ -14,15 +14,8 @@ from duobench.objects.prop import Prop
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import MAX_SETTLE_STEPS, Simulation
 from duobench.spatial import SE3
-from duobench.types import CONTROL_HZ, DuoCommand
-from tests.sim.props import EDGE, LID, scene
-
-REST = {
-    "cube": SE3.at(0.5, 0.1, EDGE / 2, yaw=0.3),
-    "slab": SE3.at(0.5, -0.2, 0.01),
-    "bowl": SE3.at(0.7, 0.3),
-    "chest": SE3.at(0.7, -0.3, yaw=0.1),
-}
+from duobench.types import DuoCommand
+from tests.sim.props import EDGE, LID, REST, scene
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +44,15 @@ def busy(number: int) -> DuoCommand:
     return DuoCommand(joints=joints, openings=np.full(2, 0.5 + 0.5 * math.cos(0.5 * number)))
 
 
+def played(sim: Simulation, numbers: Iterable[int]) -> list[np.ndarray]:
+    """The states after each of some commands."""
+    states = []
+    for number in numbers:
+        sim.step(busy(number))
+        states.append(sim.get_state())
+    return states
+
+
 def falling(sim: Simulation) -> None:
     """Something with many contacts is going on."""
     sim.place("cube", SE3.at(0.7, 0.3, 0.15, yaw=0.4))
@@ -64,22 +66,16 @@ def test_restoring_and_stepping_is_the_uninterrupted_episode(
     sim: Simulation, prepare: Callable[[Simulation], None], at: int
 ) -> None:
     prepare(sim)
-    for k in range(at):
-        sim.step(busy(k))
+    played(sim, range(at))
     state = sim.get_state()
-    straight = []
-    for k in range(at, at + 12):
-        sim.step(busy(k))
-        straight.append(sim.get_state())
+    straight = played(sim, range(at, at + 12))
     begin(sim)
     falling(sim)
-    for k in range(9):
-        sim.step(busy(3 * k))
+    played(sim, range(0, 27, 3))
     sim.set_state(state)
     assert np.array_equal(sim.get_state(), state)
-    for number, k in enumerate(range(at, at + 12)):
-        sim.step(busy(k))
-        assert np.array_equal(sim.get_state(), straight[number]), f"step {number} differs"
+    for number, restored in enumerate(played(sim, range(at, at + 12))):
+        assert np.array_equal(restored, straight[number]), f"step {number} differs"
 
 
 def test_restoring_brings_poses_and_contacts_along(sim: Simulation) -> None:
@@ -103,29 +99,18 @@ def test_clearing_forgets_everything(sim: Simulation) -> None:
     first = sim.get_state().tobytes()
     begin(sim)
     falling(sim)
-    for k in range(6):
-        sim.step(busy(k))
+    played(sim, range(6))
     sim.reset_data()
     assert sim.get_state().tobytes() == first
     assert np.array_equal(sim.duo.command().flat, HOME.flat)
 
 
-def test_a_step_takes_a_thirtieth_of_a_second(sim: Simulation) -> None:
-    for _ in range(30):
-        sim.step(HOME)
-    assert sim.data.time == pytest.approx(1.0)
-    assert CONTROL_HZ == 30.0
-
-
 def test_after_a_step_everything_is_up_to_date(sim: Simulation) -> None:
     falling(sim)
-    for k in range(5):
-        sim.step(busy(k))
-    pose, lowest = sim.pose("cube"), sim.min_height("cube")
-    touching = sim.contacts.partners("cube")
+    played(sim, range(5))
+    pose, touching = sim.pose("cube"), sim.contacts.partners("cube")
     sim.forward()
     assert sim.pose("cube").distance(pose) == (0.0, 0.0)
-    assert sim.min_height("cube") == lowest
     assert sim.contacts.partners("cube") == touching
 
 
@@ -148,21 +133,17 @@ def test_settling_is_bounded(sim: Simulation) -> None:
     assert Simulation().settle() == 1, "nothing is free"
 
 
-def test_props_are_placed_where_they_are_told(sim: Simulation) -> None:
+def test_props_are_placed_where_they_are_told_at_rest(sim: Simulation) -> None:
+    falling(sim)
+    for _ in range(4):
+        sim.step(HOME)
+    assert sim.speed("cube")[0] > 0.3
     for name in REST:
         pose = SE3.at(0.4, 0.1, 0.6, yaw=-0.7) @ SE3.about((1, 0, 0), 0.5)
         sim.place(name, pose)
         sim.forward()
         assert max(sim.pose(name).distance(pose)) < 1e-9
-
-
-def test_a_placed_prop_is_at_rest(sim: Simulation) -> None:
-    falling(sim)
-    for _ in range(4):
-        sim.step(HOME)
-    assert sim.speed("cube")[0] > 0.3
-    sim.place("cube", REST["cube"])
-    assert sim.speed("cube") == (0.0, 0.0)
+        assert sim.speed(name) == (0.0, 0.0)
 
 
 def test_fixed_props_stay(sim: Simulation) -> None:
@@ -170,15 +151,13 @@ def test_fixed_props_stay(sim: Simulation) -> None:
     sim.forward()
     for _ in range(15):
         sim.step(HOME)
+    assert sim.data.time == pytest.approx(0.5), "a step takes a thirtieth of a second"
     assert max(sim.pose("chest").distance(REST["chest"])) < 1e-9
     assert sim.speed("chest") == (0.0, 0.0)
 
 
-def test_positions_and_offsets(sim: Simulation) -> None:
-    chest, cube_pose = sim.pose("chest"), sim.pose("cube")
-    assert sim.position("cube") == pytest.approx(cube_pose.translation)
-    assert sim.rotation("cube") == pytest.approx(cube_pose.rotation)
-    expected = chest.inverse().apply(cube_pose.translation)
+def test_relative_positions(sim: Simulation) -> None:
+    expected = sim.pose("chest").inverse().apply(sim.position("cube"))
     assert sim.relative_position("cube", "chest") == pytest.approx(expected)
     assert sim.relative_position("cube", "cube") == pytest.approx((0, 0, 0))
 

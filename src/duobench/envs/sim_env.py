@@ -145,7 +145,7 @@ class SimEnv(DuoEnv):
 
     def _set_scale(self, scale: PhysicsScale) -> None:
         """Scale the physics of the model; state is to be set afterwards."""
-        self.simulation.scale_physics(**asdict(scale))
+        self.simulation.scaler.apply(**asdict(scale))
         self._scale = scale
 
     def _candidates(

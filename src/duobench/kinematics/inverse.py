@@ -224,16 +224,10 @@ class Kinematics:
         tolerance: float = 1e-4,
         max_steps: int = 100,
     ) -> tuple[Array, bool]:
-        """Steps until the tools are at their targets.
+        """Steps from joints (2, 7) in radians until the tools are at their targets.
 
-        Args:
-            joints: Start (2, 7), in radians; the solution nearest to it is found.
-            targets: Tool pose wanted for each side.
-            tolerance: Error allowed, metres and radians.
-            max_steps: Steps after which it gives up.
-
-        Returns:
-            Joint targets (2, 7), and whether the tolerance was met.
+        Returns the joint targets (2, 7) nearest to the start, and whether the tolerance, in metres
+        and radians, was met within the steps.
         """
         current = np.asarray(joints, dtype=np.float64)
         for _ in range(max_steps):

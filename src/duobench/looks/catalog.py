@@ -108,11 +108,7 @@ _OBJECT_TEXTURES = (None, None, "concrete", "speckle", "fabric")
 
 
 def look(name: str) -> Look:
-    """A look by its name.
-
-    Args:
-        name: One of `LOOKS`, or "random:SEED" for the random look of a seed.
-    """
+    """A look by its name: one of `LOOKS`, or "random:SEED" for the random look of a seed."""
     if name in LOOKS:
         return LOOKS[name]
     if not name.startswith(RANDOM):

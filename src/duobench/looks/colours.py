@@ -44,12 +44,9 @@ def colour_name(rgb: Sequence[float]) -> str:
 
 
 def shifted(rgb: RGB, amount: float, seed: int) -> RGB:
-    """A colour nearby that has the same name.
+    """A colour nearby that has the same name; the same seed, the same shift of the same colour.
 
-    Args:
-        rgb: The colour.
-        amount: Share of the largest shifts, 0 to 1.
-        seed: The same seed, the same shift of the same colour.
+    The amount is a share of the largest shifts, 0 to 1.
     """
     numbers = [round(1e4 * part) for part in rgb]
     shift = np.random.Generator(np.random.PCG64([seed, *numbers])).uniform(-1, 1, 3)

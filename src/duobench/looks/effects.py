@@ -23,17 +23,10 @@ _STARTS = 1 << 18
 
 
 def apply(look: Look, image: Image, time: float, positions: Array, camera: int) -> Image:
-    """An image as the look's camera takes it.
+    """A rendered image (height, width, 3) as the look's camera takes it.
 
     Noise is a function of the look's seed and noise, the image's size, the camera's number and
-    the simulation state (time and positions), never of what was rendered before.
-
-    Args:
-        look: The look.
-        image: As it was rendered (height, width, 3).
-        time: Time of the state in seconds.
-        positions: Its positions (n,).
-        camera: Number of the camera.
+    the simulation state (time in seconds and positions), never of what was rendered before.
     """
     if look.blur:
         image = _blurred(image, look.blur * image.shape[0])
@@ -51,29 +44,23 @@ def _blurred(image: Image, deviation: float) -> Image:
     """The image, convolved with a Gaussian of a standard deviation in pixels, along each axis."""
     weights = _weights(deviation)
     radius = len(weights) // 2
-    for axis in (0, 1):
-        edges = [(radius, radius) if one == axis else (0, 0) for one in range(3)]
-        padded = np.pad(image, edges, mode="edge").astype(np.uint16)
+    for _ in range(2):  # along the columns, then along the rows
+        padded = np.pad(image, ((radius, radius), (0, 0), (0, 0)), mode="edge").astype(np.uint16)
         total = np.full(image.shape, _UNIT // 2, dtype=np.uint16)
         for number, weight in enumerate(weights):
-            part = (
-                padded[number:][: image.shape[0]]
-                if axis == 0
-                else (padded[:, number:][:, : image.shape[1]])
-            )
-            total += part * weight
-        image = (total >> _UNIT_BITS).astype(np.uint8)
-    return image
+            total += padded[number:][: len(image)] * weight
+        image = (total >> _UNIT_BITS).astype(np.uint8).swapaxes(0, 1)
+    return np.ascontiguousarray(image)
 
 
 @lru_cache(maxsize=8)
-def _weights(deviation: float) -> tuple[np.uint16, ...]:
+def _weights(deviation: float) -> NDArray[np.uint16]:
     """Weights of a row of pixels, whole numbers that add up to `_UNIT`."""
     radius = math.ceil(2.5 * deviation)
     gauss = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
     weights = np.rint(_UNIT * gauss / gauss.sum()).astype(int)
     weights[radius] += _UNIT - weights.sum()
-    return tuple(np.uint16(weight) for weight in weights)
+    return weights.astype(np.uint16)
 
 
 @lru_cache(maxsize=8)

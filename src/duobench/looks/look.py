@@ -169,12 +169,8 @@ class Look:
 
     def to_json(self) -> dict[str, Any]:
         """As plain data, without what is at its default."""
-        default = asdict(Look())
-        return {
-            name: value
-            for name, value in msgspec.to_builtins(self).items()
-            if value != default[name]
-        }
+        plain, default = msgspec.to_builtins(self), asdict(Look())
+        return {name: value for name, value in plain.items() if value != default[name]}
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> Look:

@@ -24,16 +24,9 @@ _SQUARE = 0.10
 
 
 def texture(name: str, shape: tuple[int, int], size: tuple[float, float], seed: int = 0) -> Pattern:
-    """A texture over a flat surface.
+    """One of `TEXTURES` over a flat surface: brightness (height, width), 0 to 1.
 
-    Args:
-        name: One of `TEXTURES`.
-        shape: Height and width in texels.
-        size: Height and width of the surface in metres; patterns have their natural size on it.
-        seed: The same seed, the same texture.
-
-    Returns:
-        Brightness (height, width), 0 to 1.
+    The shape is in texels, the size in metres: patterns have their natural size on it.
     """
     rng = np.random.Generator(np.random.PCG64([seed, *name.encode()]))
     return np.clip(TEXTURES[name](_Canvas(shape, size, rng)), 0.0, 1.0).astype(np.float32)

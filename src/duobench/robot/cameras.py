@@ -69,12 +69,9 @@ OVERVIEW_VIEW = View(eye=(2.35, -1.35, 1.42), target=(0.34, -0.03, 0.17), fovy_d
 
 
 def looking(eye: np.ndarray, direction: np.ndarray, up: np.ndarray) -> SE3:
-    """Pose of a MuJoCo camera (x right, y up, looking along -z).
+    """Pose of a MuJoCo camera (x right, y up, looking along -z) in the frame of the arguments.
 
-    Args:
-        eye: Position (3,) in the parent frame.
-        direction: Viewing direction (3,), any length.
-        up: A direction (3,) that shall point upwards in the image.
+    The direction (3,) has any length; `up` (3,) is what shall point upwards in the image.
     """
     back = -direction / length(direction)
     right = np.cross(up, back)

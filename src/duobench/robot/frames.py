@@ -47,13 +47,9 @@ def tool_pose(side: Side, joints: ArrayLike) -> SE3:
 
 
 def tcp_poses(joints: ArrayLike) -> Array:
-    """Tool poses of both arms, as a `DuoState` has them.
+    """Tool centre points in the table frame (2, 7) of both arms, as a `DuoState` has them.
 
-    Args:
-        joints: Joint positions (2, 7) in radians, left then right.
-
-    Returns:
-        Tool centre points in the table frame (2, 7), x y z qx qy qz qw each, with qx >= 0.
+    Each is x y z qx qy qz qw with qx >= 0; joint positions (2, 7) are in radians, left then right.
     """
     rows = np.asarray(joints, dtype=np.float64).reshape(len(SIDES), ARM_JOINTS)
     poses = np.array([tool_pose(side, row).tquat for side, row in zip(SIDES, rows, strict=True)])
@@ -62,14 +58,9 @@ def tcp_poses(joints: ArrayLike) -> Array:
 
 
 def tool_frames(side: Side, joints: Array) -> tuple[Array, Array]:
-    """Tool poses of one arm in the table frame at many joint positions at a time.
+    """Tool poses of one arm in the table frame at joint positions (n, 7) in radians.
 
-    Args:
-        side: Which arm.
-        joints: Joint positions (n, 7) in radians.
-
-    Returns:
-        Positions (n, 3) in metres and rotation matrices (n, 3, 3).
+    Returns positions (n, 3) in metres and rotation matrices (n, 3, 3).
     """
     base = BASE_POSES[side]
     rotation = np.broadcast_to(base.rotation, (len(joints), 3, 3))

@@ -29,11 +29,9 @@ RANGE_MARGIN = 0.05
 
 
 def duo_limits(speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0) -> DuoLimits:
-    """Limits of both arms.
+    """Limits of both arms, which use a part of the joints' speed limits, left then right.
 
-    Args:
-        speed_fractions: Part of the joints' speed limits that the left and the right arm may use.
-        margin: Distance in radians from the ends of the joints' ranges.
+    The margin is the distance in radians from the ends of the joints' ranges.
     """
     low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
     max_change = np.full(FLAT_SIZE, np.inf)
@@ -62,14 +60,9 @@ _LOW, _HIGH = JOINT_RANGES.T
 
 
 def speed_limits(joints: Array) -> tuple[Array, Array]:
-    """The lowest and highest velocity of each joint of one arm.
+    """Lowest velocities (7,), at most 0, and highest ones, at least 0, of one arm, in rad/s.
 
-    Args:
-        joints: Joint positions (7,) in radians.
-
-    Returns:
-        Lowest velocities (7,), at most 0, and highest ones (7,), at least 0, in rad/s:
-        |dq| <= min(limit, sqrt(2 d (end - q)) - offset).
+    At joint positions (7,) in radians: |dq| <= min(limit, sqrt(2 d (end - q)) - offset).
     """
     down = np.sqrt(_TWICE * np.maximum(joints - _LOW, 0.0)) - _OFFSETS
     up = np.sqrt(_TWICE * np.maximum(_HIGH - joints, 0.0)) - _OFFSETS

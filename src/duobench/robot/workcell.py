@@ -3,8 +3,6 @@
 All positions are in the table frame; see `robot.frames`.
 """
 
-from __future__ import annotations
-
 FLOOR_Z = -0.8095
 """Height of the floor in the table frame, in metres [facts of the platform]."""
 TABLE_X = (-0.30, 1.10)

@@ -10,7 +10,7 @@ from duobench.scene.cameras import add_wrist_camera
 from duobench.scene.meshes import add_link, add_mesh
 from duobench.scene.naming import arm_joint_names, flange_name, tcp_name
 from duobench.scene.robotiq import add_gripper
-from duobench.scene.surfaces import collide_unseen, distal, proximal, visual_only
+from duobench.scene.surfaces import DISTAL, PROXIMAL, collide_unseen, visual_only
 from duobench.types import ARM_JOINTS, SIDES, Side
 
 JOINT_DAMPING = 0.21
@@ -43,33 +43,16 @@ def kinematic_model(side: Side) -> mujoco.MjModel:
 
 
 def _add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
-    """Add one arm without any geometry, with its sites, and return its links."""
-    bodies = _add_links(spec, side)
+    """Add bodies, joints, servos and sites of one arm, no geometry; return link 0 to link 7."""
+    bodies: list[mujoco.MjsBody] = []
+    for number, link in enumerate(LINKS):
+        parent = bodies[-1] if bodies else spec.worldbody
+        bodies.append(add_link(parent, f"{side}/link{number}", link))
+        if link.joint is not None:
+            _add_joint(spec, bodies[-1], arm_joint_names(side)[number - 1], link.joint)
+    bodies[0].pos, bodies[0].quat = BASE_POSES[side].translation, BASE_POSES[side].wxyz
     for name, pose in ((flange_name(side), LINK7_FROM_FLANGE), (tcp_name(side), LINK7_FROM_TCP)):
         bodies[-1].add_site(name=name, pos=pose.translation, size=[0.001] * 3, group=4)
-    return bodies
-
-
-def _add_links(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
-    """Add the bodies, joints and servos of one arm, without any geometry.
-
-    Args:
-        spec: The model under construction; the arm hangs on its world body.
-        side: Which arm; its names start with the side.
-
-    Returns:
-        The bodies of link 0 to link 7.
-    """
-    bodies: list[mujoco.MjsBody] = []
-    parent = spec.worldbody
-    names = arm_joint_names(side)
-    for number, link in enumerate(LINKS):
-        body = add_link(parent, f"{side}/link{number}", link)
-        if link.joint is not None:
-            _add_joint(spec, body, names[number - 1], link.joint)
-        bodies.append(body)
-        parent = body
-    bodies[0].pos, bodies[0].quat = BASE_POSES[side].translation, BASE_POSES[side].wxyz
     return bodies
 
 
@@ -97,7 +80,6 @@ def _add_joint(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, joint: Join
 
 
 def _add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) -> None:
-    """Add the images and the collision hulls of one arm to its bodies."""
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
         for name, rgba in link.visuals:
             image = add_mesh(spec, body, f"fr3/{name}:visual")
@@ -105,7 +87,7 @@ def _add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody])
             visual_only(image, shadow=rgba == WHITE or name in _STOPPERS)
         hull = add_mesh(spec, body, f"fr3/link{number}:hull")
         hull.name = f"{side}/link{number}_hull"
-        collide_unseen(hull, distal(side) if number >= _FIRST_DISTAL_LINK else proximal(side))
+        collide_unseen(hull, DISTAL[side] if number >= _FIRST_DISTAL_LINK else PROXIMAL[side])
     # The forearm and the wrist two joints on share space by design; the range of joint 6 keeps
     # them apart.
     spec.add_exclude(bodyname1=f"{side}/link5", bodyname2=f"{side}/link{ARM_JOINTS}")

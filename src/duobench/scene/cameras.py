@@ -14,7 +14,7 @@ from duobench.robot.cameras import (
     WRIST_FOCAL,
     View,
 )
-from duobench.scene.surfaces import CollisionGroup, add_box, collide_as_metal, distal
+from duobench.scene.surfaces import DISTAL, CollisionGroup, add_box, collide_as_metal
 from duobench.spatial import SE3
 from duobench.types import HEAD, Side, wrist_name
 
@@ -54,13 +54,7 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
 
 
 def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) -> None:
-    """Add a RealSense D405 (42 x 42 x 23 mm) in front of the gripper, its bracket and its camera.
-
-    Args:
-        flange: Body that carries the flange.
-        flange_from_body: Pose of the flange in that body.
-        side: Whose wrist it is.
-    """
+    """Add a RealSense D405 (42 x 42 x 23 mm) in front of the gripper, its bracket and camera."""
     pose = flange_from_body @ FLANGE_FROM_WRIST
     _add_camera(flange, wrist_name(side), pose, WRIST_FOCAL)
     housing = add_box(flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.042, 0.042, 0.0230), _ALUMINIUM)
@@ -70,7 +64,7 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
     at = flange_from_body @ SE3.at(0.046, 0.0, 0.020)
     bracket = add_box(flange, at, (0.008, 0.032, 0.052), _HOUSING)
     for part in (housing, bracket):
-        collide_as_metal(part, distal(side))
+        collide_as_metal(part, DISTAL[side])
 
 
 def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:

@@ -27,61 +27,50 @@ from duobench.scene.surfaces import (
     stiffen,
     visual_only,
 )
-from duobench.scene.workcell import SCENE_CENTRE, SCENE_EXTENT, add_workcell
+from duobench.scene.workcell import add_workcell
 from duobench.types import CONTROL_HZ
 
 SUBSTEPS = 16
 """Physics steps in one control step."""
-TIMESTEP = 1.0 / (CONTROL_HZ * SUBSTEPS)
-"""Physics time step in seconds, 1/480."""
-MEMORY_BYTES = 32 * 2**20
-"""Arena for contacts and constraints; twenty marbles in a cup need about a tenth of it."""
-SHADOW_MAP_SIZE = 704
-"""Side of the shadow map in texels; together with its reach, 2.5 mm a texel, about a pixel of a
-square wrist image. Rendering the map is the slowest part of an image on a processor."""
-SHADOW_REACH = 0.62
-"""Half the side of the shadow map as a share of the scene's extent: table and arms."""
-BALL_SLICES, BALL_STACKS = 12, 6
-"""Fineness of balls in images, 120 triangles: twenty marbles must not cost as much as the robot."""
+_OPTIONS = f"""
+<mujoco model="duobench">
+  <compiler angle="radian"/>
+  <!-- For contacts and constraints; twenty marbles in a cup need about a tenth of it. -->
+  <size memory="32M"/>
+  <!-- Elliptic cones with a high impedance ratio keep grasped objects from creeping out of the
+       pads; they are also what the published gripper model asks for. -->
+  <option timestep="{1.0 / (CONTROL_HZ * SUBSTEPS)!r}" integrator="implicitfast" cone="elliptic"
+          impratio="10">
+    <!-- A diverged simulation must be reported, not silently reset by the engine. -->
+    <flag autoreset="disable"/>
+  </option>
+  <!-- Centre and radius (metres) of what lights and shadows must cover; fixed, so that the image
+       does not depend on a task's objects. -->
+  <statistic center="0.4 0 0.1" extent="1.4"/>
+  <visual>
+    <!-- Of the offscreen buffer, large enough for a native image. -->
+    <global offwidth="{NATIVE_WIDTH}" offheight="{NATIVE_HEIGHT}"/>
+    <!-- The reach is half the side of the shadow map as a share of the extent: table and arms. With
+         the size in texels, 2.5 mm a texel, about a pixel of a square wrist image. Rendering the
+         map is the slowest part of an image on a processor. -->
+    <map znear="0.01" zfar="5" shadowclip="0.62"/>
+    <!-- Lights are far away and highlights soft, so one quad a side looks the same as many. Balls
+         have 120 triangles: twenty marbles must not cost as much as the robot. -->
+    <quality shadowsize="704" offsamples="0" numquads="1" numslices="12" numstacks="6"/>
+    <headlight ambient="0.43 0.43 0.44" diffuse="0 0 0" specular="0 0 0"/>
+  </visual>
+</mujoco>
+"""
 
 
 def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoco.MjSpec:
-    """Build the model's specification.
+    """The model's specification with a task's objects, each of which has a unique name.
 
-    Args:
-        props: The task's objects, each with a unique name.
-        overview: What the camera for people sees.
-
-    Returns:
-        A specification that is ready to be compiled. Body, joint and geom names are those of
-        `scene.naming` and of the props.
+    The camera for people has the given view. Body, joint and geom names are those of `scene.naming`
+    and of the props.
     """
     _check_in_room(overview)
-    spec = mujoco.MjSpec()
-    spec.modelname = "duobench"
-    spec.compiler.degree = False
-    spec.memory = MEMORY_BYTES
-    spec.option.timestep = TIMESTEP
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # Elliptic cones with a high impedance ratio keep grasped objects from creeping out of the
-    # pads; they are also what the published gripper model asks for.
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 10.0
-    # A diverged simulation must be reported, not silently reset by the engine.
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
-    spec.stat.center, spec.stat.extent = SCENE_CENTRE, SCENE_EXTENT
-    spec.visual.quality.shadowsize = SHADOW_MAP_SIZE
-    spec.visual.quality.offsamples = 0
-    # Lights are far away and highlights soft, so one quad a side looks the same as many.
-    spec.visual.quality.numquads = 1
-    spec.visual.quality.numslices = BALL_SLICES
-    spec.visual.quality.numstacks = BALL_STACKS
-    spec.visual.map.shadowclip = SHADOW_REACH
-    # Properties of the offscreen buffer, large enough for a native image.
-    getattr(spec.visual, "global").offwidth = NATIVE_WIDTH
-    getattr(spec.visual, "global").offheight = NATIVE_HEIGHT
-    spec.visual.map.znear = 0.01
-    spec.visual.map.zfar = 5.0
+    spec = mujoco.MjSpec.from_string(_OPTIONS)
     add_workcell(spec)
     add_robot(spec)
     add_head_camera(spec.worldbody)
@@ -124,13 +113,14 @@ def add_prop(spec: mujoco.MjSpec, prop: Prop) -> None:
     root = spec.worldbody.add_body(name=prop.name, mocap=prop.fixed)
     if not prop.fixed:
         root.add_freejoint(name=prop.name)
-    _fill(spec, root, prop.solid, prop)
+    group = CollisionGroup.FIXTURE if prop.fixed else CollisionGroup.OBJECT
+    _fill(spec, root, prop.solid, group)
     for part in prop.parts:
         name = prop.part_name(part.name)
         body = root.add_body(name=name, pos=part.pose.translation, quat=part.pose.wxyz)
         if part.hinge is not None:
             _add_hinge(body, name, part.hinge)
-        _fill(spec, body, part.solid, prop, moving=part.hinge is not None)
+        _fill(spec, body, part.solid, CollisionGroup.OBJECT if part.hinge else group)
 
 
 def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
@@ -147,30 +137,29 @@ def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
     )
 
 
-def _fill(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, prop: Prop, *, moving: bool = False
-) -> None:
-    """Give a body its mass, its collision shapes and its image."""
+def _fill(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, group: CollisionGroup) -> None:
     properties = mass_properties(solid)
     body.explicitinertial = True
     body.mass = properties.mass
     body.ipos = properties.centre
     i = properties.inertia
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
-    group = CollisionGroup.FIXTURE if prop.fixed and not moving else CollisionGroup.OBJECT
     kinds = [shape.kind for shape in solid.shapes]
     rendered_alone = solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
     for number, shape in enumerate(solid.shapes):
         geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
-        geom.rgba = shape.rgba or solid.rgba
-        geom.friction = solid.friction
+        geom.rgba, geom.friction = shape.rgba or solid.rgba, solid.friction
         geom.condim = solid.condim
         stiffen(geom)
         geom.group = VISUAL_GEOM_GROUP if rendered_alone else COLLISION_GEOM_GROUP
         collide_as(geom, group)
     if not rendered_alone:
         for number, image in enumerate(_images(solid)):
-            _add_image(spec, body, f"{body.name}:image{number}", image)
+            name = f"{body.name}:image{number}"
+            add_visual_mesh(spec, name, add_ribs(image.mesh) if image.shadow else image.mesh)
+            geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+            geom.rgba = image.rgba
+            visual_only(geom, shadow=image.shadow)
 
 
 def _images(solid: Solid) -> tuple[Image, ...]:
@@ -179,17 +168,6 @@ def _images(solid: Solid) -> tuple[Image, ...]:
     if solid.mesh is not None:
         return (Image(mesh=solid.mesh, rgba=solid.rgba),)
     return images_of(solid.shapes, solid.rgba)
-
-
-def _add_image(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, image: Image) -> None:
-    mesh = add_ribs(image.mesh) if image.shadow else image.mesh
-    geom = body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=add_visual_mesh(spec, name, mesh),
-        rgba=image.rgba,
-    )
-    visual_only(geom, shadow=image.shadow)
 
 
 def _add_shape(

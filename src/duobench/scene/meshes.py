@@ -104,13 +104,8 @@ def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = 
     the crease angle against its own triangle. Each counts by its angle at the vertex, so that the
     result depends on the surface and not on how it was cut into triangles.
 
-    Args:
-        vertices: Positions (n, 3).
-        faces: Vertices of each triangle (m, 3), counter-clockwise from outside.
-        crease: Largest angle in radians that looks round.
-
-    Returns:
-        Normals (3 m, 3), triangle by triangle.
+    From vertices (n, 3) and faces (m, 3), counter-clockwise from outside, with the largest angle in
+    radians that looks round; normals (3 m, 3), triangle by triangle.
     """
     a = vertices[faces]
     onward = _unit(np.roll(a, -1, axis=1) - a)
@@ -142,13 +137,8 @@ def _unit(vectors: Array) -> Array:
 def add_visual_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh, crease: float = CREASE) -> str:
     """Add a mesh with normals to a model under construction, and return its name.
 
-    MuJoCo takes one normal a vertex, so a vertex on a sharp edge is there once for each side.
-
-    Args:
-        spec: The model.
-        name: Its name.
-        mesh: The mesh.
-        crease: Largest angle in radians between triangles that looks round.
+    MuJoCo takes one normal a vertex, so a vertex on a sharp edge is there once for each side. The
+    crease is the largest angle in radians between triangles that looks round.
     """
     vertices, faces = mesh.vertices, mesh.faces
     normals = corner_normals(vertices, faces, crease)

@@ -23,11 +23,11 @@ from duobench.scene.surfaces import (
     COLLISION_GEOM_GROUP,
     CONTACT_SOLIMP,
     CONTACT_SOLREF,
+    DISTAL,
     ROLLING,
     TORSION,
     collide_as,
     collide_unseen,
-    distal,
     visual_only,
 )
 from duobench.spatial import SE3
@@ -38,7 +38,7 @@ MOUNT = SE3.about((0.0, 0.0, 1.0), math.pi / 2)
 CTRL_CLOSED = 255.0
 """Actuator input for closed; 0 is open."""
 TENDON_SHARE = 0.485
-"""FingerLink of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
+"""Share of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
 TENDON_CLOSED = 0.8
 """Length of the tendon at which the pads meet [Menagerie robotiq_2f85_v4]."""
 DRIVER_CLOSED = TENDON_CLOSED / (2 * TENDON_SHARE)
@@ -203,13 +203,9 @@ _PAD_MASS = 0.00175
 
 
 def add_gripper(spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_z: float) -> None:
-    """Hang a gripper with its linkage, constraints and actuator on a flange.
+    """Hang a gripper with its linkage, constraints and actuator on the flange of a body.
 
-    Args:
-        spec: The model under construction.
-        side: Whose gripper it is; its names start with `<side>/gripper`.
-        flange: The body that carries the flange.
-        flange_z: Height of the flange in that body, in metres.
+    The flange is at height `flange_z` in the body's frame, in metres.
     """
     prefix = gripper_name(side)
     base = add_link(flange, f"{prefix}/base", _BASE)
@@ -220,7 +216,7 @@ def add_gripper(spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_
         # The coupling is a ring between flange and base, which cast its shadow.
         visual_only(image, shadow=name not in _COUPLING)
     _, position, wxyz, _ = _BASE_VISUALS[0]
-    collide_unseen(add_mesh(spec, base, "robotiq_2f85/base:hull", position, wxyz), distal(side))
+    collide_unseen(add_mesh(spec, base, "robotiq_2f85/base:hull", position, wxyz), DISTAL[side])
     for finger, parts in FINGERS.items():
         _add_finger(spec, side, finger, parts, base)
     _add_constraints(spec, prefix)
@@ -255,20 +251,16 @@ def _add_finger(
             visual_only(image)
             if name != "tongue":
                 back = tuple(map(operator.add, position, part.hull_setback))
-                collide_unseen(add_mesh(spec, body, f"{mesh}:hull", back, wxyz), distal(side))
-    _add_pad(bodies["follower"], f"{prefix}_pad", side)
-
-
-def _add_pad(follower: mujoco.MjsBody, name: str, side: Side) -> None:
-    """Add the rubber pad of a finger, and the metal tongue behind it."""
-    pad = add_link(follower, name, _PAD)
-    fingertip = follower.add_geom(
+                collide_unseen(add_mesh(spec, body, f"{mesh}:hull", back, wxyz), DISTAL[side])
+    # The rubber pad, and the metal tongue behind it.
+    pad = add_link(bodies["follower"], f"{prefix}_pad", _PAD)
+    fingertip = bodies["follower"].add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=FINGERTIP_SIZE,
         pos=(_FOLLOWER_FROM_PAD @ SE3.at(*FINGERTIP_POSITION)).translation,
         quat=_FOLLOWER_FROM_PAD.wxyz,
     )
-    collide_unseen(fingertip, distal(side))
+    collide_unseen(fingertip, DISTAL[side])
     for height in PADS:
         geom = pad.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -282,7 +274,7 @@ def _add_pad(follower: mujoco.MjsBody, name: str, side: Side) -> None:
             rgba=PAD_COLOUR,
             group=COLLISION_GEOM_GROUP,
         )
-        collide_as(geom, distal(side))
+        collide_as(geom, DISTAL[side])
 
 
 def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:

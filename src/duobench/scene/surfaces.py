@@ -1,10 +1,4 @@
-"""Surfaces: who collides with whom, how hard and how rough they are, and boxes without contacts.
-
-Collisions have one bit a group, in MuJoCo's contype and conaffinity. An arm's proximal links (up to
-the forearm) do not collide with each other: the joint ranges already keep them apart. Its distal
-part (wrist, gripper, camera) collides with everything but itself, so that a gripper cannot pass
-through its own forearm. Fixtures never collide with fixtures.
-"""
+"""Surfaces: who collides with whom, how hard and how rough they are, and boxes without contacts."""
 
 from __future__ import annotations
 
@@ -19,7 +13,11 @@ from duobench.types import Side
 
 
 class CollisionGroup(IntFlag):
-    """Collision groups."""
+    """Members of a group do not collide with each other, but for objects; one bit each.
+
+    The joint ranges keep an arm's proximal links (up to the forearm) apart. Its distal part (wrist,
+    gripper, camera) collides with everything but itself, so also with its own forearm.
+    """
 
     LEFT_PROXIMAL = 1
     LEFT_DISTAL = 2
@@ -32,14 +30,10 @@ class CollisionGroup(IntFlag):
 _EVERYTHING = 63
 
 
-def proximal(side: Side) -> CollisionGroup:
-    """Links 0 to 5 of an arm."""
-    return CollisionGroup.LEFT_PROXIMAL if side is Side.LEFT else CollisionGroup.RIGHT_PROXIMAL
-
-
-def distal(side: Side) -> CollisionGroup:
-    """Links 6 and 7, gripper and wrist camera of an arm."""
-    return CollisionGroup.LEFT_DISTAL if side is Side.LEFT else CollisionGroup.RIGHT_DISTAL
+PROXIMAL = {Side.LEFT: CollisionGroup.LEFT_PROXIMAL, Side.RIGHT: CollisionGroup.RIGHT_PROXIMAL}
+"""Links 0 to 5 of an arm."""
+DISTAL = {Side.LEFT: CollisionGroup.LEFT_DISTAL, Side.RIGHT: CollisionGroup.RIGHT_DISTAL}
+"""Links 6 and 7, gripper and wrist camera of an arm."""
 
 
 def collide_as(geom: mujoco.MjsGeom, group: CollisionGroup) -> None:
@@ -111,15 +105,7 @@ def add_box(
     *,
     shadow: bool = True,
 ) -> mujoco.MjsGeom:
-    """Add a visible box without contacts.
-
-    Args:
-        body: What carries it.
-        pose: Its middle, in the frame of that body.
-        size: Full lengths of its edges in metres.
-        rgba: Its colour.
-        shadow: Whether it casts one.
-    """
+    """Add a visible box without contacts; the pose of its middle, and full lengths in metres."""
     geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=np.array(size) / 2,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +39,6 @@ TABLE_FRICTION = 0.8
 PEDESTAL_SIZE = (0.15, 0.15, 0.24)
 PEDESTAL_X = -0.08
 """Column under the mounting block: what an arm can hit; its edges and its middle, in metres."""
-
-SCENE_CENTRE = (0.4, 0.0, 0.1)
-SCENE_EXTENT = 1.4
-"""Centre and radius (metres) of what lights and shadows must cover; fixed, so that the image
-does not depend on a task's objects."""
 
 _BIRCH = (0.82, 0.74, 0.63, 1.0)
 _STEEL = (0.20, 0.21, 0.23, 1.0)
@@ -163,17 +160,14 @@ def _add_table(spec: mujoco.MjSpec) -> None:
     collide_as(top, CollisionGroup.FIXTURE)
     height = -FLOOR_Z - TABLE_THICKNESS
     legs_x, legs_y = (x0 + 0.06, x1 - 0.06), (y0 + 0.06, y1 - 0.06)
-    for leg_x in legs_x:
-        for leg_y in legs_y:
-            leg = SE3.at(leg_x, leg_y, FLOOR_Z + height / 2)
-            add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
+    for leg_x, leg_y in product(legs_x, legs_y):
+        leg = SE3.at(leg_x, leg_y, FLOOR_Z + height / 2)
+        add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
     rail = -TABLE_THICKNESS - 0.03
     for leg_y in legs_y:
-        at = SE3.at(x, leg_y, rail)
-        add_box(world, at, (length - 0.12, 0.04, 0.06), _STEEL, shadow=False)
+        add_box(world, SE3.at(x, leg_y, rail), (length - 0.12, 0.04, 0.06), _STEEL, shadow=False)
     for leg_x in legs_x:
-        at = SE3.at(leg_x, y, rail)
-        add_box(world, at, (0.04, width - 0.12, 0.06), _STEEL, shadow=False)
+        add_box(world, SE3.at(leg_x, y, rail), (0.04, width - 0.12, 0.06), _STEEL, shadow=False)
 
 
 def _add_mount(spec: mujoco.MjSpec) -> None:
@@ -206,16 +200,13 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
 
 
 def _add_lights(spec: mujoco.MjSpec) -> None:
-    """One light with a shadow, two soft fills without, and ambient light.
+    """One light with a shadow, and two soft fills without, beside the ambient light of the options.
 
     The light stands in front of the robot, so that the arms throw their shadows back on themselves
     and not on the objects. It stands straight ahead, because the slope of horizontal surfaces then
     follows one axis of the shadow map, and none is speckled by its own shadow. A level white
     surface has nine tenths of full brightness under the light, and a bit over half in its shadow.
     """
-    spec.visual.headlight.ambient = (0.43, 0.43, 0.44)
-    spec.visual.headlight.diffuse = (0.0, 0.0, 0.0)
-    spec.visual.headlight.specular = (0.0, 0.0, 0.0)
     for name, eye, colour, specular, shadow in (
         ("light", (1.55, 0.00, 2.30), (0.45, 0.44, 0.42), 0.22, True),
         ("window", (-0.8, -2.2, 1.6), (0.20, 0.21, 0.23), 0.0, False),

@@ -7,10 +7,9 @@ differs is changed in the scene that the engine makes anew for every image.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -20,7 +19,7 @@ from PIL import Image as Pillow
 from duobench.errors import AssetError, check_known
 from duobench.looks.clutter import Furniture, pieces
 from duobench.looks.colours import RGB, shifted
-from duobench.looks.look import EVERY_OBJECT, CameraOffset, Light, Look, Material
+from duobench.looks.look import EVERY_OBJECT, PARTS, CameraOffset, Light, Look, Material
 from duobench.looks.textures import texture
 from duobench.robot.workcell import ROOM_HEIGHT, ROOM_X, ROOM_Y, SHADOW_CENTRE, TABLE_X, TABLE_Y
 from duobench.scene.naming import FLOOR, TABLE
@@ -48,8 +47,7 @@ _SURFACES = {
 _WHITE = (1.0, 1.0, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class GeomMaterial:
+class GeomMaterial(NamedTuple):
     """What a geom looks like."""
 
     rgb: RGB | None
@@ -58,48 +56,19 @@ class GeomMaterial:
     """Number of its texture, or None for the model's."""
 
 
-@dataclass(kw_only=True, slots=True)
-class GeomMaterials:
-    """What differs from the model."""
-
-    by_geom: dict[int, GeomMaterial] = field(default_factory=dict)
-    """By geom id."""
-    textures: list[Texture] = field(default_factory=list)
-    """Flat ones (n, n, 3), and those of objects (6 n, n, 3): six faces, one below the other."""
-
-    def add(self, texels: Texture) -> int:
-        """Add a texture, and return its number."""
-        self.textures.append(texels)
-        return len(self.textures) - 1
-
-
-def resolve_materials(model: mujoco.MjModel, look: Look) -> GeomMaterials:
-    """Resolve the materials of a look against a model."""
-    materials = GeomMaterials()
-    colours = [(r, g, b) for r, g, b, _ in model.geom_rgba.tolist()]
-    _add_objects(materials, _objects(model), colours, look)
-    for part, geoms in _parts(model, colours):
-        material = look.parts.get(part)
-        if material is not None:
-            plain = material.texture is None and material.image is None
-            number = None if plain else materials.add(_part_texture(material, part, look.seed))
-            rgb = _WHITE if _hides_colour(material) else material.colour
-            materials.by_geom |= dict.fromkeys(geoms, GeomMaterial(rgb=rgb, texture=number))
-    return materials
-
-
 def _body(model: mujoco.MjModel, geom: int) -> str:
     return model.body(int(model.geom_bodyid[geom])).name
 
 
-def _parts(model: mujoco.MjModel, colours: list[RGB]) -> Iterator[tuple[str, list[int]]]:
-    """The parts of the workcell and their geoms."""
-    for part in (TABLE, FLOOR):
-        yield part, [model.geom(part).id]
-    for part, material in (("walls", "wall"), ("ceiling", "ceiling")):
-        yield part, np.flatnonzero(model.geom_matid == model.material(material).id).tolist()
-    white = [geom for geom, colour in enumerate(colours) if colour == _WHITE]
-    yield "robot", [geom for geom in white if _body(model, geom).partition("/")[0] in SIDES]
+def _geoms_of(model: mujoco.MjModel, part: str, colours: list[RGB]) -> list[int]:
+    """The geoms of a part of the workcell."""
+    if part in (TABLE, FLOOR):
+        return [model.geom(part).id]
+    if part == "robot":
+        white = [geom for geom, colour in enumerate(colours) if colour == _WHITE]
+        return [geom for geom in white if _body(model, geom).partition("/")[0] in SIDES]
+    material = model.material("wall" if part == "walls" else part).id
+    return np.flatnonzero(model.geom_matid == material).tolist()
 
 
 def _objects(model: mujoco.MjModel) -> dict[str, list[int]]:
@@ -110,27 +79,6 @@ def _objects(model: mujoco.MjModel) -> dict[str, list[int]]:
         if name not in ("world", TABLE, FLOOR) and name.partition("/")[0] not in SIDES:
             objects.setdefault(name, []).append(geom)
     return objects
-
-
-def _add_objects(
-    materials: GeomMaterials, objects: dict[str, list[int]], colours: list[RGB], look: Look
-) -> None:
-    """Give every visible geom of an object its colour and texture."""
-    for name in look.objects:
-        if name != EVERY_OBJECT:
-            check_known("object", name, objects)
-    numbers: dict[str, int | None] = {}
-    for name, geoms in objects.items():
-        keys = (name, name.partition("/")[0], EVERY_OBJECT)
-        key = next((key for key in keys if key in look.objects), "")
-        material = look.objects.get(key, Material())
-        if key not in numbers:
-            plain = material.texture is None and material.image is None
-            numbers[key] = None if plain else materials.add(_object_texture(material, look.seed))
-        for geom in geoms:
-            rgb = _object_colour(colours[geom], colours[geoms[0]], material, look)
-            if rgb != colours[geom] or numbers[key] is not None:
-                materials.by_geom[geom] = GeomMaterial(rgb=rgb, texture=numbers[key])
 
 
 def _hides_colour(material: Material) -> bool:
@@ -204,23 +152,56 @@ class Appearance:
 
     def __init__(self, model: mujoco.MjModel, look: Look) -> None:
         self.look = look
-        materials = resolve_materials(model, look)
-        self.textures = materials.textures
-        """What the materials after those of the model show; see `sim.offscreen.upload`."""
-        self._by_geom = materials.by_geom
+        self.textures: list[Texture] = []
+        """What the materials after those of the model show; see `sim.offscreen.upload`. Flat ones
+        (n, n, 3), and those of objects (6 n, n, 3): six faces, one below the other."""
+        self.by_geom: dict[int, GeomMaterial] = {}
+        """What differs from the model, by geom id."""
+        colours = [(r, g, b) for r, g, b, _ in model.geom_rgba.tolist()]
+        self._add_objects(_objects(model), colours)
+        for part in PARTS:
+            if material := look.parts.get(part):
+                number = self._add(material, part)
+                rgb = _WHITE if _hides_colour(material) else material.colour
+                geoms = _geoms_of(model, part, colours)
+                self.by_geom |= dict.fromkeys(geoms, GeomMaterial(rgb, number))
         self._pieces = [_as_geom(piece) for piece in pieces(look.clutter, look.seed)]
         self._first_material, self._first_texture = model.nmat, model.ntex
         self._cameras = {model.camera(name).id: offset for name, offset in look.cameras.items()}
         ambient = np.mean(model.vis.headlight.ambient)
         self._emission = None if look.ambient is None else float(np.mean(look.ambient) / ambient)
 
+    def _add_objects(self, objects: dict[str, list[int]], colours: list[RGB]) -> None:
+        """Give every visible geom of an object its colour and texture."""
+        look = self.look
+        for name in look.objects:
+            if name != EVERY_OBJECT:
+                check_known("object", name, objects)
+        numbers: dict[str, int | None] = {}
+        for name, geoms in objects.items():
+            keys = (name, name.partition("/")[0], EVERY_OBJECT)
+            key = next((key for key in keys if key in look.objects), "")
+            material = look.objects.get(key, Material())
+            if key not in numbers:
+                numbers[key] = self._add(material, None)
+            for geom in geoms:
+                rgb = _object_colour(colours[geom], colours[geoms[0]], material, look)
+                if rgb != colours[geom] or numbers[key] is not None:
+                    self.by_geom[geom] = GeomMaterial(rgb, numbers[key])
+
+    def _add(self, material: Material, part: str | None) -> int | None:
+        """Add what a material shows on a part of the workcell or an object; its number, if any."""
+        if material.texture is None and material.image is None:
+            return None
+        seed = self.look.seed
+        texels = _part_texture(material, part, seed) if part else _object_texture(material, seed)
+        self.textures.append(texels)
+        return len(self.textures) - 1
+
     def apply(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int) -> None:
         """Change a scene that the engine has just made, all but its shapes and where they are.
 
-        Args:
-            scene: The scene.
-            geoms: Its geoms, with room for the furniture.
-            camera: The camera that looks at it.
+        Its geoms have room for the furniture, and the camera is the one that looks at it.
         """
         if offset := self._cameras.get(camera):
             for lens in scene.camera:
@@ -230,7 +211,7 @@ class Appearance:
         if self.look.ambient is not None:
             scene.lights[0].ambient[:] = self.look.ambient
         for geom in geoms[: scene.ngeom]:
-            material = self._by_geom.get(geom.objid)
+            material = self.by_geom.get(geom.objid)
             if material is not None and material.rgb is not None:
                 geom.rgba[:3] = material.rgb
             if material is not None and material.texture is not None:

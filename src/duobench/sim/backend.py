@@ -85,9 +85,9 @@ class SimBackend:
         return self.simulation.duo.joint_velocities()
 
     def command(self, command: DuoCommand) -> DuoCommand:
-        """Advance one control step towards a command.
+        """Advance one control step towards a command, limited where the arms keep slower limits.
 
-        It is sent as it is, unless the arms are held or keep slower limits.
+        While the arms are held, they stay at the last one.
         """
         if self._held is not None:
             command = self.last_command
@@ -112,12 +112,11 @@ class SimBackend:
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
         """Render the current state; see `DuoBackend.images`."""
         start = time.perf_counter()
-        height, width = shape
         if shape not in self._renderers:
+            height, width = shape
             self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
         renderer = self._renderers[shape]
-        if renderer.look != self._look:
-            renderer.set_look(self._look)
+        renderer.set_look(self._look)
         images = renderer.render_all(self.simulation.data, cameras)
         self.rendering_s += time.perf_counter() - start
         return images

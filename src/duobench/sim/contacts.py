@@ -1,20 +1,20 @@
-"""Who touches whom: the only place that reads the engine's contact list.
+"""Who touches whom: the only place that reads the engine's contact list, once a control step.
 
 Every geom belongs to one owner: a finger (its pad and its own linkage), the rest of a gripper, the
-rest of an arm, or the body that carries it. One query a control step turns the contact list
-into the set of pairs of owners that touch; every question after that is a look-up.
+rest of an arm, or the body that carries it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from enum import StrEnum
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from duobench.errors import UnknownNameError
+from duobench.errors import check_known
 from duobench.scene.naming import gripper_name, pad_names
 from duobench.spatial import dot, length
 from duobench.types import SIDES, Side
@@ -67,20 +67,16 @@ def limb_owner(side: Side, limb: Limb) -> str:
     return f"{side}/{limb}"
 
 
-_FINGERS = {"left": Limb.LEFT_FINGER, "right": Limb.RIGHT_FINGER}
-"""Limb by the first word of the names of a finger's bodies within its gripper."""
-
-
 def _owner_of_body(name: str) -> str:
     for side in SIDES:
-        gripper = gripper_name(side)
-        for finger, limb in _FINGERS.items():
-            if name.startswith(f"{gripper}/{finger}_"):
+        for start, limb in (
+            (f"{gripper_name(side)}/left_", Limb.LEFT_FINGER),
+            (f"{gripper_name(side)}/right_", Limb.RIGHT_FINGER),
+            (f"{gripper_name(side)}/", Limb.PALM),
+            (f"{side}/", Limb.ARM),
+        ):
+            if name.startswith(start):
                 return limb_owner(side, limb)
-        if name.startswith(f"{gripper}/"):
-            return limb_owner(side, Limb.PALM)
-        if name.startswith(f"{side}/"):
-            return limb_owner(side, Limb.ARM)
     return name
 
 
@@ -163,21 +159,24 @@ class Contacts:
 
         The engine's normal tells where a contact pushes, and `MIN_LEVER` what turns nothing.
         """
-        limbs, row = self._limbs[side], self._row(owner)
-        owners, contact = self._owners, self._data.contact
+        contact = self._data.contact
+        return any(
+            sign * dot(contact.frame[number, :3], hinge.opening_at(contact.pos[number].tolist()))
+            >= MIN_LEVER
+            for number, sign in self._normals(self._limbs[side], self._row(owner))
+        )
+
+    def _normals(self, parts: list[int], row: int) -> Iterator[tuple[int, float]]:
+        """Contacts of parts of the robot with an owner, and the sign of the normal towards it."""
+        owners = self._owners
         for number, (first, second) in enumerate(self._pairs):
-            if owners[second] == row and owners[first] in limbs:
-                outwards = 1.0
-            elif owners[first] == row and owners[second] in limbs:
-                outwards = -1.0
-            else:
-                continue
             if self._distances[number] > 0.0:
                 continue
-            opening = hinge.opening_at(contact.pos[number].tolist())
-            if outwards * dot(contact.frame[number, :3], opening) >= MIN_LEVER:
-                return True
-        return False
+            # The engine's normal points from the first geom to the second.
+            if owners[second] == row and owners[first] in parts:
+                yield number, 1.0
+            elif owners[first] == row and owners[second] in parts:
+                yield number, -1.0
 
     def backs(self, side: Side, owner: str, hinge: HingeAxis, distance: float) -> bool:
         """Whether a gripper is on the side of an owner from which it would push it open.
@@ -226,24 +225,14 @@ class Contacts:
         left, right = self._pad_bodies[side]
         across = self._pad_centres[right] - self._pad_centres[left]
         across = (across / length(across)).tolist()
-        return self._presses(one, row, across, 1.0) and self._presses(other, row, across, -1.0)
-
-    def _presses(self, finger: int, row: int, across: list[float], sign: float) -> bool:
-        """Whether a contact of a finger with an owner points along a direction, or against it."""
-        owners, frames = self._owners, self._data.contact.frame
-        for number, (first, second) in enumerate(self._pairs):
-            # The engine's normal points from the first geom to the second.
-            if owners[first] == finger and owners[second] == row:
-                outwards = sign
-            elif owners[first] == row and owners[second] == finger:
-                outwards = -sign
-            else:
-                continue
-            if self._distances[number] > 0.0:
-                continue
-            if outwards * dot(frames[number, :3], across) > _MIN_PRESS_COSINE:
-                return True
-        return False
+        frames = self._data.contact.frame
+        return all(
+            any(
+                inwards * sign * dot(frames[number, :3], across) > _MIN_PRESS_COSINE
+                for number, sign in self._normals([finger], row)
+            )
+            for finger, inwards in ((one, 1.0), (other, -1.0))
+        )
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""
@@ -255,10 +244,8 @@ class Contacts:
         ]
 
     def _row(self, owner: str) -> int:
-        row = self._index.get(owner)
-        if row is None:
-            raise UnknownNameError("contact owner", owner, self._index)
-        return row
+        check_known("contact owner", owner, self._index)
+        return self._index[owner]
 
     def _touch(self, one: int, other: int) -> bool:
         low, high = (one, other) if one < other else (other, one)

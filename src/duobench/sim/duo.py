@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from duobench.backend import DuoLimits
 from duobench.errors import DuoBenchError, UnknownNameError
-from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.robot.joints import HOME_JOINTS, duo_limits
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
-from duobench.types import CONTROL_HZ, FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
+from duobench.types import OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
 
 _KINDS = {
     mujoco.mjtObj.mjOBJ_BODY: ("body", "nbody"),
@@ -39,19 +37,11 @@ def resolve(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
     return number
 
 
-def resolve_all(
-    model: mujoco.MjModel, kind: mujoco.mjtObj, names: Iterable[str]
-) -> NDArray[np.int64]:
-    """Ids of several named elements, in the order of the names."""
-    return np.array([resolve(model, kind, name) for name in names], dtype=np.int64)
-
-
 HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""
 
-_JOINTS = np.delete(np.arange(FLAT_SIZE), OPENING_SLOTS)
-"""Places of the arm joints in a flat command."""
 _OPENINGS = np.array(OPENING_SLOTS)
+_FRACTIONS = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
 
 
 class Duo:
@@ -59,30 +49,20 @@ class Duo:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         joint, site = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
-        joints = np.array([resolve_all(model, joint, arm_joint_names(side)) for side in SIDES])
+        joints = [[resolve(model, joint, name) for name in arm_joint_names(s)] for s in SIDES]
         fingers = [f"{gripper_name(s)}/{finger}_driver" for s in SIDES for finger in FINGERS]
-        drivers = resolve_all(model, joint, fingers)
+        drivers = [resolve(model, joint, name) for name in fingers]
         self.joints = model.jnt_qposadr[joints].astype(np.int64)
         """Addresses of the arm joints in qpos (2, 7)."""
         self._dofs = model.jnt_dofadr[joints].astype(np.int64)
         self._drivers = model.jnt_qposadr[drivers].astype(np.int64)
-        self._sites: list[int] = resolve_all(model, site, map(tcp_name, SIDES)).tolist()
-        actuators = _actuators(model)
+        self._sites = [resolve(model, site, tcp_name(side)) for side in SIDES]
         self._data = data
         # Views of the engine's memory; they live as long as its data.
-        self._qpos, self._ctrl = data.qpos, data.ctrl[actuators]
+        self._qpos, self._ctrl = data.qpos, data.ctrl[_actuators(model)]
         self._site_xpos, self._site_xmat = data.site_xpos, data.site_xmat
         self._quat = np.empty(4)
-        # Copying bytes costs a tenth of assigning arrays, and it is done in every substep.
-        self._rows = np.empty((SUBSTEPS, FLAT_SIZE))
-        self._row_bytes = [row.data.cast("B") for row in self._rows]
-        self._ctrl_bytes = self._ctrl.data.cast("B")
-        self._fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
-        low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
-        low[_JOINTS], high[_JOINTS] = model.jnt_range[joints.ravel()].T
-        max_change = np.full(FLAT_SIZE, np.inf)
-        max_change[_JOINTS] = np.tile(VELOCITY_LIMITS, len(SIDES)) / CONTROL_HZ
-        self.limits = DuoLimits(low=low, high=high, max_change=max_change)
+        self.limits = duo_limits()
         """Limits of the arms."""
 
     def interpolate(self, command: DuoCommand) -> Iterator[None]:
@@ -93,13 +73,10 @@ class Duo:
             exactly the command's, so that it can be read back and repeated.
         """
         start, end = self._ctrl, self._controls(command)
-        rows = self._rows
-        np.multiply(self._fractions, end - start, out=rows)
-        np.add(rows, start, out=rows)
+        rows = start + _FRACTIONS * (end - start)
         rows[-1] = end
-        target = self._ctrl_bytes
-        for row in self._row_bytes:
-            target[:] = row
+        for row in rows:
+            start[:] = row
             yield
 
     def set_configuration(self, command: DuoCommand) -> None:

@@ -35,11 +35,7 @@ class Layout:
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> Layout:
-        """From what `to_json` gave.
-
-        Raises:
-            LayoutError: A key is missing or a pose has not seven numbers.
-        """
+        """From what `to_json` gave."""
         try:
             poses = {name: SE3.from_tquat(values) for name, values in data["poses"].items()}
             return Layout(poses=poses, variants=dict(data.get("variants", {})))

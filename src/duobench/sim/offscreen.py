@@ -240,15 +240,11 @@ its first texture, so flat textures have even ones and those of objects odd ones
 
 
 def upload(model: mujoco.MjModel, context: mujoco.MjrContext, textures: Sequence[Texture]) -> None:
-    """Make textures the materials `model.nmat` and following of a context, in their order.
+    """Make textures the materials `model.nmat` and following of a model's context, in their order.
 
-    The engine uploads textures of models only. So they stand in a small model of their own, which
-    is never simulated, after as many as the rendered model has.
-
-    Args:
-        model: The model that the context was made of.
-        context: Current on this thread.
-        textures: Square ones (n, n, 3), or six squares below each other (6 n, n, 3).
+    They are square (n, n, 3), or six squares below each other (6 n, n, 3). The engine uploads
+    textures of models only. So they stand in a small model of their own, which is never simulated,
+    after as many as the rendered model has.
     """
     if not textures:
         return

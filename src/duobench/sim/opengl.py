@@ -1,9 +1,8 @@
 """Offscreen OpenGL: the choice of a library, its contexts, and a thread that owns one of them.
 
 A driver can be missing, crash its process or hang it for good, and a process that has loaded one
-library cannot turn to another. So child processes try the candidates under a time limit; only then
-does this process load the winner. All calls of one context run on one thread, which lets the caller
-stop waiting for a driver that does not come back.
+library cannot turn to another. So child processes try the candidates under a time limit, and all
+calls of one context run on one thread, which lets the caller stop waiting.
 """
 
 from __future__ import annotations
@@ -16,9 +15,8 @@ import queue
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
-from concurrent.futures import Future, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, TypeVar, cast
@@ -57,7 +55,6 @@ Set MUJOCO_GL to egl or osmesa to choose without a probe."""
 _AUTOMATIC = ("", "enable", "enabled", "on", "true", "1")
 _OFF = ("disable", "disabled", "off", "false", "0")
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
-_GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
 _log = logging.getLogger(__name__)
 _OPENING = threading.Lock()
 """Held while a context is made: MuJoCo keeps one display for all of a process's."""
@@ -79,21 +76,15 @@ class RenderingInfo:
 
 
 def choose(processes: int = 1) -> str:
-    """Find a backend that renders, and tell child processes about it.
+    """Find a backend that renders (what `MUJOCO_GL` says, or the best), and tell child processes.
 
     Call it before starting several processes that render, so that not each of them finds out for
     itself. No OpenGL is loaded into this process.
 
     `MUJOCO_GL` is used without a probe, and so is the choice of a parent process. Otherwise a
-    child process renders an image with each candidate, best first, until one succeeds. The first
-    process that finds only software rendering says so in the log.
-
-    Args:
-        processes: How many processes will render at the same time. With more than one, a graphics
-            card has to serve several children at once before it is chosen.
-
-    Returns:
-        One of `BACKENDS`, or what `MUJOCO_GL` says.
+    child process renders an image with each candidate, best first, until one succeeds. Where more
+    than one process will render at the same time, a graphics card has to serve several children at
+    once before it is chosen. The first process that finds only software rendering logs it.
     """
     name = os.environ.get(ASKED, "").lower().strip()
     if name in _OFF:
@@ -133,54 +124,40 @@ def choose(processes: int = 1) -> str:
 
 
 def probe(backend: str, *, processes: int = 1, seconds: float = 0.0) -> RenderingInfo | str:
-    """Let child processes render with a backend.
+    """Let some child processes render with a backend at the same time.
 
-    Args:
-        backend: One of `BACKENDS`.
-        processes: How many children render at the same time.
-        seconds: How long each goes on rendering after its first image.
-
-    Returns:
-        What rendered, or, where any child failed, the reason.
+    Each goes on rendering for some seconds after its first image. Returns what rendered, or, where
+    any child failed, the reason.
     """
     call = f"import sys; sys.path[:] = {sys.path!r}; from duobench.sim import offscreen; "
     call += f"offscreen.answer({backend!r}, {seconds!r})"
     # With rendering switched off, MuJoCo itself opens no library; `answer` opens the one to try.
     environment = {**os.environ, ASKED: _OFF[0], "PYOPENGL_PLATFORM": backend}
-    children: list[subprocess.Popen[str]] = []
-    try:
-        for _ in range(processes):
-            child = subprocess.Popen(
-                [sys.executable, "-c", call],
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                text=True,
-            )
-            children.append(child)
-    except OSError as error:
-        for child in children:
-            child.kill()
-            child.communicate()
-        return f"no child process could be started to try it: {error}"
-    deadline = time.monotonic() + PROBE_TIMEOUT_S
-    outcomes = [_outcome(child, deadline) for child in children]
+    with ThreadPoolExecutor(processes) as pool:
+        outcomes = list(pool.map(_outcome, [call] * processes, [environment] * processes))
     failures = [outcome for outcome in outcomes if isinstance(outcome, str)]
     return failures[0] if failures else outcomes[0]
 
 
-def _outcome(child: subprocess.Popen[str], deadline: float) -> RenderingInfo | str:
-    with child:
-        try:
-            answer, errors = child.communicate(timeout=max(0.0, deadline - time.monotonic()))
-        except subprocess.TimeoutExpired:
-            child.kill()
-            return f"no image within {PROBE_TIMEOUT_S:g} s; the driver hangs"
-    lines = answer.splitlines()
+def _outcome(call: str, environment: dict[str, str]) -> RenderingInfo | str:
+    try:
+        child = subprocess.run(
+            [sys.executable, "-c", call],
+            check=False,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=PROBE_TIMEOUT_S,
+        )
+    except OSError as error:
+        return f"no child process could be started to try it: {error}"
+    except subprocess.TimeoutExpired:
+        return f"no image within {PROBE_TIMEOUT_S:g} s; the driver hangs"
+    lines = child.stdout.splitlines()
     if child.returncode == 0 and lines:
         return RenderingInfo(**json.loads(lines[-1]))
-    words = [line.strip() for line in errors.splitlines() if line.strip()]
+    words = [line.strip() for line in child.stderr.splitlines() if line.strip()]
     return words[-1] if words else f"the process ended with status {child.returncode}"
 
 
@@ -234,7 +211,7 @@ def info_of(backend: str) -> RenderingInfo:
     read = cast(Callable[[int], Any], GL_1_0.glGetString)
     vendor, renderer, version = (
         (ctypes.cast(read(number), ctypes.c_char_p).value or b"unknown").decode()
-        for number in (_GL_VENDOR, _GL_RENDERER, _GL_VERSION)
+        for number in (GL_1_0.GL_VENDOR, GL_1_0.GL_RENDERER, GL_1_0.GL_VERSION)
     )
     software = backend == "osmesa" or any(name in renderer.lower() for name in _SOFTWARE)
     return RenderingInfo(

@@ -35,8 +35,7 @@ def problems(simulation: Simulation, layout: Layout) -> list[str]:
         if any(owner.startswith(f"{side}/") for owner in touching for side in SIDES):
             faults.append(f"{name} touches the robot at home")
         x, y, _ = layout.poses[name].translation
-        reachable = REACH_X[0] <= x <= REACH_X[1] and REACH_Y[0] <= y <= REACH_Y[1]
-        if not reachable:
+        if not (REACH_X[0] <= x <= REACH_X[1] and REACH_Y[0] <= y <= REACH_Y[1]):
             faults.append(f"{name} is out of reach at ({x:.3f}, {y:.3f})")
         if simulation.min_height(name) < -MAX_OVERLAP:
             faults.append(f"{name} is below the table top")
@@ -50,8 +49,7 @@ def first_valid(simulation: Simulation, candidates: Iterator[Layout], task: str)
     """
     faults: list[str] = []
     tried = 0
-    for layout in islice(candidates, MAX_SAMPLES):
-        tried += 1
+    for tried, layout in enumerate(islice(candidates, MAX_SAMPLES), 1):  # noqa: B007 - told below
         faults = problems(simulation, layout)
         if not faults:
             return layout

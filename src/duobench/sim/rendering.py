@@ -49,7 +49,7 @@ class Renderer:
         samples: Images that are averaged into one, each with the camera moved by a part of
             a pixel and the light by a part of its size. One is what policies see; with 4 or
             more, edges are smooth and shadows soft, for people.
-        look: How it looks; see `set_look`.
+        look: How it looks; `Look()` is the scene as it was composed.
     """
 
     def __init__(
@@ -71,6 +71,7 @@ class Renderer:
         self._closed = False
         self._open: tuple[RenderThread, OffscreenRenderer] | None = None
         self._free: weakref.finalize[Any, Any] | None = None
+        self._look, self._appearance = Look(), None
         self.set_look(look or Look())
 
     @property
@@ -79,38 +80,28 @@ class Renderer:
         return self._look
 
     def set_look(self, look: Look) -> None:
-        """Render in another look from the next image on; the model stays as it is.
-
-        Args:
-            look: The look; `Look()` is the scene as it was composed.
-        """
-        self._appearance = None if look == Look() else Appearance(self._model, look)
-        self._look = look
+        """Render in another look from the next image on; the model stays as it is."""
+        if look != self._look:
+            self._appearance = None if look == Look() else Appearance(self._model, look)
+            self._look = look
 
     def render(self, data: mujoco.MjData, camera: str) -> Image:
         """Render one image, a new array (height, width, 3), from one camera; see `render_all`."""
         return self.render_all(data, (camera,))[camera]
 
     def render_all(self, data: mujoco.MjData, cameras: Iterable[str]) -> dict[str, Image]:
-        """Render one image of the same state from each of several cameras.
+        """Render one image of the same state from each of several cameras of the model.
 
-        Faster than one call for each: the shadows are computed once.
-
-        Args:
-            data: State of the model, with up-to-date kinematics.
-            cameras: Names of cameras of the model.
-
-        Returns:
-            New arrays (height, width, 3) by camera, red green blue, top row first.
+        Faster than one call for each: the shadows are computed once. The images of the state, whose
+        kinematics are up to date, are new arrays (height, width, 3), red green blue, top row first.
         """
         numbers = {name: self._number(name) for name in cameras}
         return self._run(lambda offscreen: offscreen.render(data, numbers))
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
-        """Render which geom each pixel shows; a look's furniture is no geom, and is not in the way.
+        """Ids of the geoms (height, width) that the pixels show, -1 where there is nothing.
 
-        Returns:
-            A new array (height, width) of geom ids, -1 where there is nothing.
+        A look's furniture is no geom, and is not in the way.
         """
         number = self._number(camera)
         return self._run(lambda offscreen: offscreen.segment(data, number))

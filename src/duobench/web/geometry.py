@@ -26,7 +26,7 @@ from duobench.looks.clutter import pieces
 from duobench.looks.look import Look
 from duobench.scene.naming import FLOOR
 from duobench.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
-from duobench.sim.appearance import GeomMaterials, resolve_materials
+from duobench.sim.appearance import Appearance
 from duobench.spatial import SE3, matrix_from_wxyz
 from duobench.types import Array
 from duobench.web.shading import (
@@ -114,7 +114,7 @@ class Geometry:
         self._ids = np.array(self.bodies, dtype=np.int64)
         look = look or Look()
         numbers = {0: 0} | {body: n for n, body in enumerate(self.bodies, start=1)}
-        materials = GeomMaterials() if look == Look() else resolve_materials(model, look)
+        materials = Appearance(model, look)
         surfaces = [
             _surface(model, geom, numbers[root], pose, materials, look)
             for geom, (root, pose) in carriers.items()
@@ -166,7 +166,7 @@ def _surface(
     geom: int,
     body: int,
     carrier_from_body: SE3,
-    materials: GeomMaterials,
+    materials: Appearance,
     look: Look,
 ) -> _Surface:
     body_from_geom = _pose(model.geom_pos[geom], model.geom_quat[geom])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from duobench.looks.look import Light, Look
 from duobench.robot.cameras import OVERVIEW, OVERVIEW_VIEW
 from duobench.robot.workcell import SHADOW_CENTRE
-from duobench.sim.appearance import GeomMaterials, Texture
+from duobench.sim.appearance import Appearance, Texture
 from duobench.spatial import matrix_from_wxyz
 from duobench.types import Array
 
@@ -95,7 +95,7 @@ def _rounded(values: Array) -> list[float]:
     return [round(float(value), _DIGITS) for value in values]
 
 
-def texels_of(model: mujoco.MjModel, geom: int, materials: GeomMaterials) -> Texture | None:
+def texels_of(model: mujoco.MjModel, geom: int, materials: Appearance) -> Texture | None:
     """The texture (height, width, 3) of a geom, if it has one."""
     changed = materials.by_geom.get(geom)
     if changed is not None and changed.texture is not None:
@@ -120,7 +120,7 @@ def colours_of(
     model: mujoco.MjModel,
     geom: int,
     points: Array,
-    materials: GeomMaterials,
+    materials: Appearance,
     texels: Texture | None,
 ) -> Array:
     """Colours (n, 3) of a geom at points (n, 3) in its frame.
