@@ -1,7 +1,5 @@
 """What an environment needs of two arms, simulated or real: commands in, state and images out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol

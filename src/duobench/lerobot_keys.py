@@ -1,7 +1,5 @@
 """What LeRobot calls things: columns of a data set, and where a training puts its checkpoint."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

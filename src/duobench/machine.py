@@ -4,8 +4,6 @@ The name of this package on the index is not that of the import: `duobench` ther
 the authors of the paper.
 """
 
-from __future__ import annotations
-
 import ipaddress
 import os
 import sys

@@ -6,8 +6,6 @@ told in it of (task, suite version, split, seed). Hashing makes neighbouring num
 keeps the result independent of the process, the platform and of what ran before.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A WebSocket server in a thread of its own, so that who computes never waits for a client."""
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import threading

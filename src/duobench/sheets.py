@@ -4,8 +4,6 @@ Lengths are millimetres from the lower left corner of a sheet. Nothing depends o
 user's settings of matplotlib: the same sheets give the same bytes in every process.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Iterable, Sequence
 from enum import StrEnum

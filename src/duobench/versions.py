@@ -1,7 +1,5 @@
 """The version of this package, and those of what a score depends on, of which nothing is loaded."""
 
-from __future__ import annotations
-
 import platform
 import re
 from collections.abc import Mapping

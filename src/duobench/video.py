@@ -1,7 +1,5 @@
 """The encoder of videos, frame by frame, into a file or into memory."""
 
-from __future__ import annotations
-
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,7 +1,5 @@
 """The command line, `duobench <verb>`: thin, one file a verb, loaded when it is needed."""
 
-from __future__ import annotations
-
 import io
 import os
 import sys

@@ -1,7 +1,5 @@
 """All verbs, and how their arguments are read."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Mapping, Sequence
 

@@ -4,8 +4,6 @@ Files are copied as they are, with the videos beside them. What cannot be done i
 the first copy, and what was interrupted goes on when it is called again.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import ExitStack

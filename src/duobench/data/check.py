@@ -1,7 +1,5 @@
 """What is wrong with a data set: every file is read to its end, every claim in it checked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace

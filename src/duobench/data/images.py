@@ -1,7 +1,5 @@
 """Images of recorded states, and the numbers of their objects."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The page of a data set: what it adds up to, with images, in one file that works offline."""
 
-from __future__ import annotations
-
 import base64
 import io
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Jobs that processes do side by side; whoever starts them ends them, however it ends itself."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections import deque

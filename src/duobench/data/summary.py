@@ -1,7 +1,5 @@
 """What a data set adds up to: lengths, success, time a stage, actions and speeds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from statistics import median

@@ -4,8 +4,6 @@ A video is written fragment by fragment, so that what a killed process leaves ca
 last whole frames.
 """
 
-from __future__ import annotations
-
 import hashlib
 import threading
 import time

@@ -1,7 +1,5 @@
 """Images of recorded videos, as the simulation's cameras would have seen the same."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ quaternions they have one form for each rotation and no jumps, so that the mean 
 something [Zhou et al. 2019].
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType

@@ -3,8 +3,6 @@
 A further mode is one entry of `ACTION_MODES` and the wrapper that takes its actions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType

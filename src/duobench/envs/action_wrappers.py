@@ -1,7 +1,5 @@
 """What else an action may be: binary grippers, displacements, tool poses, chunks of several."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

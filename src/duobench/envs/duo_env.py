@@ -4,8 +4,6 @@ What makes it a benchmark task is wrapped around it: random resets, stages, a ti
 modes, action chunks, cameras. Each wrapper works on its own; `envs.protocol` puts them together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, SupportsFloat
 

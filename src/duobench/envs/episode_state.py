@@ -1,7 +1,5 @@
 """The whole state of a running episode, as one value."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import asdict, dataclass

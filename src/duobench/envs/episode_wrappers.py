@@ -1,7 +1,5 @@
 """How an episode begins, is judged, and ends: random resets, stages, the horizon."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, Protocol
 

@@ -1,7 +1,5 @@
 """How chunks of actions are executed, and the loop that does it, one control step each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any

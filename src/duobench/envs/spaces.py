@@ -3,8 +3,6 @@
 All arrays that cross the public surface are float32, as in data sets and policies of the field.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

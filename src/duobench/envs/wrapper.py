@@ -1,7 +1,5 @@
 """What every wrapper of this package has in common."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import gymnasium as gym

@@ -1,7 +1,5 @@
 """Time of an episode: how long it runs and its policy is busy, and what it is spent on."""
 
-from __future__ import annotations
-
 import mmap
 import time
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Playing episodes: one environment, one policy, one task at a time; nothing is written here."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable, Iterator

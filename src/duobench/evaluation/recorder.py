@@ -1,7 +1,5 @@
 """The watcher that makes the record of an episode."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The rollout loop: one policy, one environment, one episode, and whoever watches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from functools import partial

@@ -1,7 +1,5 @@
 """Objects in the hand: picked up, carried, put down; the second half of the experts' vocabulary."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

@@ -4,8 +4,6 @@ The bar's long axis is the x axis of its body. While it is handed over, the bar 
 in one upright plane across the table, so that both grippers clasp the same two faces of the bar.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -10,8 +10,6 @@ name of the variety) alone. How much a motion differs is scaled by its freedom, 
 with the speed that the script chose: what a script does slowly, it does precisely.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ It says how far a printer is off. Each socket has as many dimples as its number;
 middle one as its recipe says needs no correction.
 """
 
-from __future__ import annotations
-
 import math
 
 from duobench.fabrication.parts import PrintedPart, PrintJob, upright

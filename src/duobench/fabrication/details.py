@@ -4,8 +4,6 @@ Sizes are those that the objects are made with, so that a recipe asks for what i
 said in words stands in `recipes.toml`.
 """
 
-from __future__ import annotations
-
 import math
 import string
 from collections.abc import Iterable, Iterator, Mapping

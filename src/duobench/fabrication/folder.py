@@ -1,7 +1,5 @@
 """A folder with everything that printing needs: the same choice gives the same bytes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

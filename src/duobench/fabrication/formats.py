@@ -6,8 +6,6 @@ not compressed, and its dates are fixed: the same parts give the same bytes, wha
 zlib there is.
 """
 
-from __future__ import annotations
-
 import io
 import stat
 import zipfile

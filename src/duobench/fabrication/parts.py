@@ -1,7 +1,5 @@
 """The parts that a task's objects are printed in, and how they lie on the printer's beds."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

@@ -3,8 +3,6 @@
 Filament and time are estimates from the volume, `MATERIAL_PER_SECOND` says how.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

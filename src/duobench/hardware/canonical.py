@@ -5,8 +5,6 @@ Every real image is remapped once to the pinhole of the simulation's camera (740
 of a camera is not changed: where it really is stands in its calibration.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pictures

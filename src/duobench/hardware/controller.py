@@ -1,7 +1,5 @@
 """Both arms and grippers as one thing that is engaged, led and held."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Two real arms with grippers and cameras as a `DuoBackend`: commands in, motion out."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Mapping, Sequence

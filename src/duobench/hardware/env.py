@@ -1,7 +1,5 @@
 """The environment of real arms: the spaces and wrappers of the simulated one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -5,8 +5,6 @@ reflex. A follower leads a reference towards the targets, linearly over the cont
 simulation does, within limits of position, speed and acceleration.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

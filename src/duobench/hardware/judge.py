@@ -4,8 +4,6 @@ The rule is that of the paper: the highest stage that was declared counts, and n
 it fall. What was declared by mistake is taken back; both stay in the log.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass

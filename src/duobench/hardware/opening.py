@@ -1,7 +1,5 @@
 """From a rig's file to a rig: each device by the driver that the file names."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

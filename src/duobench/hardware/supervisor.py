@@ -4,8 +4,6 @@ Nothing moves before the operator confirmed that the arms are free to. A hold ta
 back; after a fault only the operator recovers the arms.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from enum import StrEnum

@@ -5,8 +5,6 @@ gone is noticed only because its readings grow old. So everything is asked a hun
 whether or not commands come.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Mapping
 

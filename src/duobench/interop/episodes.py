@@ -3,8 +3,6 @@
 They are the episodes of the evaluation: the same seeds, horizons, stages and success.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

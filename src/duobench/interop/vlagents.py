@@ -1,7 +1,5 @@
 """An agent at a server of VLAgents 0.3 as a policy, for `duobench serve --policy`."""
 
-from __future__ import annotations
-
 from importlib.metadata import PackageNotFoundError, version
 
 from duobench.errors import DuoBenchError

@@ -1,7 +1,5 @@
 """Looks by name: a few that are worth an evaluation of their own, and any number at random."""
 
-from __future__ import annotations
-
 import colorsys
 import math
 import re

@@ -1,7 +1,5 @@
 """Furniture along the walls of the room: visible, out of reach, and no part of the model."""
 
-from __future__ import annotations
-
 import colorsys
 from dataclasses import dataclass
 

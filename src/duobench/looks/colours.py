@@ -1,7 +1,5 @@
 """Colours by the names that an instruction would use, and shifts that keep the name."""
 
-from __future__ import annotations
-
 import colorsys
 from collections.abc import Sequence
 

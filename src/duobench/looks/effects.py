@@ -1,7 +1,5 @@
 """What happens to an image after it was rendered: blur, exposure, noise."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from functools import lru_cache

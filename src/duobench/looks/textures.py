@@ -1,7 +1,5 @@
 """Procedural textures: brightness patterns, seeded, nothing is read from anywhere."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

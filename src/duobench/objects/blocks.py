@@ -1,7 +1,5 @@
 """Cubes and blocks."""
 
-from __future__ import annotations
-
 from duobench.objects.shapes import Colour, box
 from duobench.objects.solid import Solid
 

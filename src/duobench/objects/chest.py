@@ -6,8 +6,6 @@ on the hinge's axis, so that the shut lid reaches towards -x; the hinge turns ab
 Two posts behind the hinge stop the lid short of upright, so that its weight always has a lever.
 """
 
-from __future__ import annotations
-
 import math
 
 from duobench.objects.prop import Hinge, Part, Prop

@@ -1,7 +1,5 @@
 """An eight-sided cup, and marbles to fill it."""
 
-from __future__ import annotations
-
 import math
 
 from duobench.objects.shapes import Colour, prism, ring_wall, sphere

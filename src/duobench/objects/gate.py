@@ -1,7 +1,5 @@
 """An upright octagonal ring on a stand that is screwed to the table, and the mat beside it."""
 
-from __future__ import annotations
-
 import math
 
 from duobench.objects.blocks import block

@@ -1,7 +1,5 @@
 """A hexagonal peg, and a board with three holes of which one takes it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Bars that plug into each other and onto a wall, along x."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

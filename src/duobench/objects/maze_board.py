@@ -5,8 +5,6 @@ has a shape for every place of a wall, and an image for every colour of a corner
 chosen without building the model again; `printable_board` has the walls of one maze only.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from itertools import product

@@ -5,8 +5,6 @@ frame is on the hinge's axis at the oven's front, so that the shut door reaches 
 hinge turns about -z to open.
 """
 
-from __future__ import annotations
-
 from duobench.objects.prop import Hinge, Part, Prop
 from duobench.objects.shapes import box, cylinder
 from duobench.objects.solid import Solid, images_of

@@ -6,8 +6,6 @@ gripper that holds an end of a handle at a slant, palm against the wall, can car
 level (a search found it): that two arms carry it is up to the task's stages.
 """
 
-from __future__ import annotations
-
 import math
 
 from duobench.objects.prop import Part, Prop

@@ -1,7 +1,5 @@
 """A prop: what a task puts on the table, as a small tree of rigid parts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar

@@ -1,7 +1,5 @@
 """Convex building blocks, given by full sizes in metres and a pose in their solid's frame."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace

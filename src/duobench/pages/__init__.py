@@ -1,7 +1,5 @@
 """Pages for people: HTML from templates that share one style and load nothing from elsewhere."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Policies that know nothing: the floor that every score stands on."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Policies that answer many episodes at a time: the state of an episode is not in the policy."""
 
-from __future__ import annotations
-
 import copy
 import random
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The loop that owns a model: it takes the observations that wait, and answers them together."""
 
-from __future__ import annotations
-
 import logging
 import threading
 import time

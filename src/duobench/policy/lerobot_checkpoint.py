@@ -1,7 +1,5 @@
 """A checkpoint of LeRobot: its name, its files, and what it sees and controls; without torch."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import json

@@ -3,8 +3,6 @@
 What a bundle is found to be is kept by its checksum, so that only new ones are played again.
 """
 
-from __future__ import annotations
-
 import hashlib
 import platform
 from collections import Counter

@@ -1,7 +1,5 @@
 """Playing what was recorded again, records of a run and recordings: the one loop, and its users."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing

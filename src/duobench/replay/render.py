@@ -1,7 +1,5 @@
 """Videos and replays in 3D of episodes that are finished: their targets are played again."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import closing

@@ -1,7 +1,5 @@
 """An episode as a page shows it: where everything was after each control step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import gymnasium as gym

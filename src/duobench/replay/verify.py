@@ -5,8 +5,6 @@ name, versions, the text of an error) is covered by the checksum of the record, 
 file was changed, not that somebody computed a new one.
 """
 
-from __future__ import annotations
-
 import operator
 from collections.abc import Callable, Mapping
 from contextlib import closing

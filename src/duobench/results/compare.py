@@ -4,8 +4,6 @@ No file written here depends on a clock, a folder or an order of records: the sa
 order give the same bytes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 from pathlib import Path

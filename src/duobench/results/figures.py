@@ -6,8 +6,6 @@ success is blue, which no common form of colour blindness mixes up with either e
 Wherever the colours appear, the stage's number does too.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import re

@@ -5,8 +5,6 @@ of two machines are merged by copying one into the other. Every record names the
 run (`run.json`, the same for all writers) by its hash; records of two runs are refused.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from abc import ABC, abstractmethod

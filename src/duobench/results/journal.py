@@ -4,8 +4,6 @@ A line says that an episode begins, before it does, and another one how it ended
 took. No result depends on it, and no record holds a time of the clock.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections import Counter

@@ -3,8 +3,6 @@
 The pages load nothing, and are the same bytes for the same bundles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path

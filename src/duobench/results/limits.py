@@ -1,7 +1,5 @@
 """Time limits: how long a policy may take for one answer, and for one episode."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from duobench.errors import EvaluationError

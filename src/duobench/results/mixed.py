@@ -4,8 +4,6 @@ It is a table of runs, not a test: runs in simulation and on real arms are diffe
 their intervals say how little few rollouts tell.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

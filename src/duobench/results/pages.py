@@ -1,7 +1,5 @@
 """What pages of results are made of: facts about a run, its videos and replays, their writer."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

@@ -1,7 +1,5 @@
 """Two runs against each other: which episodes are the same, and every test, row by row."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

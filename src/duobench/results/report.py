@@ -4,8 +4,6 @@ No file written here depends on a clock, a folder or an order: the same records 
 same bytes. The one exception is the block of times on a page, which is about nothing else.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What policies reach under shifts: one page, its figure, and a JSON file."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

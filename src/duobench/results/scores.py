@@ -3,8 +3,6 @@
 The quantities are those of the paper, computed from records alone, in whatever order they come.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

@@ -8,8 +8,6 @@ played. P-values are two-sided; intervals are a lower and an upper end of the fi
 rate minus the second one's.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from importlib import import_module

@@ -5,8 +5,6 @@ when anything that it fixes changes. What an episode of a task is belongs to the
 `duobench.randomness.SUITE_VERSION`.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

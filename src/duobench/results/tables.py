@@ -1,7 +1,5 @@
 """Tables: numbers as text, and the paper's table for a page, a spreadsheet, a paper, a program."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Iterable, Sequence

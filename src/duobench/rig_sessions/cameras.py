@@ -3,8 +3,6 @@
 Images are encoded in threads of their own, so that no control step waits for it.
 """
 
-from __future__ import annotations
-
 import io
 import logging
 import math

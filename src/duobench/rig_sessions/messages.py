@@ -1,7 +1,5 @@
 """What an operator says during a session at a rig, on a page or at a terminal."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import msgspec

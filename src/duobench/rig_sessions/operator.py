@@ -1,7 +1,5 @@
 """The operator at a terminal: what is said, what is asked, and keys that count at once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Protocol

@@ -1,7 +1,5 @@
 """A policy on the arms, one episode at a time, and how an episode ended."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

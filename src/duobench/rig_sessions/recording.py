@@ -4,8 +4,6 @@ Nothing moves without a key. A recorded episode is a policy too: what was sent t
 sent again, more slowly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path

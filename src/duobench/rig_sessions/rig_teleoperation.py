@@ -6,8 +6,6 @@ the simulation with open grippers; what is really on the table the images of the
 see `cameras.CameraFeed`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast

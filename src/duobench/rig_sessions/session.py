@@ -5,8 +5,6 @@ stages are judged and a hold holds there at once; all else waits until `run` ask
 operator sees is a view: a page, or a terminal.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager

@@ -3,8 +3,6 @@
 Messages arrive in the server's thread; a page that gives no sign while arms may move holds them.
 """
 
-from __future__ import annotations
-
 import queue
 import time
 from collections.abc import Mapping

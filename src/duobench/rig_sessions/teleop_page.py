@@ -3,8 +3,6 @@
 Thirty control steps a second, or one for each message.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

@@ -3,8 +3,6 @@
 The environment judges, and says when the task is solved.
 """
 
-from __future__ import annotations
-
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, cast

@@ -4,8 +4,6 @@ Every press is written down at once, and a trial that counts becomes a record li
 episode in simulation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What came of an evaluation on real arms: a report each, a comparison, one page."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ A camera is given by its intrinsics, so an image of any size shows the whole nat
 it equals the native 1280x720 image resized to that size.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

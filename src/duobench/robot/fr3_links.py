@@ -5,8 +5,6 @@ Kinematics, inertias, armature and friction are those of MuJoCo Menagerie's `fra
 Menagerie publishes for position control.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 BLACK = (0.2, 0.2, 0.2, 1.0)

@@ -4,8 +4,6 @@ The table frame is the world frame: origin under the duo mount on the table top,
 robot, y to its left, z up. The simulated robot is built from the same numbers, so both agree.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The joints of one arm and of both: ranges, speeds, home, and the limits of an environment."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

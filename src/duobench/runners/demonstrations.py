@@ -4,8 +4,6 @@ Which episodes those are does not depend on the number of workers or on interrup
 ones, by index, that succeed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass

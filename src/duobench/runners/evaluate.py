@@ -4,8 +4,6 @@ Whatever plays, this process alone writes what it plays. Other processes may wri
 the same run into the same folder.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence, Set
 from contextlib import closing
 from itertools import chain

@@ -3,8 +3,6 @@
 The latter may hang or die without harm, and have simulators apart from policies.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress

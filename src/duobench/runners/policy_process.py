@@ -1,7 +1,5 @@
 """The process of a policy: it answers observations, and has no simulator to look into."""
 
-from __future__ import annotations
-
 import secrets
 import threading
 from functools import partial

@@ -1,7 +1,5 @@
 """The processes that do a job: simulators in workers, and policies beside them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace

@@ -6,8 +6,6 @@ ends its group itself when its parent is gone, so that what a policy has started
 (unless that has left the group, as a daemon does).
 """
 
-from __future__ import annotations
-
 import atexit
 import json
 import os

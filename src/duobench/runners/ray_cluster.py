@@ -4,8 +4,6 @@ Each is beside an actor. One that is lost, with its actor or its whole node, los
 playing, which is played again. No disk is shared.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import logging
 import os

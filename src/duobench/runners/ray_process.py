@@ -4,8 +4,6 @@ The actor itself neither simulates nor holds a policy: these are in processes of
 are without Ray, which end with the actor, however it ends.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import select

@@ -1,7 +1,5 @@
 """Which episode is played next, and which are not played any more."""
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Iterable
 

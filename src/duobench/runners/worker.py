@@ -1,7 +1,5 @@
 """A worker: a process with a simulator, which plays episodes; and what it and its parent say."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import msgspec

@@ -1,7 +1,5 @@
 """The FR3 Duo: two arms of the published numbers of `robot.fr3_links`, grippers and cameras."""
 
-from __future__ import annotations
-
 import mujoco
 
 from duobench.robot.fr3_links import LINKS, WHITE, Joint

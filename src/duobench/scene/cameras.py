@@ -1,7 +1,5 @@
 """The cameras in the scene, and the housings that others see."""
 
-from __future__ import annotations
-
 import mujoco
 
 from duobench.robot.cameras import (

@@ -1,7 +1,5 @@
 """Compose the whole model: options, workcell, robot, cameras, and a task's props."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import manifold3d

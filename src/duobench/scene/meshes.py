@@ -1,7 +1,5 @@
 """Meshes of the scene: the robot's, and visual ones whose curves look round and edges sharp."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import io

@@ -1,7 +1,5 @@
 """Names inside the compiled model, in one place: `left/joint1`, `right/tcp`, `chest/lid`."""
 
-from __future__ import annotations
-
 from duobench.types import ARM_JOINTS, Side
 
 TABLE = "table"

@@ -6,8 +6,6 @@ and the fingers open along x; it is mounted turned by +90 degrees, so that they 
 tool's y.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Surfaces: who collides with whom, how hard and how rough they are, and boxes without contacts."""
 
-from __future__ import annotations
-
 from enum import IntFlag
 
 import mujoco

@@ -1,7 +1,5 @@
 """The workcell around the robot: table, pedestal, mount, camera post, room and lights."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import mujoco

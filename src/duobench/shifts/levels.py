@@ -4,8 +4,6 @@ Levels of layout, physics and latency are those at which scripted experts still 
 docs/robustness.md. An entry 0 of each row is no shift.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

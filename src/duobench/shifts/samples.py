@@ -4,8 +4,6 @@ The level scales what is sampled and is no part of what it is sampled from. So t
 are the same episodes, shifted less or more in the same direction.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

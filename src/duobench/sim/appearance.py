@@ -4,8 +4,6 @@ The model is not written to, so its physics and the images without a look stay w
 differs is changed in the scene that the engine makes anew for every image.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The simulated robot behind the same interface as the real one."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 

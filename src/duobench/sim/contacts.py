@@ -4,8 +4,6 @@ Every geom belongs to one owner: a finger (its pad and its own linkage), the res
 rest of an arm, or the body that carries it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from enum import StrEnum

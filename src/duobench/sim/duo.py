@@ -1,7 +1,5 @@
 """The two arms in simulation: commands in, state out; and names to ids, once, when it is built."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import mujoco

@@ -1,7 +1,5 @@
 """Rendering with MuJoCo: what belongs to the OpenGL thread of a `Renderer`."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

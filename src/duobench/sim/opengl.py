@@ -5,8 +5,6 @@ library cannot turn to another. So child processes try the candidates under a ti
 calls of one context run on one thread, which lets the caller stop waiting.
 """
 
-from __future__ import annotations
-
 import ctypes
 import json
 import logging

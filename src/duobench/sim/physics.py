@@ -1,7 +1,5 @@
 """Other physics in a compiled model."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import mujoco

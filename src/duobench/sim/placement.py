@@ -1,7 +1,5 @@
 """Checks of layouts against the real geometry: overlaps, reach, the robot at home."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import islice
 

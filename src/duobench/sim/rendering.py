@@ -5,8 +5,6 @@ does. An image shows the whole field of view of its camera whatever its size, so
 is the native one squeezed to a square.
 """
 
-from __future__ import annotations
-
 import os
 import weakref
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """One compiled model and its state: stepping, saving, restoring, placing, and asking."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from typing import NoReturn

@@ -4,8 +4,6 @@ That both arms had it once is worth nothing. What they bring must be in their ha
 its place; what is let go before, or carried by one arm in between, must be picked up again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ holds it alone. Between the last two it is neither put down nor let go, so that 
 the other arm is none. Nothing is remembered of a handover once the giver carries the object again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

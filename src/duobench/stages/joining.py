@@ -5,8 +5,6 @@ its own body from before the peg enters the socket until it is deep enough; what
 in any other way has to come apart, and to be joined again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

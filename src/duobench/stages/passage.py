@@ -5,8 +5,6 @@ sides is in front of the hole or beside it: that tells the ways apart. What was 
 and backwards through the hole has not come through when it is pulled out again.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ place is higher. And what is let go has to stay: half a second of rest without a
 stands from what topples, rolls off or drops through.
 """
 
-from __future__ import annotations
-
 from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, shared, since
 from duobench.stages.predicates import (
     LIFTED_HEIGHT,

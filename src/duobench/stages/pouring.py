@@ -1,7 +1,5 @@
 """Pouring into a vessel in the air: what counts as poured, and as kept until it is put down."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Their logic, how they combine and what they remember, is in `stages.logic`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

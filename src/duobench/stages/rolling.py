@@ -1,7 +1,5 @@
 """A ball on a board that is tilted in the air: what counts as its way from a start to a goal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

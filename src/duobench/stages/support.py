@@ -14,8 +14,6 @@ hand stays where the lid would turn onto it: who holds it shows when the first h
 lid has not shut in between and still does not shut, the other arm held it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """In a vessel: what counts as lying in a bowl that stands on the table."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from math import inf

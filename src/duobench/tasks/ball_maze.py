@@ -12,8 +12,6 @@ Success:
     The ball rests in the red corner of the lifted board, and rolled there by tilts alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import partial
 from math import inf

@@ -12,8 +12,6 @@ Success:
     table, and were let go there, at most 6 cm above the rim.
 """
 
-from __future__ import annotations
-
 from duobench.objects.blocks import BLACK, CHARCOAL, CUBE_EDGE, PALE, WHITE, cube
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop

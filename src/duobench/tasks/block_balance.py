@@ -15,8 +15,6 @@ Success:
     where they came within 1.5 s of each other.
 """
 
-from __future__ import annotations
-
 import math
 
 from duobench.objects.blocks import RED, WOOD, YELLOW, block

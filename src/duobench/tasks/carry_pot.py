@@ -12,8 +12,6 @@ Success:
     arms carried it there: in the air each of them grasped its handle, until it was put down.
 """
 
-from __future__ import annotations
-
 import math
 
 from duobench.objects.pot import HEIGHT, PLATE, pot, stove_plate

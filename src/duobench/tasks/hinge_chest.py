@@ -14,8 +14,6 @@ Success:
     right behind it, until it was inside.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from math import inf

@@ -12,8 +12,6 @@ Success:
     peg in the other, both blocks let go and at rest.
 """
 
-from __future__ import annotations
-
 import math
 
 from duobench.objects import joint_blocks as bars

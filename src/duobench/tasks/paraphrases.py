@@ -1,7 +1,5 @@
 """The instructions of the benchmark's tasks in other words: the sentences of `paraphrases.toml`."""
 
-from __future__ import annotations
-
 import tomllib
 from functools import cache
 from importlib.resources import files

@@ -11,8 +11,6 @@ Success:
     beside them by their arms, and let go, with all marbles in the target.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from duobench.objects import cup as cups

@@ -14,8 +14,6 @@ Success:
     other arm supported the door until it was inside.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from math import inf

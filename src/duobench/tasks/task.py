@@ -1,7 +1,5 @@
 """What a task is: objects, layout, stages, instruction, horizon. A task is data."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum

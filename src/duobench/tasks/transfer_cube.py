@@ -15,8 +15,6 @@ Success:
     there, at most 6 cm above the rim: neither dropped from on high nor thrown nor pushed.
 """
 
-from __future__ import annotations
-
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
 from duobench.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.objects.prop import Prop

@@ -16,8 +16,6 @@ Success:
     not receive it through the ring.
 """
 
-from __future__ import annotations
-
 from duobench.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
 from duobench.objects.gate import (
     MAT_EDGE,

@@ -14,8 +14,6 @@ Success:
     go with its tip in the hole, or at most a little above and beside it.
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Hands as the device: samples become tool poses, and buttons presses."""
 
-from __future__ import annotations
-
 import math
 from typing import cast
 

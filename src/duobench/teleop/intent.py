@@ -1,7 +1,5 @@
 """What a session asks of a device, whatever it is: hands over a network, or leader arms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

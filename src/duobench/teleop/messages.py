@@ -1,7 +1,5 @@
 """What a page sends: where the operator's hands are, and what the operator asks for."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections import deque

@@ -1,7 +1,5 @@
 """What comes between a hand's wish and a command: a filter, and limits on where a tool may go."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

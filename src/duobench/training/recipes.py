@@ -1,7 +1,5 @@
 """How LeRobot trains each kind of policy: options, and whose choice each of them is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -5,8 +5,6 @@ certificate without a signature protects from listeners; a browser still asks on
 trust it.
 """
 
-from __future__ import annotations
-
 import hmac
 import secrets
 import socket

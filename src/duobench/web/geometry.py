@@ -8,8 +8,6 @@ world, and 65536 is added where no shadow falls); then the corners of the triang
 the difference from the one before. Everything is little-endian; a vertex takes 24 bytes.
 """
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import json

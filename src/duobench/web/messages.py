@@ -6,8 +6,6 @@ time of the server in seconds, uint32 control step, uint32 number of bodies, the
 body.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The pages that show models in 3D: one that a server gives out, and replays that need none."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """The server of the page: its files, its scenes, and a socket for each browser that has it open."""
 
-from __future__ import annotations
-
 import asyncio
 import gzip
 import http

@@ -1,7 +1,5 @@
 """Lights, the camera for people, and colours of geoms, as a browser gets them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

@@ -6,8 +6,6 @@ little-endian: the differences of each number from the step before, the first fr
 each with all its steps. Positions count tenths of a millimetre, quaternions 1/20480.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 

@@ -1,7 +1,5 @@
 """What the command line adds to an error of the library: which of its arguments would help."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Set
 from contextlib import contextmanager
 from pathlib import Path

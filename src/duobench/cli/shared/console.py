@@ -1,7 +1,5 @@
 """What the verbs print."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rich import box

@@ -1,7 +1,5 @@
 """The options of a verb: its arguments, and the fields of those that are values of the library."""
 
-from __future__ import annotations
-
 import inspect
 import shlex
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence

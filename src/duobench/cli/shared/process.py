@@ -4,8 +4,6 @@ A verb that has nothing to put away is left at once. Libraries that try optional
 `KeyboardInterrupt`, so nothing is raised while a verb loads its libraries.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

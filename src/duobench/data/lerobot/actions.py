@@ -1,7 +1,5 @@
 """Actions of a recording, in the mode that they are exported for."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

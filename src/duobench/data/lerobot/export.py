@@ -1,7 +1,5 @@
 """The export of a data set: what is missing in a folder is exported, then everything described."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing

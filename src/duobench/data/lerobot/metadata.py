@@ -4,8 +4,6 @@ All of it is computed from the files of the episodes and from what was noted bes
 are exact: of vectors from all rows, of images from counts of values.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """What can be chosen about an export."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 

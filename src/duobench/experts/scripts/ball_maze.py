@@ -1,7 +1,5 @@
 """Ball-Maze: both arms lift the board and tilt it about its middle, run by run."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

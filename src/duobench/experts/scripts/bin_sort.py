@@ -1,7 +1,5 @@
 """Bin-Sort: both arms pick and place at the same time, each the cube of its own half."""
 
-from __future__ import annotations
-
 from duobench.experts.handling import pick_cube, place
 from duobench.experts.motion import Arms, Script, down, together
 from duobench.types import Side

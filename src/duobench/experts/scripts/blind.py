@@ -3,8 +3,6 @@
 A baseline: what it wins can be had without a look at the ball or the maze.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,5 @@
 """Block-Balance: one arm lays the beam on the cube, then both put their blocks down together."""
 
-from __future__ import annotations
-
 import math
 
 from duobench.experts.handling import pick, place, tool_for

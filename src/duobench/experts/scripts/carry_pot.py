@@ -1,7 +1,5 @@
 """Carry-Pot: both arms take a handle each and carry the pot as one rigid body."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

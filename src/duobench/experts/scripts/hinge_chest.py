@@ -5,8 +5,6 @@ they act as a rod under the lip: the rod need not turn while it follows the lid'
 hand stays out of the space above the cavity.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ are 75 mm long. What a hand holds is led by the pose of the bar, not of the tool
 insertion the target is corrected by the error that the bar really has.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

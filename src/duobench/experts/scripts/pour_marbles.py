@@ -7,8 +7,6 @@ pouring cup stays over the other's mouth, on the near side, from which the marbl
 middle.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ against the door while it swings: its arm stays on its own side, far from its jo
 the whole right half is free for the other arm.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

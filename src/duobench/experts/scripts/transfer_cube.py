@@ -1,7 +1,5 @@
 """Transfer-Cube: the right arm picks up, the left one takes over in the middle and puts down."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

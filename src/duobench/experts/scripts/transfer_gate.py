@@ -1,7 +1,5 @@
 """Transfer-Gate: the right arm reaches through the ring, the left one takes over behind it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Transfer-Reorient: the left arm takes the peg lengthwise, so that it hangs from the hand."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

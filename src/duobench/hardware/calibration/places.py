@@ -5,8 +5,6 @@ is then made better by least squares of the pixels of all corners, with the plac
 second unknown. The motion of the arm tells how large the board is, which finds a wrong scale.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

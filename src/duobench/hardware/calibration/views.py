@@ -4,8 +4,6 @@ A folder can be measured again at any time, without a robot: `views.json` says w
 at which joints. A folder that holds images only is enough for lenses and for the head camera.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

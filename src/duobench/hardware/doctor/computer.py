@@ -1,7 +1,5 @@
 """The computer that leads the arms: its kernel, the rights of its user, and versions."""
 
-from __future__ import annotations
-
 import platform
 import resource
 from collections.abc import Iterator

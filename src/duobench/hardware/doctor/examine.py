@@ -1,7 +1,5 @@
 """All checks of a rig, in the order in which they are made."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from statistics import median
 

@@ -1,7 +1,5 @@
 """What cameras have in common: the latest frame, who listens, a thread, and what goes wrong."""
 
-from __future__ import annotations
-
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable

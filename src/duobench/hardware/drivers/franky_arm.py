@@ -5,8 +5,6 @@ a reflex, and takes a second to notice that a robot is gone. So a thread for eac
 time, and whoever leads it sends smooth paths. Not yet tried on an arm.
 """
 
-from __future__ import annotations
-
 import re
 import threading
 from collections.abc import Iterable, Mapping

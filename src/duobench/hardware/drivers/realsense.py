@@ -5,8 +5,6 @@ hang when a program has ended badly; it is tried twice, and then reset. Recordin
 played in a camera's place, which is how this was tried, and on no camera.
 """
 
-from __future__ import annotations
-
 import time
 from contextlib import suppress
 from pathlib import Path

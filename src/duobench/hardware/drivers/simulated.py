@@ -4,8 +4,6 @@ They stand in for hardware behind the same protocols: to try a set-up without a 
 what happens when something breaks. Arms have no mass and grippers touch nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

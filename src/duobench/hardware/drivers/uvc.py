@@ -4,8 +4,6 @@ A ZED Mini is such a device: it gives both lenses side by side, of which the lef
 Tried with files and generated images, and on no camera.
 """
 
-from __future__ import annotations
-
 import fcntl
 import os
 import struct

@@ -1,7 +1,5 @@
 """Who may ask a server: the keys, and the hosts that need one."""
 
-from __future__ import annotations
-
 import hmac
 import os
 from pathlib import Path

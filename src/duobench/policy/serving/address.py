@@ -1,7 +1,5 @@
 """Where a policy is served, and in which format: data, without a connection."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A policy at the other end of a WebSocket, in the dialects that openpi's protocol is spoken in."""
 
-from __future__ import annotations
-
 import math
 import uuid
 from collections.abc import Mapping

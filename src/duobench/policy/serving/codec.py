@@ -5,8 +5,6 @@ An array is a map of `__ndarray__`, `data`, `dtype` and `shape`, and a NumPy sca
 written for servers that read no others.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ What the server's policy does wrong is a `PolicyError`, which fails an episode. 
 connection is a `MachineryError`, after which an episode can be played again from its start.
 """
 
-from __future__ import annotations
-
 import hashlib
 import http.client
 import math

@@ -4,8 +4,6 @@ A format is data, a TOML file. Keys of a server that lie in maps inside each oth
 dots between them: `images.cam_high`.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields

@@ -6,8 +6,6 @@ component names to `name`, `dims`, `format` and more; formats without a name in 
 compared.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Leader arms as the device: their joints are those of the robot."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np
