@@ -42,10 +42,10 @@ demo-robust: setup  ## Play the suite robust with the scripted experts, two leve
 	$(BIN)/duobench eval --policy expert --suite robust --levels 1 5 --episodes 1 --workers 2 --out $(DEMO_ROBUST)
 
 test: check  ## Check format, lint and types, then run the tests; at most six minutes on two cores.
-	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "not slow"
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "not slow"
 
 test-all: setup-test  ## Run the tests that `make test` leaves out: more ways, kills, pages, programs.
-	$(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m slow
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m slow
 
 fuzz: setup-test  ## Drive the arms violently in every task, and say what breaks; a minute.
 	OMP_NUM_THREADS=1 $(BIN)/python -m dev.tools.fuzz

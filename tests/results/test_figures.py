@@ -8,7 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from duobench.results.figures import FIGURES, INK, SUCCESS, for_page, ink_on, plots, stage_colours
+from duobench.results.figures import (
+    DASHES,
+    FIGURES,
+    INK,
+    SUCCESS,
+    for_page,
+    ink_on,
+    levels,
+    plots,
+    stage_colours,
+)
 from duobench.results.scores import summarize
 from tests.results.samples import LIFT, TASKS, sample_record, sample_records, sample_run
 
@@ -63,6 +73,18 @@ def test_run_without_records_can_be_plotted(name: str) -> None:
 def test_title_is_shown_as_it_is(name: str, title: str) -> None:
     task = replace(LIFT, title=title)
     assert title in words(plots(summarize([task], [sample_record(task, 0, (1,))]))[name])
+
+
+def test_curves_have_the_dashes_of_their_legend() -> None:
+    score = FOUND.overall
+    figure = levels(["look"], [(str(name), {"look": {1: score, 2: score}}) for name in DASHES])
+    curves = figure.axes[0].lines
+    (legend,) = figure.legends
+    patterns = [str(curve._dash_pattern) for curve in curves]
+    assert len(set(patterns)) == len(DASHES)
+    assert [(curve.get_color(), curve.get_linestyle()) for curve in curves] == [
+        (line.get_color(), line.get_linestyle()) for line in legend.get_lines()
+    ]
 
 
 STAGES = range(1, 8)

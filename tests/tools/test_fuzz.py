@@ -11,7 +11,7 @@ import pytest
 from dev.tools.fuzz import KEPT, MAX_DEPTH, Episode, Job, Limits, Violation, Watch, play, replay
 from duobench.envs.sim_env import sim_of
 from duobench.robot.workcell import TABLE_X, TABLE_Y
-from duobench.sim import physics
+from duobench.sim import simulation
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from tests.children import ran
@@ -93,7 +93,7 @@ def test_the_exit_code_says_whether_a_replay_broke(
 def test_kept_episodes_break_an_engine_that_is_not_mended(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(physics, "SOLVED", np.inf)
+    monkeypatch.setattr(simulation, "SOLVED", np.inf)
     (violation,) = replay(file).violations
     assert "badqacc" in violation.what or "m/s" in violation.what
 

@@ -205,13 +205,13 @@ def overlaid_progress(
 ) -> Figure:
     """One panel a task, with a curve for each named run, results by the task's id, and a legend."""
     figure, panels = _progress_panels(tasks)
-    lines = _lines([name for name, _ in runs])
+    names = [name for name, _ in runs]
     for axes, task in zip(panels, tasks, strict=True):
-        for line, (_, results) in zip(lines, runs, strict=True):
+        for style, (_, results) in zip(_styles(len(runs)), runs, strict=True):
             if result := results.get(task.id):
-                axes.step(TIME, result.progress, where="post", linewidth=1.6, **_style(line))
-    columns = 1 if max(len(name) for name, _ in runs) > _LONG_NAME else 3
-    _add_legend(figure, lines, columns)
+                axes.step(TIME, result.progress, where="post", linewidth=1.6, **style)
+    columns = 1 if max(map(len, names)) > _LONG_NAME else 3
+    _add_legend(figure, names, columns)
     width, height = figure.get_size_inches()
     figure.set_size_inches(width, height + 0.2 * -(-len(runs) // columns))
     return figure
@@ -226,48 +226,47 @@ def levels(axes: Sequence[str], runs: Sequence[tuple[str, Levels]]) -> Figure:
     rows = -(-max(1, len(axes)) // columns)
     figure = _figure(1.75 * rows + 0.5)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    lines = _lines([name for name, _ in runs])
     for panel, axis in zip(panels, axes, strict=False):
         panel.set_title("all axes" if axis == ALL_AXES else axis, fontsize=9, loc="left")
         panel.set(xticks=range(LEVELS + 1), yticks=[0, 25, 50, 75, 100])
         panel.set(xlim=(-0.3, LEVELS + 0.3), ylim=(-4, 104))
         panel.grid(axis="y", linewidth=0.4, alpha=0.5)
-        for index, (line, (_, reached)) in enumerate(zip(lines, runs, strict=True)):
+        for index, (style, (_, reached)) in enumerate(zip(_styles(len(runs)), runs, strict=True)):
             if scores := reached.get(axis):
-                _plot_levels(panel, scores, line, _APART * (index - (len(runs) - 1) / 2))
+                _plot_levels(panel, scores, style, _APART * (index - (len(runs) - 1) / 2))
     for panel in panels[len(axes) :]:
         panel.set_visible(False)
     figure.supxlabel("Level", fontsize=9)
     figure.supylabel("Success / %", fontsize=9)
     if len(runs) > 1:
-        _add_legend(figure, lines, 3)
+        _add_legend(figure, [name for name, _ in runs], 3)
     return figure
 
 
-def _plot_levels(panel: Axes, scores: Mapping[int, Score], line: Line2D, aside: float) -> None:
+def _plot_levels(
+    panel: Axes, scores: Mapping[int, Score], style: Mapping[str, Any], aside: float
+) -> None:
     at = [level + aside for level in scores]
     rates = [100 * (score.success_rate or 0.0) for score in scores.values()]
-    panel.plot(at, rates, marker="o", markersize=3.2, linewidth=1.5, **_style(line))
+    panel.plot(at, rates, marker="o", markersize=3.2, linewidth=1.5, **style)
     lows = [100 * score.interval[0] for score in scores.values()]
     highs = [100 * score.interval[1] for score in scores.values()]
-    panel.vlines(at, lows, highs, color=line.get_color(), linewidth=1.0, alpha=0.6)
+    panel.vlines(at, lows, highs, color=style["color"], linewidth=1.0, alpha=0.6)
 
 
-def _lines(names: Sequence[str]) -> list[Line2D]:
+def _styles(count: int) -> list[dict[str, Any]]:
     """How the curves of runs look: in colour and in dashes, so that neither alone is needed."""
-    return [
-        Line2D([], [], color=colour, linestyle=dashes, linewidth=1.8, label=name)
-        for name, colour, dashes in zip(names, cycle(COLOURS), cycle(DASHES), strict=False)
+    each = zip(range(count), cycle(COLOURS), cycle(DASHES), strict=False)
+    return [{"color": colour, "linestyle": dashes} for _, colour, dashes in each]
+
+
+def _add_legend(figure: Any, names: Sequence[str], columns: int) -> None:
+    handles = [
+        Line2D([], [], linewidth=1.8, label=name, **style)
+        for name, style in zip(names, _styles(len(names)), strict=True)
     ]
-
-
-def _style(line: Line2D) -> dict[str, Any]:
-    return {"color": line.get_color(), "linestyle": line.get_linestyle()}
-
-
-def _add_legend(figure: Any, lines: Sequence[Line2D], columns: int) -> None:
     figure.legend(
-        handles=lines, loc="outside upper left", ncols=columns, frameon=False, handlelength=3.5
+        handles=handles, loc="outside upper left", ncols=columns, frameon=False, handlelength=3.5
     )
 
 
