@@ -36,7 +36,7 @@ def test_a_run_is_followed_to_its_report(tmp_path: Path) -> None:
             page.locator("#run .items button").first.click()
             until(page, "!!document.querySelector('.instruction').textContent")
             folder.page.with_suffix(".kept").rename(folder.page)
-            until(page, "location.pathname.endsWith('/index.html')")
+            page.wait_for_url("**/index.html*")
             assert "hold" in page.title()
             viewer.stop()
             thread.join()
