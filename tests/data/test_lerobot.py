@@ -268,6 +268,17 @@ def test_only_kept_episodes_are_exported(data: DataSet, tmp_path: Path) -> None:
         export(data, tmp_path / "no", only_successes=True)
 
 
+@pytest.mark.parametrize("per_task", [False, True])
+def test_data_without_episodes_are_not_exported(
+    data: DataSet, tmp_path: Path, per_task: bool
+) -> None:
+    for path in data.episodes():
+        path.unlink()
+    with pytest.raises(DataError, match="no episode to export, of 0 that were read"):
+        export_lerobot(data, tmp_path / "no", SMALL, per_task=per_task)
+    assert not (tmp_path / "no").exists()
+
+
 def test_a_folder_of_something_else_is_left_alone(original: DataSet, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("precious")
     with pytest.raises(OtherRunError, match="not empty"):

@@ -103,7 +103,7 @@ def export_lerobot(
             raise DataError(f"{out} lies in the data set; export into a folder of its own.")
     paths = _episodes(sources, options.tasks)
     parts = {out: paths}
-    if per_task:
+    if per_task and paths:
         tasks = sorted({path.parent.name for _, path in paths})
         parts = {out / task: [one for one in paths if one[1].parent.name == task] for task in tasks}
     plans = {ExportFolder(folder): _plan(sources, part, options) for folder, part in parts.items()}
