@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from dev.benchmarks.steps import Steps
-from duobench.errors import UnknownNameError
-from duobench.evaluation.policies import BlindPolicy, source
+from duobench.errors import PolicyError, UnknownNameError
+from duobench.evaluation.episode import EpisodeRunner, Job
+from duobench.evaluation.policies import BlindPolicy, PolicyChoice, PolicySource, source
 from duobench.evaluation.rollout import rollout
-from duobench.results.suite import find_tasks
+from duobench.policy import HoldPolicy
+from duobench.results.suite import Episode, Suite, find_tasks
 from tests.experts.baseline_episodes import make
 
 TASKS = ("bin_sort", "carry_pot")
@@ -56,3 +58,18 @@ def test_the_blind_baseline_tilts_a_board_and_holds_still_in_other_tasks():
     assert ways["ball_maze"] > 0.1
     assert stages["carry_pot"] == 0
     assert ways["carry_pot"] < 1e-3
+
+
+def test_an_environment_that_a_policy_cannot_be_bound_to_is_closed(monkeypatch):
+    closed = []
+
+    def bind(env):
+        monkeypatch.setattr(type(env), "close", lambda _env: closed.append(True))
+        raise PolicyError("It does not fit.")
+
+    (task,) = find_tasks(TASKS[:1])
+    job = Job(policy=PolicyChoice.parse("hold"), suite=Suite(tasks=(task,)))
+    runner = EpisodeRunner(PolicySource(metadata=HoldPolicy.metadata, bind=bind), job)
+    with pytest.raises(PolicyError, match="does not fit"):
+        runner.play(Episode(task=task, index=0))
+    assert closed == [True]

@@ -231,8 +231,9 @@ class EpisodeRunner:
         recorder = EpisodeRecorder(
             episode, lambda: self._tell(recorder.record(self.run, self.versions))
         )
-        picture = Picture(episode.task)
-        video = VideoRecorder(setting.overview.image, picture) if episode.has_video else None
+        video = None
+        if episode.has_video:
+            video = VideoRecorder(setting.overview.image, Picture(episode.task))
         watchers: list[Watcher] = [recorder] if video is None else [recorder, video]
 
         def busy() -> AbstractContextManager[None]:
@@ -336,7 +337,12 @@ class EpisodeRunner:
     def _make(self, episode: Episode) -> _Setting:
         config = replace(self.run.candidate.config, shift=episode.shift)
         env = make(episode.task.reference, **asdict(config))
-        policy, plan = self._source.bind(env), self._recording
+        plan = self._recording
+        try:
+            policy = self._source.bind(env)
+        except BaseException:
+            env.close()
+            raise
         if plan is None:
             return _Setting(env, policy, None)
         recorder = Recorder(
