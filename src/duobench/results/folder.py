@@ -29,6 +29,7 @@ from duobench.files import (
 from duobench.results.journal import Entry, Journal, Started, read_entries
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
 from duobench.results.run import RUN_SCHEMA, Run
+from duobench.results.salt import Salt
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode
 
@@ -55,6 +56,8 @@ class RunReader(ABC):
 
     advice = ""
     """What to do about a record that cannot be read."""
+    salt: Salt | None = None
+    """Where it is that of the run, seeds of records are checked against it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()
@@ -120,7 +123,10 @@ class RunReader(ABC):
         record = read(file, EpisodeRecord, RECORD_SCHEMA, advice=self.advice)
         (task,) = (task for task in run.suite.tasks if task.id == key.task)
         split = run.of(condition.policy).config.split
-        episode = Episode(task=task, index=key.episode, split=split, shift=condition.shift)
+        salted = run.seeds(record, self.salt)
+        episode = Episode(
+            task=task, index=key.episode, split=split, shift=condition.shift, salted=salted
+        )
         objection = run.objection(record, episode)
         if record.run != digest:
             raise OtherRunError(

@@ -16,9 +16,10 @@ from duobench.errors import EvaluationError
 from duobench.files import checksum, differences
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
-from duobench.randomness import SUITE_VERSION
+from duobench.randomness import SALTED, SUITE_VERSION
 from duobench.results.limits import TimeLimits
 from duobench.results.records import DOMAINS, MIXED, REAL, SIM, Condition, EpisodeRecord, Key
+from duobench.results.salt import Salt, Seeds
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
 from duobench.shifts.shift import NO_SHIFT, Shift, every_shift
@@ -84,6 +85,9 @@ class Run:
             )
         if not self.candidates:
             raise EvaluationError("A run has at least one policy.")
+        for each in self.candidates:
+            if (each.config.split == SALTED) != (self.suite.salt is not None):
+                raise EvaluationError(f"A run of the split {SALTED!r}, and no other, names its salt.")
         if len(self.conditions) < len(self.candidates) * len(self.suite.shifts):
             raise EvaluationError("Two policies of a run have the same name.")
 
@@ -130,10 +134,13 @@ class Run:
         condition = self._condition(candidate, episode.shift)
         return Key(episode.task.id, condition.name, episode.index)
 
-    def episodes(self, shard: Shard = WHOLE, videos: int = 0) -> list[Episode]:
+    def episodes(
+        self, shard: Shard = WHOLE, videos: int = 0, salt: Salt | None = None
+    ) -> list[Episode]:
         """Every episode that each of its policies plays, task by task and shift by shift.
 
-        Of each task and shift, the first ones have so many videos.
+        Of each task and shift, the first ones have so many videos. A run of the split "salted" needs
+        its salt.
         """
         return [
             Episode(
@@ -142,6 +149,7 @@ class Run:
                 has_video=index - self.suite.first_episode < videos,
                 split=self.candidates[0].config.split,
                 shift=shift,
+                salted=salt and salt.seeds(task.id, index),
             )
             for place, task in enumerate(self.suite.tasks)
             for shift in self.suite.shifts
@@ -167,6 +175,17 @@ class Run:
     def size(self) -> int:
         """How many episodes it has under all conditions."""
         return sum(self.counts().values())
+
+    def seeds(self, record: EpisodeRecord, salt: Salt | None = None) -> Seeds | None:
+        """The seeds of a record's episode in the split "salted", None in others.
+
+        Without the salt of the run, or with another one, they are what the record says.
+        """
+        if self.suite.salt is None:
+            return None
+        if salt is None or salt.sha256 != self.suite.salt:
+            return Seeds(record.seed, record.policy_seed)
+        return salt.seeds(record.task, record.episode)
 
     def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
         """Why a record is not that of an episode of this run; None if it is."""
@@ -218,6 +237,7 @@ class Run:
             "suite version": suite.version,
             "suite": suite.label,
             "look": suite.look,
+            "salt": suite.salt or "none",
             "actions executed of a chunk": suite.execution.execute or "all",
             "latency": suite.execution.latency,
             "overtime": suite.overtime,

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.errors import EvaluationError, OptionError, check_known
 from duobench.looks import catalog as looks
-from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
+from duobench.randomness import EVAL, SALTED, SUITE_VERSION, episode_seed, policy_seed
+from duobench.results.salt import Seeds
 from duobench.shifts.levels import latency_steps
 from duobench.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
 from duobench.tasks import catalog
@@ -69,15 +70,28 @@ class Episode:
     """Which layouts it is one of."""
     shift: Shift = NO_SHIFT
     """What differs in it from the usual episode of this index."""
+    salted: Seeds | None = None
+    """Its seeds in the split "salted"; None in the others, where they follow from the index."""
+
+    def __post_init__(self) -> None:
+        if (self.split == SALTED) != (self.salted is not None):
+            raise EvaluationError(
+                f"An episode of the split {SALTED!r} is played in an evaluation with the salt that "
+                f"its seeds follow from; all other splits have none. Got {self.split!r}."
+            )
 
     @property
     def seed(self) -> int:
-        """Seed of the reset: a pure function of (task, suite version, split, episode)."""
+        """Seed of the reset: a pure function of (task, suite version, split, episode), or salted."""
+        if self.salted is not None:
+            return self.salted.episode
         return episode_seed(self.task.id, self.index, self.split)
 
     @property
     def policy_seed(self) -> int:
-        """Seed of the policy: a hash of that of the reset."""
+        """Seed of the policy: a hash of that of the reset, or salted."""
+        if self.salted is not None:
+            return self.salted.policy
         return policy_seed(self.task.id, self.seed, self.split)
 
 
@@ -102,6 +116,8 @@ class Suite:
     overtime: float = 1.0
     """Horizons after which an episode without success ends. What happens after the first one is no
     part of its result; 1 plays none of it."""
+    salt: str | None = None
+    """SHA-256 of the salt that all seeds follow from; None where they are public."""
 
     def __post_init__(self) -> None:
         if self.episodes < 1 or self.first_episode < 0:
@@ -137,6 +153,11 @@ class Suite:
         """What is executed of chunks in episodes of a task, with the latency of a shift."""
         latency = self.execution.latency + latency_steps(shift, task_id)
         return replace(self.execution, latency=latency)
+
+    @property
+    def split(self) -> str:
+        """Which layouts its episodes have."""
+        return EVAL if self.salt is None else SALTED
 
     @property
     def indices(self) -> range:
@@ -293,6 +314,7 @@ def deviations(suite: Suite) -> list[str]:
         f"{named.execution.execute}": suite.execution.execute != named.execution.execute,
         " and ".join(map(str, suite.shifts)): not {*suite.shifts} <= {*named.shifts},
         latency_text(suite): suite.execution.latency != named.execution.latency,
+        "seeds from a salt": suite.salt is not None,
     }
     return [phrase for phrase, differs in differing.items() if differs]
 

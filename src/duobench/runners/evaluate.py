@@ -6,6 +6,7 @@ the same run into the same folder.
 
 from collections.abc import Sequence, Set
 from contextlib import closing
+from dataclasses import replace
 from itertools import chain
 
 from duobench.errors import EvaluationError
@@ -17,6 +18,7 @@ from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.report import write_report
 from duobench.results.run import Run
+from duobench.results.salt import Salt
 from duobench.results.scores import Results, summarize
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Suite
@@ -39,6 +41,7 @@ def evaluate(  # noqa: PLR0913
     command: str = "",
     shard: Shard = WHOLE,
     cluster: Cluster | None = None,
+    salt: Salt | None = None,
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
@@ -65,6 +68,8 @@ def evaluate(  # noqa: PLR0913
         shard: Which part of the episodes is played. All parts may be played into one folder, or
             into several that are copied into one. What finishes the run writes the report.
         cluster: The Ray cluster on which workers and policy are; None for this machine alone.
+        salt: The secret that seeds of episodes and policy follow from; it stays in this process.
+            None plays the public ones.
 
     Returns:
         What the records add up to: of the shard, under all shifts.
@@ -79,6 +84,8 @@ def evaluate(  # noqa: PLR0913
         DuoBenchError: If the environment cannot be made.
     """
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
+    suite = replace(suite, salt=salt and salt.sha256)
+    folder.salt = salt
     job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos)
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
@@ -86,7 +93,7 @@ def evaluate(  # noqa: PLR0913
         if fresh or folder.gives_way(run):
             folder.clear(run, shard)
             journal.clear()
-        episodes = run.episodes(shard, videos)
+        episodes = run.episodes(shard, videos, salt)
         if episodes and not folder.has_records:
             executor.rehearse(episodes[0])
         folder.begin(run, shard)

@@ -24,6 +24,7 @@ from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
+from duobench.results.salt import make_salt, read_salt
 from duobench.results.scores import Results
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import PAPER_EXECUTE, SuiteChoice
@@ -100,6 +101,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     unplayed_count_as_failures: bool = False,
     watch: bool = False,
     watch_port: int = 0,
+    salt: Path | None = None,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
@@ -131,6 +133,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             failures; without this they stay unplayed, and the exit code is 1.
         watch: Follow the run on a page in the browser, as duobench view --follow does.
         watch_port: Port of that page; 0 takes a free one.
+        salt: File with a secret that duobench salt has made, from which seeds follow that nobody
+            knows before: for an organiser, see docs/hosting.md.
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
@@ -143,6 +147,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     part = WHOLE if shard is None else Shard.parse(shard)
     if workers == 0 and not choice.is_scripted:
         say("The policy plays in the process of the simulator, which it can see and move.")
+    secret = None if salt is None else read_salt(salt)
     folder = RunFolder(out)
     watched = followed(folder, watch_port) if watch else nullcontext()
     with (
@@ -165,6 +170,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             command=command,
             shard=part,
             cluster=cluster if executor == "ray" else None,
+            salt=secret,
         )
     _show(folder, part, results)
 
@@ -192,3 +198,21 @@ def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
             f"{changed}.",
         )
         sys.exit(1)
+
+
+def salt(file: tyro.conf.Positional[Path]) -> None:
+    """Make a salt: a secret from which duobench eval --salt takes seeds that nobody knows before.
+
+    A file that holds one stays as it is, and its SHA-256 is printed again.
+
+    Args:
+        file: The file, which its owner alone may read.
+    """
+    is_new = make_salt(file) is not None
+    found = read_salt(file)
+    say(f"Salt: {relative(file)}, {'new' if is_new else 'there before, nothing was changed'}")
+    say(f"SHA-256: {found.sha256}")
+    say(
+        "Publish the SHA-256, with the date, before the first policy is played with it. Keep the file "
+        "secret until the last one was: docs/hosting.md"
+    )
