@@ -85,9 +85,8 @@ class Run:
             )
         if not self.candidates:
             raise EvaluationError("A run has at least one policy.")
-        for each in self.candidates:
-            if (each.config.split == SALTED) != (self.suite.salt is not None):
-                raise EvaluationError(f"A run of the split {SALTED!r}, and no other, names its salt.")
+        if {each.config.split == SALTED for each in self.candidates} != {bool(self.suite.salt)}:
+            raise EvaluationError(f"A run of the split {SALTED!r}, and no other, names its salt.")
         if len(self.conditions) < len(self.candidates) * len(self.suite.shifts):
             raise EvaluationError("Two policies of a run have the same name.")
 
@@ -139,8 +138,7 @@ class Run:
     ) -> list[Episode]:
         """Every episode that each of its policies plays, task by task and shift by shift.
 
-        Of each task and shift, the first ones have so many videos. A run of the split "salted" needs
-        its salt.
+        Of each task and shift, the first ones have so many videos. A run with a salt needs it.
         """
         return [
             Episode(
@@ -177,15 +175,10 @@ class Run:
         return sum(self.counts().values())
 
     def seeds(self, record: EpisodeRecord, salt: Salt | None = None) -> Seeds | None:
-        """The seeds of a record's episode in the split "salted", None in others.
-
-        Without the salt of the run, or with another one, they are what the record says.
-        """
-        if self.suite.salt is None:
-            return None
-        if salt is None or salt.sha256 != self.suite.salt:
-            return Seeds(record.seed, record.policy_seed)
-        return salt.seeds(record.task, record.episode)
+        """Salted seeds of a record's episode: without the salt of the run what the record says."""
+        if salt is not None and salt.sha256 == self.suite.salt:
+            return salt.seeds(record.task, record.episode)
+        return (record.seed, record.policy_seed) if self.suite.salt else None
 
     def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
         """Why a record is not that of an episode of this run; None if it is."""

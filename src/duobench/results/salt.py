@@ -1,7 +1,6 @@
-"""A salt: the secret that the seeds of the split "salted" follow from.
+"""A salt: the secret that the seeds of the split "salted" follow from; see docs/hosting.md.
 
-Whoever evaluates publishes its SHA-256 before and the salt itself afterwards. It never leaves the
-process that reads it: runs and records hold its SHA-256, and workers and policies get seeds.
+It never leaves the process that reads it: runs hold its SHA-256, workers and policies get seeds.
 """
 
 import hashlib
@@ -10,96 +9,74 @@ import os
 import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 from duobench.errors import EvaluationError
-from duobench.files import make_folder, writing
+from duobench.files import writing
 from duobench.randomness import SUITE_VERSION
 
 SALT_BYTES = 32
-"""Fewest bytes of a salt: as long as its SHA-256, so that nobody finds it by trying."""
-_SECRET_MODE = 0o600
+"""Fewest bytes of a salt: as many as its SHA-256 has, so that trying does not find it."""
 _LONGEST_FILE = 4096
 
-
-class Seeds(NamedTuple):
-    """The seeds of an episode, 32 bits each."""
-
-    episode: int
-    """That of the reset."""
-    policy: int
+Seeds = tuple[int, int]
+"""Seeds of the reset and of the policy in an episode, 32 bits each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Salt:
-    """A secret of at least `SALT_BYTES` bytes, which no text of this object shows."""
+    """A secret in hexadecimal digits, which no text of this object or of an error shows."""
 
-    secret: bytes = field(repr=False)
+    digits: str = field(repr=False)
+    _secret: bytes = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if len(self.secret) < SALT_BYTES:
-            raise EvaluationError(
-                f"A salt has at least {SALT_BYTES} bytes, {2 * SALT_BYTES} digits; this one has "
-                f"{len(self.secret)} bytes."
-            )
-
-    @classmethod
-    def parse(cls, text: str) -> "Salt":
-        """A salt from its hexadecimal digits; the message of an error has none of them."""
         try:
-            return cls(bytes.fromhex(text))
+            secret = bytes.fromhex(self.digits)
         except ValueError:
-            raise EvaluationError("A salt is one line of hexadecimal digits.") from None
+            secret = b""
+        if len(secret) < SALT_BYTES:
+            raise EvaluationError(f"A salt is {2 * SALT_BYTES} hexadecimal digits or more.")
+        object.__setattr__(self, "_secret", secret)
 
     @property
     def sha256(self) -> str:
         """SHA-256 of its bytes, in hexadecimal digits."""
-        return hashlib.sha256(self.secret).hexdigest()
+        return hashlib.sha256(self._secret).hexdigest()
 
     def seeds(self, task_id: str, episode: int) -> Seeds:
-        """Seeds of the n-th episode of a task in this suite version.
+        """Seeds of the n-th episode of a task in this suite version; neither tells the other.
 
-        They are HMAC-SHA256 modulo 2^32, with the salt as key, of "episode" or "policy", task, suite
-        version and index, joined by the character 0x1f. So neither says anything of the other.
+        They are HMAC-SHA256 modulo 2^32, with the salt as key, of "episode" or "policy", task,
+        suite version and index, joined by the character 0x1f.
         """
-        return Seeds(*(self._number(kind, task_id, episode) for kind in Seeds._fields))
-
-    def _number(self, kind: str, task_id: str, episode: int) -> int:
-        text = "\x1f".join((kind, task_id, SUITE_VERSION, str(int(episode))))
-        digest = hmac.digest(self.secret, text.encode(), "sha256")
-        return int.from_bytes(digest, "big") % 2**32
+        episodes, policies = (
+            hmac.digest(
+                self._secret,
+                "\x1f".join((word, task_id, SUITE_VERSION, str(episode))).encode(),
+                "sha256",
+            )
+            for word in ("episode", "policy")
+        )
+        return int.from_bytes(episodes[-4:], "big"), int.from_bytes(policies[-4:], "big")
 
 
 def read_salt(path: Path) -> Salt:
-    """The salt in a file of one line of hexadecimal digits.
-
-    Raises:
-        EvaluationError: There is no file, or no salt in it.
-    """
+    """The salt in a file of one line; an `EvaluationError` if there is none."""
     try:
         with path.open("rb") as file:
-            return Salt.parse(file.read(_LONGEST_FILE).decode("ascii", "replace"))
-    except OSError as error:
-        raise EvaluationError(f"Cannot read the salt in {path}: {error.strerror}.") from error
-    except EvaluationError as error:
-        raise EvaluationError(f"{path} holds no salt. {error}") from None
+            return Salt(file.read(_LONGEST_FILE).decode("ascii", "replace"))
+    except (OSError, EvaluationError) as error:
+        reason = f"{error.strerror}." if isinstance(error, OSError) else error
+        raise EvaluationError(f"Cannot read the salt in {path}: {reason}") from None
 
 
-def make_salt(path: Path) -> Salt | None:
-    """Write a new salt into a new file, which its owner alone may read; None if there is a file.
-
-    Raises:
-        OutputError: It cannot be written.
-    """
-    make_folder(path.parent)
-    salt = Salt(secrets.token_bytes(SALT_BYTES))
+def make_salt(path: Path) -> bool:
+    """Write a new salt into a file that its owner alone may read, unless there is a file."""
     with writing(path):
         try:
-            handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, _SECRET_MODE)
+            handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         except FileExistsError:
-            return None
-        with open(handle, "w", encoding="ascii") as file:
-            file.write(salt.secret.hex() + "\n")
-            file.flush()
-            os.fsync(handle)
-    return salt
+            return False
+        with os.fdopen(handle, "w") as file:
+            file.write(f"{secrets.token_hex(SALT_BYTES)}\n")
+    return True

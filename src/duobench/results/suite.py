@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.errors import EvaluationError, OptionError, check_known
 from duobench.looks import catalog as looks
-from duobench.randomness import EVAL, SALTED, SUITE_VERSION, episode_seed, policy_seed
+from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.results.salt import Seeds
 from duobench.shifts.levels import latency_steps
 from duobench.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
@@ -71,28 +71,17 @@ class Episode:
     shift: Shift = NO_SHIFT
     """What differs in it from the usual episode of this index."""
     salted: Seeds | None = None
-    """Its seeds in the split "salted"; None in the others, where they follow from the index."""
-
-    def __post_init__(self) -> None:
-        if (self.split == SALTED) != (self.salted is not None):
-            raise EvaluationError(
-                f"An episode of the split {SALTED!r} is played in an evaluation with the salt that "
-                f"its seeds follow from; all other splits have none. Got {self.split!r}."
-            )
+    """Its seeds in the split "salted"; None in others, where they follow from the index."""
 
     @property
     def seed(self) -> int:
-        """Seed of the reset: a pure function of (task, suite version, split, episode), or salted."""
-        if self.salted is not None:
-            return self.salted.episode
-        return episode_seed(self.task.id, self.index, self.split)
+        """Seed of the reset: a pure function of (task, suite version, split, episode)."""
+        return self.salted[0] if self.salted else episode_seed(self.task.id, self.index, self.split)
 
     @property
     def policy_seed(self) -> int:
-        """Seed of the policy: a hash of that of the reset, or salted."""
-        if self.salted is not None:
-            return self.salted.policy
-        return policy_seed(self.task.id, self.seed, self.split)
+        """Seed of the policy: a hash of that of the reset."""
+        return self.salted[1] if self.salted else policy_seed(self.task.id, self.seed, self.split)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -153,11 +142,6 @@ class Suite:
         """What is executed of chunks in episodes of a task, with the latency of a shift."""
         latency = self.execution.latency + latency_steps(shift, task_id)
         return replace(self.execution, latency=latency)
-
-    @property
-    def split(self) -> str:
-        """Which layouts its episodes have."""
-        return EVAL if self.salt is None else SALTED
 
     @property
     def indices(self) -> range:

@@ -133,8 +133,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             failures; without this they stay unplayed, and the exit code is 1.
         watch: Follow the run on a page in the browser, as duobench view --follow does.
         watch_port: Port of that page; 0 takes a free one.
-        salt: File with a secret that duobench salt has made, from which seeds follow that nobody
-            knows before: for an organiser, see docs/hosting.md.
+        salt: File of duobench salt, from which seeds follow that nobody knows before.
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
@@ -203,16 +202,9 @@ def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
 def salt(file: tyro.conf.Positional[Path]) -> None:
     """Make a salt: a secret from which duobench eval --salt takes seeds that nobody knows before.
 
-    A file that holds one stays as it is, and its SHA-256 is printed again.
-
     Args:
-        file: The file, which its owner alone may read.
+        file: The file, which its owner alone may read. One that holds a salt stays as it is.
     """
-    is_new = make_salt(file) is not None
-    found = read_salt(file)
-    say(f"Salt: {relative(file)}, {'new' if is_new else 'there before, nothing was changed'}")
-    say(f"SHA-256: {found.sha256}")
-    say(
-        "Publish the SHA-256, with the date, before the first policy is played with it. Keep the file "
-        "secret until the last one was: docs/hosting.md"
-    )
+    say(f"Salt: {file}, {'new' if make_salt(file) else 'there before and not changed'}")
+    say(f"SHA-256: {read_salt(file).sha256}")
+    say("Publish it before you play the first policy, and the file after the last: docs/hosting.md")
