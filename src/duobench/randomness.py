@@ -67,7 +67,7 @@ def shift_generator(task_id: str, seed: int, axis: str, split: str = EVAL) -> np
 def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
     """Seed (32 bits) of the n-th episode of a task's split in this suite version."""
     if split == SALTED:
-        raise EvaluationError(f"The split {SALTED!r} has no seeds without a salt, see docs/hosting.md.")
+        raise EvaluationError(f"The split {SALTED!r} has no seeds without a salt: take another.")
     if episode < 0:
         raise ValueError(f"An episode index counts from 0, got {episode}.")
     return _digest(_word("episode", split), task_id, SUITE_VERSION, int(episode)) % 2**32

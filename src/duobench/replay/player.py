@@ -148,13 +148,8 @@ class RecordPlayer(Player):
             raise EvaluationError(f"The horizon is {claimed}, that of the task is {task.horizon}.")
         if (targets := record.targets()) is None:
             raise EvaluationError("There are no joint targets.")
-        episode = Episode(
-            task=task,
-            index=record.episode,
-            split=config.split,
-            shift=config.shift,
-            salted=self._run.seeds(record),
-        )
+        episode = Episode(task=task, index=record.episode, split=config.split, shift=config.shift)
+        episode = replace(episode, salted=self._run.seeds(record))
         recorder = EpisodeRecorder(episode)
         env = self.environment_of(record, has_images=has_images)
         watching = (recorder, _Sendable(record, targets), *watchers)

@@ -10,6 +10,7 @@ import shutil
 from abc import ABC, abstractmethod
 from collections.abc import Container, Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError
@@ -130,10 +131,8 @@ class RunReader(ABC):
         record = read(file, EpisodeRecord, RECORD_SCHEMA, advice=self.advice)
         (task,) = (task for task in run.suite.tasks if task.id == key.task)
         split = run.of(condition.policy).config.split
-        salted = run.seeds(record, self.salt)
-        episode = Episode(
-            task=task, index=key.episode, split=split, shift=condition.shift, salted=salted
-        )
+        episode = Episode(task=task, index=key.episode, split=split, shift=condition.shift)
+        episode = replace(episode, salted=run.seeds(record, self.salt))
         objection = run.objection(record, episode)
         if record.run != digest:
             raise OtherRunError(
