@@ -69,7 +69,7 @@ class Escapes(HoldPolicy):
 @pytest.fixture
 def listener() -> Iterator[tuple[str, int]]:
     """A service of this machine, at an address that others reach."""
-    with socket.create_server(("0.0.0.0", 0)) as server:  # noqa: S104
+    with socket.create_server(("0.0.0.0", 0)) as server:
         threading.Thread(target=accept, args=(server,), daemon=True).start()
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as route:
             try:

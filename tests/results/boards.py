@@ -10,11 +10,12 @@ from duobench.replay.verify import Verdict
 from duobench.results.leaderboard import EPISODES, BoardEntry, make_entry
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
+from duobench.results.salt import Round
 from duobench.results.suite import TaskInfo, find_tasks
 from tests.results.samples import sample_record, sample_run
 
 
-def entry(
+def entry(  # noqa: PLR0913 - what a test may want otherwise
     name: str,
     share: float = 0.5,
     *,
@@ -24,6 +25,7 @@ def entry(
     object_state: bool = False,
     unverifiable: Sequence[tuple[str, int]] = (),
     commands: Sequence[str] = (),
+    hosted: Round | None = None,
     **changes: Any,
 ) -> BoardEntry:
     """An entry whose policy succeeds in the first episodes of each task and reaches nothing else.
@@ -44,7 +46,17 @@ def entry(
     verdicts = {str(Verdict.EXACT): len(records)}
     condition = next(iter(run.conditions))
     keys = [Key(task, condition, episode) for task, episode in unverifiable]
-    return make_entry(f"{name}.duobench.zip", digest, run, records, verdicts, keys, commands)
+    return make_entry(
+        f"{name}.duobench.zip",
+        digest,
+        run,
+        records,
+        verdicts,
+        keys,
+        noted=[record.key.path for record in records],
+        commands=commands,
+        hosted=hosted,
+    )
 
 
 def of_run(run: Run, share: float) -> list[EpisodeRecord]:

@@ -65,7 +65,9 @@ def read_salt(path: Path) -> Salt:
     try:
         return Salt(path.read_text(encoding="ascii").strip().lower())
     except (OSError, ValueError, EvaluationError) as error:
-        reason = getattr(error, "strerror", None) or f"it is {2 * SALT_BYTES} hexadecimal digits"
+        reason = (
+            getattr(error, "strerror", None) or f"it has no {2 * SALT_BYTES} hexadecimal digits"
+        )
         raise EvaluationError(f"Cannot read a salt from {path}: {reason}.") from None
 
 
