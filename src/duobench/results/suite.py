@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.errors import EvaluationError, OptionError, check_known
@@ -233,6 +234,8 @@ class SuiteChoice:
     overtime: float = 1.0
     """Play an episode without success on after its horizon, until it has had so many horizons in
     all, such as 1.5. Scores and records end at the horizon."""
+    salt: Path | None = None
+    """File of duobench salt, from which seeds follow that nobody knows before; docs/hosting.md."""
 
     def make(self, execution: ChunkExecution = WHOLE_CHUNKS) -> Suite:
         """The suite, its chunks executed as told; without a number of actions as the name says.

@@ -101,7 +101,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     unplayed_count_as_failures: bool = False,
     watch: bool = False,
     watch_port: int = 0,
-    salt: Path | None = None,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
@@ -133,7 +132,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             failures; without this they stay unplayed, and the exit code is 1.
         watch: Follow the run on a page in the browser, as duobench view --follow does.
         watch_port: Port of that page; 0 takes a free one.
-        salt: File of duobench salt, from which seeds follow that nobody knows before.
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
@@ -146,7 +144,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     part = WHOLE if shard is None else Shard.parse(shard)
     if workers == 0 and not choice.is_scripted:
         say("The policy plays in the process of the simulator, which it can see and move.")
-    secret = None if salt is None else read_salt(salt)
+    secret = None if suite.salt is None else read_salt(suite.salt)
     folder = RunFolder(out)
     watched = followed(folder, watch_port) if watch else nullcontext()
     with (
