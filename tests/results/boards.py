@@ -15,7 +15,7 @@ from duobench.results.suite import TaskInfo, find_tasks
 from tests.results.samples import sample_record, sample_run
 
 
-def entry(  # noqa: PLR0913 - what a test may want otherwise
+def entry(  # noqa: PLR0913
     name: str,
     share: float = 0.5,
     *,
@@ -26,12 +26,15 @@ def entry(  # noqa: PLR0913 - what a test may want otherwise
     unverifiable: Sequence[tuple[str, int]] = (),
     commands: Sequence[str] = (),
     hosted: Round | None = None,
+    repeated: int = 0,
+    noted: int | None = None,
     **changes: Any,
 ) -> BoardEntry:
     """An entry whose policy succeeds in the first episodes of each task and reaches nothing else.
 
     A share of the episodes of each task are successes; the last records may be lost, some may be
-    unverifiable, and changes are fields of the run. Without tasks it has those of the benchmark.
+    unverifiable, the first begun twice, the attempts of some noted, and changes are fields of the
+    run. Without tasks it has those of the benchmark.
     """
     run = sample_run(
         tasks=tuple(tasks or find_tasks(())),
@@ -46,6 +49,8 @@ def entry(  # noqa: PLR0913 - what a test may want otherwise
     verdicts = {str(Verdict.EXACT): len(records)}
     condition = next(iter(run.conditions))
     keys = [Key(task, condition, episode) for task, episode in unverifiable]
+    for number, record in enumerate(records[:repeated]):
+        records[number] = replace(record, attempt=2, earlier=("policy",))
     return make_entry(
         f"{name}.duobench.zip",
         digest,
@@ -53,7 +58,7 @@ def entry(  # noqa: PLR0913 - what a test may want otherwise
         records,
         verdicts,
         keys,
-        noted=[record.key.path for record in records],
+        noted={record.key.path for record in records[:noted]},
         commands=commands,
         hosted=hosted,
     )
