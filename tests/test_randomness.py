@@ -134,7 +134,7 @@ def test_salted_seeds_need_a_salt() -> None:
 @pytest.mark.parametrize("split", ["test", "", None, 0])
 def test_an_unknown_split_is_refused(split: str) -> None:
     for call in (generator, layout_key, episode_seed, policy_seed):
-        with pytest.raises(UnknownNameError, match=r"split.*Known: eval, train"):
+        with pytest.raises(UnknownNameError, match=r"split.*Known: eval, salted, train"):
             call("bin_sort", 0, split)
 
 

@@ -25,7 +25,7 @@ class Shown:
 PAGES = {
     "hosting": Shown(
         commands={
-            0: ("round.salt, new",),
+            0: ("round.salt, new: ",),
             3: ("The seeds are not verified", "Verified."),
             4: ("1 episode: exact 1,", "Verified."),
             5: ("split salted instead of eval; self-reported",),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from duobench.cli import main
+from duobench.data import DataSet
 from duobench.errors import EvaluationError, OtherRunError
 from duobench.policy import HoldPolicy
 from duobench.randomness import episode_seed, policy_seed
@@ -20,9 +21,10 @@ from duobench.results.bundle import Bundle, open_source, write_bundle
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
-from duobench.results.salt import Salt
+from duobench.results.salt import Salt, read_salt
 from duobench.results.shard import Shard
 from duobench.results.suite import Suite, find_tasks
+from duobench.runners.demonstrations import record as record_demonstrations
 from duobench.runners.evaluate import evaluate
 from duobench.runners.process import WorkerProcess
 from duobench.tasks import catalog
@@ -252,6 +254,30 @@ def test_the_command_says_that_seeds_are_not_verified(run, tmp_path, capsys):
     assert OTHER.sha256 in refusal("verify", run.path, "--salt", tmp_path / "other")
     missing = refusal("verify", run.path, "--salt", tmp_path / "nothing")
     assert "No such file" in missing
+
+
+def test_the_command_makes_a_salt_and_never_writes_over_anything(tmp_path, capsys):
+    path = tmp_path / "round.salt"
+    for word in ("new", "there before and not changed"):
+        main(["salt", str(path)])
+        said = capsys.readouterr().out
+        assert f"round.salt, {word}: {read_salt(path).sha256}" in said
+        assert path.read_text().strip() not in said
+    (tmp_path / "thesis.tex").write_text("precious")
+    assert "it has no 64 hexadecimal digits" in refusal("salt", tmp_path / "thesis.tex")
+    assert (tmp_path / "thesis.tex").read_text() == "precious"
+    words = ("--policy", "hold", "--tasks", TASK, "--out", tmp_path / "run")
+    assert "No such file" in refusal("eval", *words, "--salt", tmp_path / "nothing")
+    assert not (tmp_path / "run").exists()
+
+
+def test_demonstrations_are_never_of_the_salted_split(tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["record", "--split", "salted", "--out", str(tmp_path / "data")])
+    assert "invalid choice 'salted'" in capsys.readouterr().err
+    data = DataSet.open(tmp_path / "data")
+    with pytest.raises(EvaluationError, match="and no other, names its salt"):
+        record_demonstrations("hold", find_tasks([TASK]), data, episodes=1, split="salted")
 
 
 def test_a_public_run_has_no_salt_to_verify(tmp_path):

@@ -203,6 +203,6 @@ def salt(file: tyro.conf.Positional[Path]) -> None:
     Args:
         file: The file, which its owner alone may read. One that holds a salt stays as it is.
     """
-    say(f"Salt: {file}, {'new' if make_salt(file) else 'there before and not changed'}")
-    say(f"SHA-256: {read_salt(file).sha256}")
+    word = "new" if make_salt(file) else "there before and not changed"
+    say(f"SHA-256 of the salt in {file}, {word}: {read_salt(file).sha256}")
     say("Publish it before you play the first policy, and the file after the last: docs/hosting.md")
