@@ -24,9 +24,9 @@ from duobench.results.salt import Salt
 from duobench.results.scores import Results, summarize
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
-from duobench.runners.executor import check_played, executor_for
+from duobench.runners.executor import executor_for
 from duobench.runners.ray_process import Cluster
-from duobench.runners.schedule import AttemptLog
+from duobench.runners.schedule import AttemptLog, check_played
 
 
 def evaluate(  # noqa: PLR0913
