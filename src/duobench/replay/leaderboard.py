@@ -6,7 +6,7 @@ What a bundle is found to be is kept by its checksum, so that only new ones are 
 import hashlib
 import platform
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -23,14 +23,15 @@ from duobench.results.leaderboard import (
     BoardEntry,
     RefusedBundle,
     begin_site,
+    counting,
     make_entry,
     write_site,
 )
-from duobench.results.records import Key
+from duobench.results.records import RECORD_SCHEMA, Key
 from duobench.tasks import catalog
 from duobench.versions import has_avx2, package_versions
 
-JUDGEMENT_SCHEMA = 2
+JUDGEMENT_SCHEMA = 3
 _SHOWN = 3
 _LONGEST_REASON = 600
 
@@ -86,14 +87,13 @@ def make_leaderboard(
     entries: dict[str, BoardEntry] = {}
     refused: list[RefusedBundle] = []
     known: set[str] = set()
+    runs: dict[str, str] = {}
     with locked(out):
         for path in paths:
             try:
                 digest = _digest(path)
                 known.add(digest)
-                if twin := entries.get(digest):
-                    raise _RefusedError(f"It is the same file as {twin.file}.")
-                entries[digest] = _entry(path, digest, out, workers, started)
+                entries[digest] = _entry(path, digest, runs, out, workers, started)
             except (_RefusedError, DuoBenchError, OSError) as error:
                 refused.append(
                     RefusedBundle(file=escaped(path.name), reason=_line(str(error), path))
@@ -107,8 +107,13 @@ def make_leaderboard(
     return board, page
 
 
-def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -> BoardEntry:
-    """The entry of a bundle, or a `_RefusedError` if it counts for nothing."""
+def _entry(
+    path: Path, digest: str, runs: dict[str, str], out: Path, workers: int, started: Started
+) -> BoardEntry:
+    """The entry of a bundle, or a `_RefusedError` if it counts for nothing.
+
+    The file of each run is noted by what it holds that counts.
+    """
     bundle = Bundle(path)
     if _digest(path) != digest:
         raise _RefusedError("It was changed while it was read.")
@@ -117,14 +122,19 @@ def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -
         raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
     if len(run.candidates) > 1:
         raise _RefusedError("It holds several policies; a bundle of a leaderboard holds one.")
+    counts = counting(run)
+    records = bundle.read_records(run, counts)
+    texts = "".join(encode(record, RECORD_SCHEMA) for record in records)
+    twin = runs.setdefault(hashlib.sha256(texts.encode()).hexdigest(), path.name)
+    if twin != path.name:
+        raise _RefusedError(f"It holds the same run as {escaped(twin)}.")
     kept = out / VERDICTS / f"{digest}.json"
     judgement = _known(kept)
     if judgement is None:
-        judgement = _judge(bundle, workers, started(escaped(path.name)))
+        judgement = _judge(bundle, counts, workers, started(escaped(path.name)))
         write(kept, encode(judgement, JUDGEMENT_SCHEMA))
     if judgement.reason:
         raise _RefusedError(judgement.reason)
-    records = bundle.read_records(run)
     for record in records:
         if record.error is None and record.key in judgement.unverifiable:
             raise _RefusedError(
@@ -162,11 +172,11 @@ def _here() -> dict[str, str]:
     }
 
 
-def _judge(bundle: Bundle, workers: int, progress: Progress) -> Judgement:
+def _judge(bundle: Bundle, counts: Set[Key], workers: int, progress: Progress) -> Judgement:
     """Verify a bundle, or raise a `_RefusedError` if it ended the process that verified it."""
     findings: Sequence[Finding] = ()
     try:
-        found = verify(bundle, workers=workers, progress=progress)
+        found = verify(bundle, wanted=counts, workers=workers, progress=progress)
         findings, reason = found.findings, _objection(found)
     except DataError as error:
         raise _RefusedError(f"It could not be verified: {error}") from error

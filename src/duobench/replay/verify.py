@@ -6,7 +6,7 @@ file was changed, not that somebody computed a new one.
 """
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -19,9 +19,10 @@ from duobench.data.processes import Progress, run_all
 from duobench.envs import action_modes
 from duobench.errors import DuoBenchError, ImportPathError, OtherRunError, UnknownNameError, escaped
 from duobench.replay.player import RecordPlayer, actual_task, why_not
-from duobench.results.folder import RunReader
+from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
+from duobench.results.scores import RunPart, group_by_condition
 from duobench.versions import differing_arithmetic
 
 TOLERANCE = 1e-6
@@ -65,16 +66,18 @@ class Verification:
     findings: tuple[Finding, ...]
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
-    """What the run itself says of its tasks and is wrong, one sentence each."""
+    """What the run says wrongly of its tasks, and its report of its records, one sentence each."""
+    missing: int = 0
+    """Episodes of the run that have no record."""
+    parts: tuple[RunPart, ...] = ()
+    """What is verified adds up to, under each condition: nothing that is contradicted, what cannot
+    be verified as failures that reached no stage, and nothing after the horizon."""
+    of_other_software: tuple[str, ...] = ()
+    """Pages of the run that other software has written, whose numbers alone were compared."""
 
     def of(self, *verdicts: Verdict) -> list[Finding]:
         """The findings with one of these verdicts."""
         return [finding for finding in self.findings if finding.verdict in verdicts]
-
-    @property
-    def missing(self) -> int:
-        """Episodes of the run that have no record."""
-        return self.run.size - len(self.findings)
 
     @property
     def is_verified(self) -> bool:
@@ -86,6 +89,7 @@ class Verification:
 def verify(
     source: RunReader,
     *,
+    wanted: Container[Key] | None = None,
     workers: int = 0,
     import_tasks: bool = False,
     progress: Progress = lambda _done, _total: None,
@@ -97,6 +101,7 @@ def verify(
 
     Args:
         source: The run; see `duobench.results.bundle.open_source`.
+        wanted: Episodes to verify; all without.
         workers: Processes that verify side by side; 0 verifies in this process. See `run_all`.
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
             the modules that the run names. Their episodes are not verifiable without.
@@ -114,7 +119,9 @@ def verify(
     unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
-    keys = source.finished(run)
+    records: list[EpisodeRecord] = []
+    there = source.finished(run)
+    keys = [key for key in there if wanted is None or key in wanted]
     for key in keys:
         try:
             record = source.read_record(run, key)
@@ -123,6 +130,7 @@ def verify(
         except DuoBenchError as error:
             findings[key] = _finding(key, Verdict.CONTRADICTED, str(error))
             continue
+        records.append(record)
         if wrong := _other_versions(run, record):
             findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
         elif reason := unknown.get(record.task) or why_not(record):
@@ -134,8 +142,34 @@ def verify(
         for finding in results:
             findings[finding.key] = finding
             progress(len(findings), len(keys))
+    others: list[str] = []
+    if isinstance(source, RunFolder) and len(records) == len(keys):  # else no report can be written
+        from duobench.results.report_check import check_report  # draws, which no worker needs
+
+        wrong, others = check_report(source, group_by_condition(run, records))
+        objections += map(escaped, wrong)
     return Verification(
-        run=run, findings=tuple(map(findings.__getitem__, keys)), objections=tuple(objections)
+        run=run,
+        findings=tuple(map(findings.__getitem__, keys)),
+        objections=tuple(objections),
+        missing=run.size - len(there),
+        parts=tuple(_parts(run, records, findings)),
+        of_other_software=tuple(others),
+    )
+
+
+def _parts(
+    run: Run, records: Iterable[EpisodeRecord], findings: Mapping[Key, Finding]
+) -> list[RunPart]:
+    """What records add up to as far as they are verified; see `Verification.parts`."""
+    shown = replace(run, suite=replace(run.suite, overtime=1.0))
+    return group_by_condition(
+        shown,
+        (
+            record.unproven if findings[record.key].verdict is Verdict.UNVERIFIABLE else record
+            for record in records
+            if findings[record.key].verdict is not Verdict.CONTRADICTED
+        ),
     )
 
 

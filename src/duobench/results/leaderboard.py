@@ -132,6 +132,17 @@ class Board:
         )
 
 
+def counting(run: Run) -> set[Key]:
+    """The episodes of a run that count: the first `EPISODES` of each task, without a shift if any.
+
+    A run that was played under shifts alone has those of the first one.
+    """
+    conditions = run.conditions
+    name = min(conditions, key=lambda each: conditions[each].shift != NO_SHIFT)
+    indices = run.suite.indices[:EPISODES]
+    return {Key(task.id, name, index) for task in run.suite.tasks for index in indices}
+
+
 def make_entry(
     file: str,
     digest: str,
@@ -146,20 +157,18 @@ def make_entry(
     Its run is of tasks of the benchmark and one policy alone. Episodes that cannot be played again
     are unverifiable: they count as failures that reached no stage.
     """
-    failed = set(unverifiable)
+    failed, counts = set(unverifiable), counting(run)
     trusted = [
-        replace(record, final_stage=0, stage_changes=(), success=False, success_at_end=False)
-        if record.key in failed
-        else record
+        record.unproven if record.key in failed else record
         for record in records
+        if record.key in counts
     ]
     parts = group_by_condition(run, trusted)
-    part = next((each for each in parts if each.condition.shift == NO_SHIFT), parts[0])
+    part = next((each for each in parts if each.records), parts[0])
     lacks = _deviations(run, records)
     played = {task.id for task in run.suite.tasks}
     tasks = [task for task in find_tasks(()) if task.id in played]
-    counted = [each for each in part.records if lacks or each.episode < EPISODES]
-    results = summarize(tasks, counted)
+    results = summarize(tasks, part.records)
     # Joint targets of many runs would fill the memory.
     results = replace(results, tasks=tuple(replace(one, records=()) for one in results.tasks))
     return BoardEntry(
