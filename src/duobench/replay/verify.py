@@ -47,6 +47,9 @@ class Verdict(StrEnum):
     """Something comes out differently, or the record cannot be read."""
 
 
+AGREEING = (Verdict.EXACT, Verdict.STAGES, Verdict.ERROR)
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Finding:
     """What was found out about one record."""
@@ -82,8 +85,9 @@ class Verification:
     @property
     def is_verified(self) -> bool:
         """Whether nothing is contradicted, and something was verified."""
-        agreeing = self.of(Verdict.EXACT, Verdict.STAGES, Verdict.ERROR)
-        return bool(agreeing) and not self.objections and not self.of(Verdict.CONTRADICTED)
+        return (
+            bool(self.of(*AGREEING)) and not self.objections and not self.of(Verdict.CONTRADICTED)
+        )
 
 
 def verify(

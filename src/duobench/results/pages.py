@@ -25,13 +25,11 @@ from duobench.results.scores import Results, RunPart, TaskResult
 from duobench.results.suite import execute_text, latency_text, suite_text
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
-from duobench.versions import __version__
+from duobench.versions import __version__, package_source
 from duobench.video import last_frame
 from duobench.web.page import EpisodeReplay, replay_fragment
 
 PAGE = "index.html"
-SOFTWARE = f"DuoBench {__version__}, Matplotlib {matplotlib.__version__}"
-"""What decides how a page looks, which it names."""
 Facts = Mapping[str, str]
 """Values in words by name, in the order in which they are shown."""
 UNKNOWN = "not known"
@@ -43,6 +41,11 @@ _MACHINE = {
 """What a record's versions say of the machine, and the word where they do not."""
 
 
+def software() -> str:
+    """What decides how a page looks, which every page names."""
+    return f"DuoBench {__version__} {package_source()[:12]}, Matplotlib {matplotlib.__version__}"
+
+
 def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
     """A page of results as HTML text, with its figures by name, from what its template shows."""
     return render(
@@ -52,7 +55,7 @@ def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
         figures=figures,
         scores=scores,
         control_rate_hz=CONTROL_HZ,
-        software=SOFTWARE,
+        software=software(),
         suite_text=suite_text,
         execute_text=execute_text,
         latency_text=latency_text,

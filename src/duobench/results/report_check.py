@@ -9,11 +9,12 @@ from typing import Any
 
 from duobench.errors import escaped
 from duobench.results.folder import RunFolder
-from duobench.results.pages import PAGE, SOFTWARE
+from duobench.results.pages import PAGE, software
 from duobench.results.report import report_files
 from duobench.results.scores import RunPart
 
 _LONGEST = 200  # characters of what is quoted
+_TAG = re.compile(r"<[^<>]*>")
 _HEADLINE = re.compile(r"<dt>([^<]*)</dt><dd>([^<]*)<small")
 _NUMBERS = re.compile(r"[\d.,–()%/ of-]+")
 
@@ -27,11 +28,12 @@ def check_report(folder: RunFolder, parts: Sequence[RunPart]) -> tuple[list[str]
     Returns:
         What differs, one sentence a file, and the pages of other software.
     """
-    there = {name: folder.file(name).read_text("utf-8", "replace") for name in folder.report()}
-    others = [name for name in there if name.endswith(PAGE) and SOFTWARE not in there[name]]
-    left, wrong = dict(there), []
-    for name, text in report_files(folder, folder, parts, there) if there else ():
-        is_other = re.sub(r"(figures/)?[^/]*$", PAGE, name) in others
+    left = {name: folder.file(name).read_text("utf-8", "replace") for name in folder.report()}
+    pages = {name: text for name, text in left.items() if name.endswith(PAGE)}
+    others = [name for name, text in pages.items() if software() not in text]
+    wrong: list[str] = []
+    for name, text in report_files(folder, folder, parts, pages) if left else ():
+        is_other = re.sub(r"(figures/)?[^/]+$", PAGE, name) in others
         if name in left and (words := _difference(name, left.pop(name), text, is_other)):
             wrong.append(f"{name} {words}; duobench report writes it anew.")
     return wrong + [f"{name} is no part of this run's report; remove it." for name in left], others
@@ -44,37 +46,35 @@ def _difference(name: str, said: str, given: str, is_other: bool) -> str:
     if is_other and facts and not both:
         return "has none of the numbers that its records give"
     for place in both if is_other else {**facts, **claims}:
-        if claims.get(place) != facts.get(place):
-            claim, fact = (_plain(each.get(place, "")) for each in (claims, facts))
-            if claim == fact:
-                return "differs in a figure, a style or a script from what its records give"
-            return (
-                f"says “{escaped(claim[:_LONGEST])}”, its records give “{escaped(fact[:_LONGEST])}”"
-            )
-    return ""
+        claim, fact = (" ".join(each.get(place, "").split()) for each in (claims, facts))
+        if claim != fact:
+            claim, fact = (escaped(text[:_LONGEST] or "nothing") for text in (claim, fact))
+            return f"says “{claim}”, its records give “{fact}”"
+    if is_other or name.endswith(".json") or said.splitlines() == given.splitlines():
+        return ""
+    return "differs in a figure, a style or a script from what its records give"
 
 
 def _claims(name: str, text: str, is_other: bool) -> Mapping[Any, str]:
     """What a file says by where it says it: value by value, or line by line."""
     if name.endswith(".json"):
         with suppress(ValueError, RecursionError):
-            document = json.loads(
-                text,
-                parse_float=lambda text: float(f"{float(text):.9g}"),  # as on any processor
-                object_pairs_hook=lambda pairs: (
-                    pairs if len(dict(pairs)) < len(pairs) else dict(pairs)
-                ),
-            )
-            return dict(_leaves(document))
+            number = {"parse_float": lambda text: float(f"{float(text):.9g}")}  # on any processor
+            return dict(_leaves(json.loads(text, object_pairs_hook=_object, **number)))
     if is_other:
         numbers = re.findall(r"\d[\d.]*", "" if name.endswith(".svg") else text)
         return dict(_cells(text) if name.endswith(".html") else enumerate(numbers))
-    return dict(enumerate(text.splitlines()))
+    return dict(enumerate(unescape(_TAG.sub(" ", text)).splitlines()))
+
+
+def _object(pairs: list[tuple[str, Any]]) -> object:
+    return found if len(found := dict(pairs)) == len(pairs) else pairs  # where one is there twice
 
 
 def _leaves(value: Any, place: str = "") -> Iterator[tuple[str, str]]:
     if isinstance(value, dict | list) and value:
-        for name, part in value.items() if isinstance(value, dict) else enumerate(value):
+        parts: Any = value.items() if isinstance(value, dict) else enumerate(value)
+        for name, part in parts:
             yield from _leaves(part, f"{place}{name} ")
     else:
         yield place, f"{place}{json.dumps(value, ensure_ascii=False)}"
@@ -99,4 +99,4 @@ def _row(text: str) -> list[str]:
 
 def _plain(text: str) -> str:
     """Text as a person reads it, without markup."""
-    return " ".join(unescape(re.sub(r"<[^<>]*>", " ", text)).split())
+    return " ".join(unescape(_TAG.sub(" ", text)).split())

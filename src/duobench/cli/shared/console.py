@@ -1,5 +1,6 @@
 """What the verbs print."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from rich import box
@@ -96,6 +97,22 @@ def results_table(part: RunPart) -> Table:
             rows.add_row(*cells(category.label, category, expected * len(members)), style="italic")
         rows.add_section()
     rows.add_row(*cells(results.overall.label, results.overall, part.size), style="bold")
+    return rows
+
+
+def verified_table(parts: Sequence[RunPart]) -> Table:
+    """What was verified: `results_table`, or one row a condition where there are several."""
+    if len(parts) == 1:
+        return results_table(parts[0])
+    headings = ("Successes", "%", "95 %\ninterval", "Final\nprogress")
+    rows = table(whole("Condition"), *(whole(heading, justify="right") for heading in headings))
+    for part in parts:
+        score = part.results.overall
+        rows.add_row(
+            f"{part.candidate.title}, {part.condition.shift}",
+            f"{score.successes} of {score.episodes}",
+            *(percent(score.success_rate), interval_percent(score), progress_text(score)),
+        )
     return rows
 
 

@@ -21,7 +21,7 @@ from duobench.cli.shared.advice import (
     offer_to_import,
     relative,
 )
-from duobench.cli.shared.console import counted, results_table, say
+from duobench.cli.shared.console import counted, results_table, say, verified_table
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
@@ -223,7 +223,7 @@ def verify(
 
 
 def _show_verification(found: Verification, import_tasks: bool) -> None:
-    from duobench.replay.verify import Verdict
+    from duobench.replay.verify import AGREEING, Verdict
 
     name = partial(_episode_name, found.run.conditions)
     for sentence in found.objections:
@@ -242,6 +242,12 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
     say(f"{counted(len(found.findings), 'episode')}: {', '.join(counts)}.")
     if found.missing:
         say(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
+    if others := found.of_other_software:
+        say(f"By other software, and compared in numbers alone: {', '.join(others)}.")
+    if any(one.verdict in AGREEING for one in found.findings):
+        say(verified_table(found.parts))
+    if found.of(Verdict.UNVERIFIABLE, Verdict.CONTRADICTED):
+        say("Here the contradicted count for nothing, and the not verifiable for stage 0.")
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}
     offer_to_import(tasks, import_tasks=import_tasks)
     say("Verified." if found.is_verified else "Not verified.")
