@@ -164,7 +164,7 @@ def test_hostile_and_damaged_archives_are_refused(folder, tmp_path):
     refused = [one.file.removesuffix(".duobench.zip") for one in board.refused]
     assert refused == ["cut", "empty", "flipped", "text", "twin"]
     assert "No bundle has a part '../../x/" in reason(board, "flipped.duobench.zip")
-    assert reason(board, "twin.duobench.zip") == "It is the same file as hold.duobench.zip."
+    assert reason(board, "twin.duobench.zip") == "It holds the same run as hold.duobench.zip."
     assert not any(str(tmp_path) in one.reason for one in board.refused)
     assert len(board.entries) == 2
 

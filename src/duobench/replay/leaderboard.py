@@ -112,7 +112,7 @@ def _entry(
 ) -> BoardEntry:
     """The entry of a bundle, or a `_RefusedError` if it counts for nothing.
 
-    The file of each run is noted by what it holds that counts.
+    The file of a run is noted by the SHA-256 of the records that count.
     """
     bundle = Bundle(path)
     if _digest(path) != digest:
@@ -125,9 +125,9 @@ def _entry(
     counts = counting(run)
     records = bundle.read_records(run, counts)
     texts = "".join(encode(record, RECORD_SCHEMA) for record in records)
-    twin = runs.setdefault(hashlib.sha256(texts.encode()).hexdigest(), path.name)
-    if twin != path.name:
-        raise _RefusedError(f"It holds the same run as {escaped(twin)}.")
+    content = hashlib.sha256(texts.encode()).hexdigest()
+    if twin := runs.get(content):
+        raise _RefusedError(f"It holds the same run as {twin}.")
     kept = out / VERDICTS / f"{digest}.json"
     judgement = _known(kept)
     if judgement is None:
@@ -141,6 +141,7 @@ def _entry(
                 f"{record.task}, episode {record.episode} cannot be verified, though no error "
                 "ended it."
             )
+    runs[content] = escaped(path.name)
     return make_entry(
         escaped(path.name),
         digest,
@@ -172,11 +173,11 @@ def _here() -> dict[str, str]:
     }
 
 
-def _judge(bundle: Bundle, counts: Set[Key], workers: int, progress: Progress) -> Judgement:
+def _judge(bundle: Bundle, wanted: Set[Key], workers: int, progress: Progress) -> Judgement:
     """Verify a bundle, or raise a `_RefusedError` if it ended the process that verified it."""
     findings: Sequence[Finding] = ()
     try:
-        found = verify(bundle, wanted=counts, workers=workers, progress=progress)
+        found = verify(bundle, wanted=wanted, workers=workers, progress=progress)
         findings, reason = found.findings, _objection(found)
     except DataError as error:
         raise _RefusedError(f"It could not be verified: {error}") from error

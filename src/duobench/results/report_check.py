@@ -59,22 +59,26 @@ def _claims(name: str, text: str, is_other: bool) -> Mapping[Any, str]:
     """What a file says by where it says it: value by value, or line by line."""
     if name.endswith(".json"):
         with suppress(ValueError, RecursionError):
-            number = {"parse_float": lambda text: float(f"{float(text):.9g}")}  # on any processor
-            return dict(_leaves(json.loads(text, object_pairs_hook=_object, **number)))
+            return dict(_leaves(json.loads(text, parse_float=_number, object_pairs_hook=_object)))
     if is_other:
         numbers = re.findall(r"\d[\d.]*", "" if name.endswith(".svg") else text)
         return dict(_cells(text) if name.endswith(".html") else enumerate(numbers))
     return dict(enumerate(unescape(_TAG.sub(" ", text)).splitlines()))
 
 
+def _number(text: str) -> float:
+    return float(f"{float(text):.9g}")  # the last bits of a logarithm are a processor's own
+
+
 def _object(pairs: list[tuple[str, Any]]) -> object:
     return found if len(found := dict(pairs)) == len(pairs) else pairs  # where one is there twice
 
 
-def _leaves(value: Any, place: str = "") -> Iterator[tuple[str, str]]:
+def _leaves(
+    value: dict[str, Any] | list[Any] | float | str | None, place: str = ""
+) -> Iterator[tuple[str, str]]:
     if isinstance(value, dict | list) and value:
-        parts: Any = value.items() if isinstance(value, dict) else enumerate(value)
-        for name, part in parts:
+        for name, part in value.items() if isinstance(value, dict) else enumerate(value):
             yield from _leaves(part, f"{place}{name} ")
     else:
         yield place, f"{place}{json.dumps(value, ensure_ascii=False)}"
