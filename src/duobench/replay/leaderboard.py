@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from duobench.data.processes import Progress
 from duobench.errors import DataError, DuoBenchError, EvaluationError, FileError, escaped
-from duobench.files import encode, locked, read, write, writing
+from duobench.files import checksum, encode, locked, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.replay.verify import Finding, Verdict, Verification, verify
 from duobench.results.bundle import BUNDLE_SUFFIX, MAX_BYTES, Bundle
@@ -29,7 +29,7 @@ from duobench.results.leaderboard import (
 )
 from duobench.results.records import RECORD_SCHEMA, Key
 from duobench.tasks import catalog
-from duobench.versions import has_avx2, package_versions
+from duobench.versions import has_avx2, package_versions, source_hashes
 
 JUDGEMENT_SCHEMA = 3
 _SHOWN = 3
@@ -149,7 +149,8 @@ def _entry(
         records,
         judgement.verdicts,
         judgement.unverifiable,
-        bundle.commands(),
+        noted=bundle.attempts().keys(),
+        commands=bundle.commands(),
     )
 
 
@@ -168,6 +169,7 @@ def _here() -> dict[str, str]:
     return {
         **package_versions(),
         "suite": SUITE_VERSION,
+        "source": checksum(source_hashes()),
         "machine": platform.machine(),
         "avx2": str(has_avx2()),
     }

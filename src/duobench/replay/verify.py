@@ -6,7 +6,7 @@ file was changed, not that somebody computed a new one.
 """
 
 import operator
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -70,6 +70,8 @@ class Verification:
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
     """What the run says wrongly of its tasks, and its report of its records, one sentence each."""
+    unnoted: int = 0
+    """Of how many records no attempt is noted, so that earlier ones cannot be ruled out."""
     missing: int = 0
     """Episodes of the run that have no record."""
     parts: tuple[RunPart, ...] = ()
@@ -124,7 +126,7 @@ def verify(
     findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
     records: list[EpisodeRecord] = []
-    there = source.finished(run)
+    there, attempts = source.finished(run), source.attempts()
     keys = [key for key in there if wanted is None or key in wanted]
     for key in keys:
         try:
@@ -135,7 +137,7 @@ def verify(
             findings[key] = _finding(key, Verdict.CONTRADICTED, str(error))
             continue
         records.append(record)
-        if wrong := _other_versions(run, record):
+        if wrong := _other_versions(run, record) or _other_attempts(attempts, record):
             findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
         elif reason := unknown.get(record.task) or why_not(record):
             findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)
@@ -156,6 +158,7 @@ def verify(
         run=run,
         findings=tuple(map(findings.__getitem__, keys)),
         objections=tuple(objections),
+        unnoted=0 if run.is_real else sum(key.path not in attempts for key in keys),
         missing=run.size - len(there),
         parts=tuple(_parts(run, records, findings)),
         of_other_software=tuple(others),
@@ -207,6 +210,15 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
         for name, version in run.versions.items()
         if record.versions.get(name) != version
     )
+
+
+def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -> str:
+    """What was noted of attempts and a record says otherwise; empty if nothing."""
+    ends = noted.get(record.key.path)
+    if ends is None or (record.attempt, *record.earlier) == (len(ends), *ends[:-1]):
+        return ""
+    claimed, known = (", ".join(each) or "none" for each in (record.earlier, ends[:-1]))
+    return f"its earlier attempts ended so: {claimed}; the journal says: {known}"
 
 
 def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:

@@ -21,8 +21,8 @@ ENDS = {
 After the first three there was a record, which is not there any more."""
 MOST_POLICY_ENDS = 2
 """How often a policy's process may end by itself in one episode: the last time fails it."""
-MARKED = 0.01
-"""Share of successes by which the worst case differs where a score is marked."""
+MARKED, MARK = 0.01, "†"
+"""Share of successes by which the worst case differs where a score is marked, and how."""
 
 
 def repeats_text(earlier: Iterable[tuple[str, ...]]) -> str:

@@ -7,7 +7,7 @@ how long it took. Records say what attempts there were, and no time of the clock
 import math
 import os
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -92,12 +92,8 @@ def read_entries(path: Path) -> list[Entry]:
     return entries
 
 
-Attempts = dict[Key, tuple[str, ...]]
-"""How each attempt at episodes ended, first to last, one of `ENDS`."""
-
-
-def read_attempts(entries: Iterable[Entry]) -> Attempts:
-    """How all attempts ended that writers have noted."""
+def read_attempts(entries: Iterable[Entry]) -> dict[Key, tuple[str, ...]]:
+    """How the attempts at each episode ended, first to last, as writers have noted it."""
     found: defaultdict[Key, dict[int, str]] = defaultdict(dict)
     for entry in entries:
         match entry:
@@ -118,12 +114,12 @@ class Journal:
 
     Args:
         path: The file.
-        entries: What all writers have noted so far, from which attempts are counted.
+        entries: Reads what all writers have noted so far, from which attempts are counted.
     """
 
-    def __init__(self, path: Path, entries: Iterable[Entry] = ()) -> None:
-        self._path = path
-        self._attempts = read_attempts(entries)
+    def __init__(self, path: Path, entries: Callable[[], Iterable[Entry]] = tuple) -> None:
+        self._path, self._entries = path, entries
+        self._attempts = read_attempts(entries())
         self._workers = 0
 
     def start(self, command: str, workers: int) -> None:
@@ -160,7 +156,7 @@ class Journal:
         """Forget what the file says; attempts that are in it count no more."""
         with writing(self._path):
             os.truncate(self._path, 0)
-        self._attempts.clear()
+        self._attempts = read_attempts(self._entries())
 
     def _add(self, entry: Entry) -> None:
         with writing(self._path), self._path.open("ab") as file:
