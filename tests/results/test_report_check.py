@@ -221,7 +221,14 @@ def of_other_software(folder: RunFolder) -> RunFolder:
     return folder
 
 
-OTHERS = ("summary", "headline", "table", "md", "robustness", "levels", "condition")
+OTHERS = {
+    "summary": "says “tasks lift successes 99”, its records give “tasks lift successes",
+    "headline": r"says “100\.0 %”, its records give “\d+\.\d %”",
+    **dict.fromkeys(("table", "md", "levels"), r"says “99\.9”, its records give “\d+\.\d”"),
+    "csv": r"table\.csv says “",
+    "robustness": "none successes 99”, its records give “",
+    "condition": r"says “99 %”, its records give “\d+\.\d %”",
+}
 
 
 @pytest.mark.parametrize("shape", ["plain", "policies", "shifts"])
@@ -236,11 +243,11 @@ def test_page_of_other_software_is_no_forgery(copy: Callable[[str], RunFolder], 
 def test_false_number_is_named_on_a_page_of_other_software(
     copy: Callable[[str], RunFolder], forgery: str
 ) -> None:
-    shape, name, pattern, new, words = FORGERIES[forgery]
+    shape, name, pattern, new, _ = FORGERIES[forgery]
     folder = of_other_software(copy(shape))
     edited(folder.file(name), pattern, new)
     (sentence,) = found(folder)
-    assert re.search(words.removeprefix("says “"), sentence)
+    assert re.search(OTHERS[forgery], sentence)
 
 
 def test_page_of_other_software_without_its_numbers_is_named(
@@ -248,9 +255,8 @@ def test_page_of_other_software_without_its_numbers_is_named(
 ) -> None:
     folder = copy("plain")
     folder.page.write_text("<h1>100 %</h1>")
-    assert found(folder) == [
-        "index.html has none of the numbers that its records give; duobench report writes it anew."
-    ]
+    (sentence,) = found(folder)
+    assert re.match(r"index\.html says “nothing”, its records give “\d+\.\d %”;", sentence)
 
 
 def test_damaged_files_are_told_in_a_sentence(

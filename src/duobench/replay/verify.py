@@ -47,9 +47,6 @@ class Verdict(StrEnum):
     """Something comes out differently, or the record cannot be read."""
 
 
-AGREEING = (Verdict.EXACT, Verdict.STAGES, Verdict.ERROR)
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Finding:
     """What was found out about one record."""
@@ -87,9 +84,8 @@ class Verification:
     @property
     def is_verified(self) -> bool:
         """Whether nothing is contradicted, and something was verified."""
-        return (
-            bool(self.of(*AGREEING)) and not self.objections and not self.of(Verdict.CONTRADICTED)
-        )
+        agreeing = self.of(Verdict.EXACT, Verdict.STAGES, Verdict.ERROR)
+        return bool(agreeing) and not self.objections and not self.of(Verdict.CONTRADICTED)
 
 
 def verify(
@@ -160,24 +156,20 @@ def verify(
         objections=tuple(objections),
         unnoted=0 if run.is_real else sum(key.path not in attempts for key in keys),
         missing=run.size - len(there),
-        parts=tuple(_parts(run, records, findings)),
+        parts=_parts(run, ((record, findings[record.key].verdict) for record in records)),
         of_other_software=tuple(others),
     )
 
 
-def _parts(
-    run: Run, records: Iterable[EpisodeRecord], findings: Mapping[Key, Finding]
-) -> list[RunPart]:
+def _parts(run: Run, each: Iterable[tuple[EpisodeRecord, Verdict]]) -> tuple[RunPart, ...]:
     """What records add up to as far as they are verified; see `Verification.parts`."""
+    records = [
+        record.unproven if verdict is Verdict.UNVERIFIABLE else record
+        for record, verdict in each
+        if verdict is not Verdict.CONTRADICTED
+    ]
     shown = replace(run, suite=replace(run.suite, overtime=1.0))
-    return group_by_condition(
-        shown,
-        (
-            record.unproven if findings[record.key].verdict is Verdict.UNVERIFIABLE else record
-            for record in records
-            if findings[record.key].verdict is not Verdict.CONTRADICTED
-        ),
-    )
+    return tuple(group_by_condition(shown, records))
 
 
 def _finding(key: Key, verdict: Verdict, reason: str = "") -> Finding:

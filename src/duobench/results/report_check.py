@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from html import unescape
 from typing import Any
@@ -15,15 +16,14 @@ from duobench.results.scores import RunPart
 
 _LONGEST = 200  # characters of what is quoted
 _TAG = re.compile(r"<[^<>]*>")
-_HEADLINE = re.compile(r"<dt>([^<]*)</dt><dd>([^<]*)<small")
-_NUMBERS = re.compile(r"[\d.,–()%/ of-]+")
+_CELL = re.compile(r"<(?:dd|td)\b[^<>]*>(?:\s*<(?!/)[^<>]*>)*\s*(\d[\d.–% ]*)")
 
 
 def check_report(folder: RunFolder, parts: Sequence[RunPart]) -> tuple[list[str], list[str]]:
     """Compare every file of a report in the folder of a run with what would be written there.
 
-    Videos are those that a page shows, and so are replays, as far as they are there. Beside a page
-    of other software only numbers that both have are compared: headlines and cells of tables.
+    Videos are those that a page shows, and so are replays, as far as they are there. A page of
+    other software, with what lies beside it, needs only to have the numbers that the records give.
 
     Returns:
         What differs, one sentence a file, and the pages of other software.
@@ -41,66 +41,38 @@ def check_report(folder: RunFolder, parts: Sequence[RunPart]) -> tuple[list[str]
 
 def _difference(name: str, said: str, given: str, is_other: bool) -> str:
     """In what a file differs first, in words; empty for nothing."""
-    claims, facts = (_claims(name, text, is_other) for text in (said, given))
-    both = [place for place in facts if place in claims]
-    if is_other and facts and not both:
-        return "has none of the numbers that its records give"
-    for place in both if is_other else {**facts, **claims}:
-        claim, fact = (" ".join(each.get(place, "").split()) for each in (claims, facts))
-        if claim != fact:
-            claim, fact = (escaped(text[:_LONGEST] or "nothing") for text in (claim, fact))
-            return f"says “{claim}”, its records give “{fact}”"
+    claims, facts = (Counter(_claims(name, text, is_other)) for text in (said, given))
+    lacking, added = (list(left) for left in (facts - claims, claims - facts))
+    if lacking or (added and not is_other):
+        first = ((each or ["nothing"])[0] for each in (added, lacking))
+        claim, fact = (escaped(" ".join(text[:_LONGEST].split())) for text in first)
+        return f"says “{claim}”, its records give “{fact}”"
     if is_other or name.endswith(".json") or said.splitlines() == given.splitlines():
         return ""
-    return "differs in a figure, a style or a script from what its records give"
+    return "differs in a figure, a style, a script or an order from what its records give"
 
 
-def _claims(name: str, text: str, is_other: bool) -> Mapping[Any, str]:
-    """What a file says by where it says it: value by value, or line by line."""
+def _claims(name: str, text: str, is_other: bool) -> list[str]:
+    """What a file says: value by value, line by line, or in numbers alone."""
     if name.endswith(".json"):
         with suppress(ValueError, RecursionError):
-            return dict(_leaves(json.loads(text, parse_float=_number, object_pairs_hook=_object)))
+            return [*_leaves(json.loads(text, parse_float=_number, object_pairs_hook=tuple))]
+    if is_other and name.endswith(".html"):
+        return [cell.strip() for cell in _CELL.findall(text)]
     if is_other:
-        numbers = re.findall(r"\d[\d.]*", "" if name.endswith(".svg") else text)
-        return dict(_cells(text) if name.endswith(".html") else enumerate(numbers))
-    return dict(enumerate(unescape(_TAG.sub(" ", text)).splitlines()))
+        return [] if name.endswith(".svg") else re.findall(r"\d[\d.]*", text)
+    return [line for line in unescape(_TAG.sub(" ", text)).splitlines() if line.strip()]
 
 
 def _number(text: str) -> float:
     return float(f"{float(text):.9g}")  # the last bits of a logarithm are a processor's own
 
 
-def _object(pairs: list[tuple[str, Any]]) -> object:
-    return found if len(found := dict(pairs)) == len(pairs) else pairs  # where one is there twice
-
-
 def _leaves(
-    value: dict[str, Any] | list[Any] | float | str | None, place: str = ""
-) -> Iterator[tuple[str, str]]:
-    if isinstance(value, dict | list) and value:
-        for name, part in value.items() if isinstance(value, dict) else enumerate(value):
+    value: list[Any] | tuple[tuple[str, Any], ...] | float | str | None, place: str = ""
+) -> Iterator[str]:
+    if isinstance(value, list | tuple) and value:
+        for name, part in value if isinstance(value, tuple) else enumerate(value):
             yield from _leaves(part, f"{place}{name} ")
     else:
-        yield place, f"{place}{json.dumps(value, ensure_ascii=False)}"
-
-
-def _cells(page: str) -> Iterator[tuple[object, str]]:
-    """Headline numbers of a page, and numbers in tables by table, row and column."""
-    yield from ((name, f"{name} {value}") for name, value in _HEADLINE.findall(page))
-    for part in page.split(' aria-label="'):
-        label, _, table = part.partition("</table>")[0].partition('"><table')
-        head, _, body = table.partition("</thead>")
-        columns = _row(head.rpartition("<tr")[2])
-        for cells in map(_row, body.split("<tr")):
-            for column, cell in zip(columns, cells, strict=False):
-                if _NUMBERS.fullmatch(cell):
-                    yield (label, cells[0], column), f"{label}: {cells[0]}, {column} {cell}"
-
-
-def _row(text: str) -> list[str]:
-    return [_plain(cell) for cell in re.split(r"<t[hd]\b[^>]*>", text)[1:]]
-
-
-def _plain(text: str) -> str:
-    """Text as a person reads it, without markup."""
-    return " ".join(unescape(_TAG.sub(" ", text)).split())
+        yield f"{place}{json.dumps(value, ensure_ascii=False)}"

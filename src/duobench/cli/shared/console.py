@@ -105,17 +105,14 @@ def results_table(part: RunPart) -> Table:
 
 def verified_table(parts: Sequence[RunPart]) -> Table:
     """What was verified: `results_table`, or one row a condition where there are several."""
-    if len(parts) == 1:
-        return results_table(parts[0])
     headings = ("Successes", "%", "95 %\ninterval", "Final\nprogress")
     rows = table(whole("Condition"), *(whole(heading, justify="right") for heading in headings))
     for part in parts:
-        score = part.results.overall
-        rows.add_row(
-            f"{part.candidate.title}, {part.condition.shift}",
-            f"{score.successes} of {score.episodes}",
-            *(percent(score.success_rate), interval_percent(score), progress_text(score)),
-        )
+        one, name = part.results.overall, f"{part.candidate.title}, {part.condition.shift}"
+        numbers = (percent(one.success_rate), interval_percent(one), progress_text(one))
+        rows.add_row(name, f"{one.successes} of {one.episodes}", *numbers)
+    rows = rows if len(parts) > 1 else results_table(parts[0])
+    rows.caption = "Without what is contradicted; what is not verifiable reaches no stage."
     return rows
 
 

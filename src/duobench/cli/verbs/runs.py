@@ -224,7 +224,7 @@ def verify(
 
 
 def _show_verification(found: Verification, import_tasks: bool) -> None:
-    from duobench.replay.verify import AGREEING, Verdict
+    from duobench.replay.verify import Verdict
 
     name = partial(_episode_name, found.run.conditions)
     for sentence in found.objections:
@@ -247,10 +247,8 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
         say(f"Of {counted(found.unnoted, 'episode')} no attempt is on record.")
     if others := found.of_other_software:
         say(f"By other software, and compared in numbers alone: {', '.join(others)}.")
-    if any(one.verdict in AGREEING for one in found.findings):
+    if found.parts:
         say(verified_table(found.parts))
-    if found.of(Verdict.UNVERIFIABLE, Verdict.CONTRADICTED):
-        say("Here the contradicted count for nothing, and the not verifiable for stage 0.")
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}
     offer_to_import(tasks, import_tasks=import_tasks)
     say("Verified." if found.is_verified else "Not verified.")
