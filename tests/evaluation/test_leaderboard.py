@@ -1,6 +1,7 @@
 """A leaderboard of real bundles: verified once, refused with a reason, never trusted."""
 
 import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from duobench.data.processes import Progress
 from duobench.errors import EvaluationError
 from duobench.replay import leaderboard
 from duobench.replay.leaderboard import make_leaderboard
+from duobench.results import leaderboard as results_leaderboard
 from duobench.results.bundle import write_bundle
 from duobench.results.folder import RunFolder
 from duobench.results.leaderboard import DOCUMENT, VERDICTS, Board
@@ -167,6 +169,48 @@ def test_hostile_and_damaged_archives_are_refused(folder, tmp_path):
     assert reason(board, "twin.duobench.zip") == "It holds the same run as hold.duobench.zip."
     assert not any(str(tmp_path) in one.reason for one in board.refused)
     assert len(board.entries) == 2
+
+
+def test_only_what_counts_is_verified_and_shown(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(results_leaderboard, "EPISODES", 1)
+    for name in ("hold", "random"):
+        (folder / f"{name}.duobench.zip").unlink()
+    run = play(tmp_path / "two", "hold", episodes=2)
+    rewritten(run.file(RECORD.replace("00000", "00001")), lambda record: record.update(steps=9))
+    write_bundle(run, folder / "two.duobench.zip")
+    board, played = made(folder, tmp_path / "site")
+    assert (board.refused, played) == ((), {"two.duobench.zip": 1})
+    assert board.entries[0].results.overall.episodes == 1
+    rewritten(run.file(RECORD), lambda record: record.update(steps=9))
+    write_bundle(run, folder / "two.duobench.zip")
+    board, _ = made(folder, tmp_path / "site")
+    assert "Contradicted" in reason(board, "two.duobench.zip")
+
+
+def test_same_run_in_another_archive_is_no_second_entry(runs, folder, tmp_path):
+    with zipfile.ZipFile(folder / "hold.duobench.zip") as old:
+        with zipfile.ZipFile(folder / "packed.duobench.zip", "w", zipfile.ZIP_STORED) as new:
+            for name in old.namelist():
+                new.writestr(name, old.read(name))
+    longer = copied(runs["hold"], tmp_path / "longer")
+    play(longer.path, "hold", episodes=2)
+    path = longer.file(RECORD)  # in other spaces: the same content
+    path.write_text(path.read_text().replace('": ', '":  '))
+    write_bundle(longer, folder / "longer.duobench.zip")
+    board, played = made(folder, tmp_path / "site")
+    assert reason(board, "packed.duobench.zip") == "It holds the same run as hold.duobench.zip."
+    # What counts of the longer one is another thing: it has one episode more.
+    assert set(played) == {f"{name}.duobench.zip" for name in ("hold", "longer", "random")}
+
+
+def test_run_is_no_twin_of_one_that_was_refused(runs, folder, tmp_path):
+    spoilt = copied(runs["hold"], tmp_path / "spoilt")
+    rewritten(spoilt.file(RECORD), lambda record: record.update(steps=9))
+    for name in ("a", "b"):
+        write_bundle(spoilt, folder / f"{name}.duobench.zip")
+    board, _ = made(folder, tmp_path / "site")
+    assert len(board.entries) == 2
+    assert [reason(board, f"{name}.duobench.zip")[:12] for name in "ab"] == ["Contradicted"] * 2
 
 
 def test_too_large_files_are_not_even_read(folder, tmp_path, monkeypatch):

@@ -79,6 +79,16 @@ def test_report_may_be_missing_or_a_part_of_it(copy: Callable[[str], RunFolder])
     assert found(folder) == []
 
 
+def test_copy_without_its_journals_is_compared_in_numbers(
+    copy: Callable[[str], RunFolder],
+) -> None:
+    folder = copy("plain")
+    shutil.rmtree(folder.path / "attempts")
+    assert check_report(folder, read_parts(folder)) == ([], ["index.html"])
+    edited(folder.page, r"<dd>\d+\.\d %", "<dd>100.0 %")
+    assert len(found(folder)) == 1
+
+
 def test_videos_may_come_and_go(copy: Callable[[str], RunFolder]) -> None:
     folder = copy("plain")
     video = folder.video(key(folder, SORT.id, 0))

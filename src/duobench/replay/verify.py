@@ -74,8 +74,8 @@ class Verification:
     parts: tuple[RunPart, ...] = ()
     """What is verified adds up to, under each condition: nothing that is contradicted, what cannot
     be verified as failures that reached no stage, and nothing after the horizon."""
-    of_other_software: tuple[str, ...] = ()
-    """Pages of the run that other software has written, whose numbers alone were compared."""
+    compared_in_numbers: tuple[str, ...] = ()
+    """Pages of other software, or of a run without journals: their words were not compared."""
 
     def of(self, *verdicts: Verdict) -> list[Finding]:
         """The findings with one of these verdicts."""
@@ -157,7 +157,7 @@ def verify(
         unnoted=0 if run.is_real else sum(key.path not in attempts for key in keys),
         missing=run.size - len(there),
         parts=_parts(run, ((record, findings[record.key].verdict) for record in records)),
-        of_other_software=tuple(others),
+        compared_in_numbers=tuple(others),
     )
 
 

@@ -245,8 +245,8 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
         say(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
     if found.unnoted:
         say(f"Of {counted(found.unnoted, 'episode')} no attempt is on record.")
-    if others := found.of_other_software:
-        say(f"By other software, and compared in numbers alone: {', '.join(others)}.")
+    if pages := found.compared_in_numbers:
+        say(f"Of other software, or without its journals, so in numbers alone: {', '.join(pages)}.")
     if found.parts:
         say(verified_table(found.parts))
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}
