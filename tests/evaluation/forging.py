@@ -36,7 +36,10 @@ def redescribed(folder: RunFolder, edit: Edit) -> None:
 
 
 def copied(folder: RunFolder, path: Path) -> RunFolder:
+    """A copy of a run without its report, which would tell of every edit of a record."""
     shutil.copytree(folder.path, path)
+    for name in folder.report():
+        (path / name).unlink()
     return RunFolder(path)
 
 

@@ -1,6 +1,7 @@
 """A leaderboard of real bundles: verified once, refused with a reason, never trusted."""
 
 import shutil
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from duobench.data.processes import Progress
 from duobench.errors import EvaluationError
 from duobench.replay import leaderboard
 from duobench.replay.leaderboard import make_leaderboard
+from duobench.results import leaderboard as results_leaderboard
 from duobench.results.bundle import write_bundle
 from duobench.results.folder import RunFolder
 from duobench.results.leaderboard import DOCUMENT, VERDICTS, Board
@@ -164,9 +166,50 @@ def test_hostile_and_damaged_archives_are_refused(folder, tmp_path):
     refused = [one.file.removesuffix(".duobench.zip") for one in board.refused]
     assert refused == ["cut", "empty", "flipped", "text", "twin"]
     assert "No bundle has a part '../../x/" in reason(board, "flipped.duobench.zip")
-    assert reason(board, "twin.duobench.zip") == "It is the same file as hold.duobench.zip."
+    assert reason(board, "twin.duobench.zip") == "It holds the same run as hold.duobench.zip."
     assert not any(str(tmp_path) in one.reason for one in board.refused)
     assert len(board.entries) == 2
+
+
+def test_only_what_counts_is_verified_and_shown(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(results_leaderboard, "EPISODES", 1)
+    for name in ("hold", "random"):
+        (folder / f"{name}.duobench.zip").unlink()
+    run = play(tmp_path / "two", "hold", episodes=2)
+    rewritten(run.file(RECORD.replace("00000", "00001")), lambda record: record.update(steps=9))
+    write_bundle(run, folder / "two.duobench.zip")
+    board, played = made(folder, tmp_path / "site")
+    assert (board.refused, played) == ((), {"two.duobench.zip": 1})
+    assert board.entries[0].results.overall.episodes == 1
+    rewritten(run.file(RECORD), lambda record: record.update(steps=9))
+    write_bundle(run, folder / "two.duobench.zip")
+    board, _ = made(folder, tmp_path / "site")
+    assert "Contradicted" in reason(board, "two.duobench.zip")
+
+
+def test_same_run_in_another_archive_is_no_second_entry(runs, folder, tmp_path):
+    packed, others = folder / "packed.duobench.zip", ["hold.duobench.zip", "random.duobench.zip"]
+    with zipfile.ZipFile(folder / "hold.duobench.zip") as old, zipfile.ZipFile(packed, "w") as new:
+        for entry in old.infolist():
+            new.writestr(entry, old.read(entry), zipfile.ZIP_STORED)
+    spaced = copied(runs["hold"], tmp_path / "spaced")
+    spaced.file(RECORD).write_text(spaced.file(RECORD).read_text().replace('": ', '":  '))
+    write_bundle(spaced, folder / "spaced.duobench.zip")
+    board, played = made(folder, tmp_path / "site")
+    for name in ("packed", "spaced"):
+        twin = reason(board, f"{name}.duobench.zip")
+        assert twin == "It holds the same run as hold.duobench.zip."
+    assert sorted(played) == others
+
+
+def test_run_is_no_twin_of_one_that_was_refused(runs, folder, tmp_path):
+    spoilt = copied(runs["hold"], tmp_path / "spoilt")
+    rewritten(spoilt.file(RECORD), lambda record: record.update(steps=9))
+    for name in ("a", "b"):
+        write_bundle(spoilt, folder / f"{name}.duobench.zip")
+    board, _ = made(folder, tmp_path / "site")
+    assert len(board.entries) == 2
+    assert [reason(board, f"{name}.duobench.zip")[:12] for name in "ab"] == ["Contradicted"] * 2
 
 
 def test_too_large_files_are_not_even_read(folder, tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import os
+import random
 import stat
 import zipfile
 from collections.abc import Callable
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import EvaluationError, FileError, OutputError
+from duobench.errors import DuoBenchError, EvaluationError, FileError, OutputError
 from duobench.files import encode
 from duobench.results import bundle
 from duobench.results.bundle import (
@@ -242,3 +243,29 @@ def test_every_truncation_and_change_of_a_byte_is_refused(path: Path) -> None:
             continue
         path.write_bytes(whole)
         assert taken == read_source(path)
+
+
+def test_three_hundred_damages_are_refused_in_a_sentence_or_change_nothing(path: Path) -> None:
+    whole, rng = path.read_bytes(), random.Random(3)
+    expected = read_source(path)
+    for turn in range(300):
+        data = bytearray(whole)
+        place, other = (rng.randrange(len(data)) for _ in range(2))
+        match turn % 6:
+            case 0:
+                data[place] ^= 1 << rng.randrange(8)
+            case 1:
+                data[place : place + 100] = rng.randbytes(100)
+            case 2:
+                del data[place:]
+            case 3:
+                data[place : place + 50] = bytes(50)
+            case 4:
+                data[place], data[other] = data[other], data[place]
+            case _:
+                del data[place : place + rng.randrange(1, 100)]
+        path.write_bytes(data)
+        try:
+            assert read_source(path) == expected
+        except DuoBenchError as error:
+            assert "no whole bundle" in str(error)

@@ -6,7 +6,7 @@ What a bundle is found to be is kept by its checksum, so that only new ones are 
 import hashlib
 import platform
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -23,15 +23,20 @@ from duobench.results.leaderboard import (
     BoardEntry,
     RefusedBundle,
     begin_site,
+    counting,
     make_entry,
     write_site,
 )
+<<<<<<< HEAD
 from duobench.results.records import Key
 from duobench.results.salt import ROUNDS, Round, Salt, read_rounds
+=======
+from duobench.results.records import RECORD_SCHEMA, Key
+>>>>>>> wt-verify
 from duobench.tasks import catalog
 from duobench.versions import has_avx2, package_versions, source_hashes
 
-JUDGEMENT_SCHEMA = 2
+JUDGEMENT_SCHEMA = 3
 _SHOWN = 3
 _LONGEST_REASON = 600
 
@@ -88,14 +93,19 @@ def make_leaderboard(
     entries: dict[str, BoardEntry] = {}
     refused: list[RefusedBundle] = []
     known: set[str] = set()
+    runs: dict[str, str] = {}
     with locked(out):
         for path in paths:
             try:
                 digest = _digest(path)
                 known.add(digest)
+<<<<<<< HEAD
                 if twin := entries.get(digest):
                     raise _RefusedError(f"It is the same file as {twin.file}.")
                 entries[digest] = _entry(path, digest, out, workers, started, rounds)
+=======
+                entries[digest] = _entry(path, digest, runs, out, workers, started)
+>>>>>>> wt-verify
             except (_RefusedError, DuoBenchError, OSError) as error:
                 refused.append(
                     RefusedBundle(file=escaped(path.name), reason=_line(str(error), path))
@@ -110,9 +120,18 @@ def make_leaderboard(
 
 
 def _entry(
+<<<<<<< HEAD
     path: Path, digest: str, out: Path, workers: int, started: Started, rounds: Sequence[Round]
 ) -> BoardEntry:
     """The entry of a bundle, or a `_RefusedError` if it counts for nothing."""
+=======
+    path: Path, digest: str, runs: dict[str, str], out: Path, workers: int, started: Started
+) -> BoardEntry:
+    """The entry of a bundle, or a `_RefusedError` if it counts for nothing.
+
+    The file of a run is noted by the SHA-256 of the records that count.
+    """
+>>>>>>> wt-verify
     bundle = Bundle(path)
     if _digest(path) != digest:
         raise _RefusedError("It was changed while it was read.")
@@ -121,25 +140,34 @@ def _entry(
         raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
     if len(run.candidates) > 1:
         raise _RefusedError("It holds several policies; a bundle of a leaderboard holds one.")
+<<<<<<< HEAD
     hosted = next((each for each in rounds if digest in each.bundles), None)
     if hosted and hosted.salt_sha256 != run.suite.salt:
         raise _RefusedError(f"Round {hosted.name!r} names it, and has another salt.")
     salts = (each.salt for each in rounds if each.salt_sha256 == run.suite.salt)
     bundle.salt = Salt(salt) if (salt := next(salts, None)) else None
+=======
+    counts = counting(run)
+    records = bundle.read_records(run, counts)
+    texts = "".join(encode(record, RECORD_SCHEMA) for record in records)
+    content = hashlib.sha256(texts.encode()).hexdigest()
+    if twin := runs.get(content):
+        raise _RefusedError(f"It holds the same run as {twin}.")
+>>>>>>> wt-verify
     kept = out / VERDICTS / f"{digest}.json"
     judgement = _known(kept, bundle.salt)
     if judgement is None:
-        judgement = _judge(bundle, workers, started(escaped(path.name)))
+        judgement = _judge(bundle, counts, workers, started(escaped(path.name)))
         write(kept, encode(judgement, JUDGEMENT_SCHEMA))
     if judgement.reason:
         raise _RefusedError(judgement.reason)
-    records = bundle.read_records(run)
     for record in records:
         if record.error is None and record.key in judgement.unverifiable:
             raise _RefusedError(
                 f"{record.task}, episode {record.episode} cannot be verified, though no error "
                 "ended it."
             )
+    runs[content] = escaped(path.name)
     return make_entry(
         escaped(path.name),
         digest,
@@ -175,11 +203,11 @@ def _here(salt: Salt | None) -> dict[str, str]:
     }
 
 
-def _judge(bundle: Bundle, workers: int, progress: Progress) -> Judgement:
+def _judge(bundle: Bundle, wanted: Set[Key], workers: int, progress: Progress) -> Judgement:
     """Verify a bundle, or raise a `_RefusedError` if it ended the process that verified it."""
     findings: Sequence[Finding] = ()
     try:
-        found = verify(bundle, workers=workers, progress=progress)
+        found = verify(bundle, wanted=wanted, workers=workers, progress=progress)
         findings, reason = found.findings, _objection(found)
     except DataError as error:
         raise _RefusedError(f"It could not be verified: {error}") from error

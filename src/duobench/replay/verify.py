@@ -6,7 +6,7 @@ file was changed, not that somebody computed a new one.
 """
 
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -19,9 +19,10 @@ from duobench.data.processes import Progress, run_all
 from duobench.envs import action_modes
 from duobench.errors import DuoBenchError, ImportPathError, OtherRunError, UnknownNameError, escaped
 from duobench.replay.player import RecordPlayer, actual_task, why_not
-from duobench.results.folder import RunReader
+from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
+from duobench.results.scores import RunPart, group_by_condition
 from duobench.versions import differing_arithmetic
 
 TOLERANCE = 1e-6
@@ -65,18 +66,20 @@ class Verification:
     findings: tuple[Finding, ...]
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
-    """What the run itself says of its tasks and is wrong, one sentence each."""
+    """What the run says wrongly of its tasks, and its report of its records, one sentence each."""
     unnoted: int = 0
     """Of how many records no attempt is noted, so that earlier ones cannot be ruled out."""
+    missing: int = 0
+    """Episodes of the run that have no record."""
+    parts: tuple[RunPart, ...] = ()
+    """What is verified adds up to, under each condition: nothing that is contradicted, what cannot
+    be verified as failures that reached no stage, and nothing after the horizon."""
+    compared_in_numbers: tuple[str, ...] = ()
+    """Pages of other software, or of a run without journals: their words were not compared."""
 
     def of(self, *verdicts: Verdict) -> list[Finding]:
         """The findings with one of these verdicts."""
         return [finding for finding in self.findings if finding.verdict in verdicts]
-
-    @property
-    def missing(self) -> int:
-        """Episodes of the run that have no record."""
-        return self.run.size - len(self.findings)
 
     @property
     def is_verified(self) -> bool:
@@ -88,6 +91,7 @@ class Verification:
 def verify(
     source: RunReader,
     *,
+    wanted: Container[Key] | None = None,
     workers: int = 0,
     import_tasks: bool = False,
     progress: Progress = lambda _done, _total: None,
@@ -99,6 +103,7 @@ def verify(
 
     Args:
         source: The run; see `duobench.results.bundle.open_source`.
+        wanted: Episodes to verify; all without.
         workers: Processes that verify side by side; 0 verifies in this process. See `run_all`.
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
             the modules that the run names. Their episodes are not verifiable without.
@@ -120,7 +125,9 @@ def verify(
     unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
-    keys, attempts = source.finished(run), source.attempts()
+    records: list[EpisodeRecord] = []
+    there, attempts = source.finished(run), source.attempts()
+    keys = [key for key in there if wanted is None or key in wanted]
     for key in keys:
         try:
             record = source.read_record(run, key)
@@ -129,6 +136,7 @@ def verify(
         except DuoBenchError as error:
             findings[key] = _finding(key, Verdict.CONTRADICTED, str(error))
             continue
+        records.append(record)
         if wrong := _other_versions(run, record) or _other_attempts(attempts, record):
             findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
         elif reason := unknown.get(record.task) or why_not(record):
@@ -140,12 +148,32 @@ def verify(
         for finding in results:
             findings[finding.key] = finding
             progress(len(findings), len(keys))
+    others: list[str] = []
+    if isinstance(source, RunFolder) and len(records) == len(keys):  # else no report can be written
+        from duobench.results.report_check import check_report  # draws, which no worker needs
+
+        wrong, others = check_report(source, group_by_condition(run, records))
+        objections += map(escaped, wrong)
     return Verification(
         run=run,
         findings=tuple(map(findings.__getitem__, keys)),
         objections=tuple(objections),
         unnoted=0 if run.is_real else sum(key.path not in attempts for key in keys),
+        missing=run.size - len(there),
+        parts=_parts(run, ((record, findings[record.key].verdict) for record in records)),
+        compared_in_numbers=tuple(others),
     )
+
+
+def _parts(run: Run, each: Iterable[tuple[EpisodeRecord, Verdict]]) -> tuple[RunPart, ...]:
+    """What records add up to as far as they are verified; see `Verification.parts`."""
+    records = [
+        record.unproven if verdict is Verdict.UNVERIFIABLE else record
+        for record, verdict in each
+        if verdict is not Verdict.CONTRADICTED
+    ]
+    shown = replace(run, suite=replace(run.suite, overtime=1.0))
+    return tuple(group_by_condition(shown, records))
 
 
 def _finding(key: Key, verdict: Verdict, reason: str = "") -> Finding:

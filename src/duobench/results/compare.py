@@ -20,7 +20,7 @@ from duobench.results.entrants import (
     sections,
     table_rows,
 )
-from duobench.results.pages import PAGE, check_free, page, write_files
+from duobench.results.pages import PAGE, check_free, page, with_figures, write_files
 from duobench.results.pairs import RunComparison, compare_pair
 from duobench.results.scores import RunPart
 
@@ -45,16 +45,17 @@ def _compared(entrants: Sequence[Entrant]) -> RunComparison:
     return RunComparison(entrants=tuple(entrants), rows=rows, pairs=tuple(tested))
 
 
-def write_comparison(comparison: RunComparison, out: Path, *, is_beside: bool = False) -> Path:
-    """Write page, tables, figures and the JSON form of a comparison, and return the page.
+def write_comparison(comparison: RunComparison, out: Path) -> Path:
+    """Write the files of a comparison into a folder, and return the page.
 
-    Args:
-        comparison: What `compare` gave.
-        out: Folder, which is made; an earlier comparison in it is replaced.
-        is_beside: Whether the folder is that of the run, beside whose records it is written.
+    The folder is made; an earlier comparison in it is replaced.
     """
-    if not is_beside:
-        check_free(out, DOCUMENT, "comparison")
+    check_free(out, DOCUMENT, "comparison")
+    return write_files(out, comparison_files(comparison))
+
+
+def comparison_files(comparison: RunComparison) -> dict[str, str]:
+    """Figures, tables, JSON form and page of a comparison, as text by name."""
     svgs = _figures(comparison)
     text = page(
         "comparison.html.j2",
@@ -76,7 +77,7 @@ def write_comparison(comparison: RunComparison, out: Path, *, is_beside: bool = 
         "table.tex": tables.latex(comparison),
         PAGE: text,
     }
-    return write_files(out, contents, svgs)
+    return with_figures(contents, svgs)
 
 
 def _figures(comparison: RunComparison) -> dict[str, str]:

@@ -43,6 +43,7 @@ _WAIT_S = 30.0  # seconds that a writer waits for others, which begin in the fol
 _REPORT = (
     *("index.html", "summary.json", "robustness.json", "comparison.json"),
     *("table.md", "table.csv", "table.tex"),
+    *("figures/stages.svg", "figures/progress.svg", "figures/levels.svg"),
 )
 _RECORD = re.compile(r"records/([^/]+)/([^/]+)/([0-9]+)\.json")
 
@@ -205,6 +206,12 @@ class RunFolder(RunReader):
     def scene(self, name: str) -> Path:
         """What a browser needs to show the scene of replays."""
         return self.path / "replays" / "scenes" / f"{name}{SCENE_SUFFIX}"
+
+    def report(self) -> list[str]:
+        """Names of the files that are there of a report, of whatever shape the run had."""
+        places = ("", *(f"{CONDITIONS}/{path.name}/" for path in self.path.glob(f"{CONDITIONS}/*")))
+        names = (f"{place}{name}" for place in places for name in _REPORT)
+        return [name for name in names if self.file(name).is_file()]
 
     @property
     def has_records(self) -> bool:

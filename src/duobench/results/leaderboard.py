@@ -160,7 +160,22 @@ class Board:
         )
 
 
+<<<<<<< HEAD
 def make_entry(  # noqa: PLR0913 - what is known of a bundle
+=======
+def counting(run: Run) -> set[Key]:
+    """The episodes of a run that count: the first `EPISODES` of each task, without a shift if any.
+
+    A run that was played under shifts alone has those of the first one.
+    """
+    conditions = run.conditions
+    name = min(conditions, key=lambda each: conditions[each].shift != NO_SHIFT)
+    indices = run.suite.indices[:EPISODES]
+    return {Key(task.id, name, index) for task in run.suite.tasks for index in indices}
+
+
+def make_entry(
+>>>>>>> wt-verify
     file: str,
     digest: str,
     run: Run,
@@ -178,22 +193,26 @@ def make_entry(  # noqa: PLR0913 - what is known of a bundle
     are unverifiable: they count as failures that reached no stage. Attempts at some episodes were
     noted, named by the paths of their keys.
     """
-    failed = set(unverifiable)
+    failed, counts = set(unverifiable), counting(run)
     trusted = [
-        replace(record, final_stage=0, stage_changes=(), success=False, success_at_end=False)
-        if record.key in failed
-        else record
+        record.unproven if record.key in failed else record
         for record in records
+        if record.key in counts
     ]
     parts = group_by_condition(run, trusted)
+<<<<<<< HEAD
     part = next((each for each in parts if each.condition.shift == NO_SHIFT), parts[0])
     lacks = _deviations(run, records, SALTED if hosted else EVAL)
     if unknown := sum(record.key.path not in noted for record in records):
+=======
+    part = next((each for each in parts if each.records), parts[0])
+    lacks = _deviations(run, records)
+    if unknown := sum(record.key.path not in noted for record in trusted):
+>>>>>>> wt-verify
         lacks += (f"of {unknown:,} episodes no attempt is on record",)
     played = {task.id for task in run.suite.tasks}
     tasks = [task for task in find_tasks(()) if task.id in played]
-    counted = [each for each in part.records if lacks or each.episode < EPISODES]
-    results = summarize(tasks, counted)
+    results = summarize(tasks, part.records)
     repeats = replace(part, results=results).repeats
     # Joint targets of many runs would fill the memory.
     results = replace(results, tasks=tuple(replace(one, records=()) for one in results.tasks))

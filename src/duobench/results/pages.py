@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+import matplotlib
 from markupsafe import Markup
 from PIL import Image
 
@@ -24,6 +25,7 @@ from duobench.results.scores import Results, RunPart, TaskResult
 from duobench.results.suite import execute_text, latency_text, suite_text
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
+from duobench.versions import __version__, package_source
 from duobench.video import last_frame
 from duobench.web.page import EpisodeReplay, replay_fragment
 
@@ -39,6 +41,11 @@ _MACHINE = {
 """What a record's versions say of the machine, and the word where they do not."""
 
 
+def software() -> str:
+    """What decides how a page looks, which every page names."""
+    return f"DuoBench {__version__} {package_source()[:12]}, Matplotlib {matplotlib.__version__}"
+
+
 def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
     """A page of results as HTML text, with its figures by name, from what its template shows."""
     return render(
@@ -48,6 +55,7 @@ def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
         figures=figures,
         scores=scores,
         control_rate_hz=CONTROL_HZ,
+        software=software(),
         suite_text=suite_text,
         execute_text=execute_text,
         latency_text=latency_text,
@@ -82,12 +90,13 @@ def check_free(out: Path, sign: str, what: str) -> None:
     make_folder(out)
 
 
-def write_files(
-    out: Path, contents: Mapping[str, str], svgs: Mapping[str, str] | None = None
-) -> Path:
-    """Write files and figures by their names, and return the page among them."""
-    for name, svg in (svgs or {}).items():
-        write(out / "figures" / f"{name}.svg", svg)
+def with_figures(contents: Mapping[str, str], svgs: Mapping[str, str]) -> dict[str, str]:
+    """Files by their names, figures first."""
+    return {**{f"figures/{name}.svg": svg for name, svg in svgs.items()}, **contents}
+
+
+def write_files(out: Path, contents: Mapping[str, str]) -> Path:
+    """Write files by their names, and return the page among them."""
     for name, content in contents.items():
         write(out / name, content)
     return out / PAGE
@@ -166,11 +175,16 @@ def trials(records: Iterable[EpisodeRecord]) -> Facts:
 
 
 class PageVideos:
-    """Finds videos for a page of a run, from whose folder its links lead."""
+    """Finds videos for a page of a run, from whose folder its links lead.
 
-    def __init__(self, folder: RunFolder, run: Run, page: Path, has_command: bool) -> None:
+    With the text of that page as it is, these are the ones that it shows, and none is touched.
+    """
+
+    def __init__(
+        self, folder: RunFolder, run: Run, page: Path, has_command: bool, shown: str | None = None
+    ) -> None:
         self._folder, self._run, self._page = folder, run, page
-        self._has_command = has_command
+        self._has_command, self._shown = has_command, shown
 
     def video(self, record: EpisodeRecord) -> str | None:
         """Link to the video of an episode; None if there is none."""
@@ -179,7 +193,7 @@ class PageVideos:
     def poster(self, record: EpisodeRecord) -> str | None:
         """Link to the last frame of a video, which is made; None if there is none."""
         path = self._folder.poster(record.key)
-        if not path.exists():
+        if self._shown is None and not path.exists():
             with suppress(VideoError):
                 image = last_frame(self._folder.video(record.key))
                 buffer = io.BytesIO()
@@ -204,17 +218,26 @@ class PageVideos:
         return f"duobench report DIR --{what} {choice}{'' if is_known else ' --import-tasks'}"
 
     def _link(self, path: Path) -> str | None:
-        return quote(os.path.relpath(path, self._page)) if path.exists() else None
+        link = quote(os.path.relpath(path, self._page))
+        is_there = path.exists() if self._shown is None else f'"{link}"' in self._shown
+        return link if is_there else None
 
 
-def page_replays(folder: RunFolder, results: Results) -> tuple[dict[Key, str], str]:
-    """What opens each replay of a run, as `data-replay`, and the part of a page that plays them."""
+def page_replays(
+    folder: RunFolder, results: Results, shown: str | None = None
+) -> tuple[dict[Key, str], str]:
+    """What opens each replay of a run, as `data-replay`, and the part of a page that plays them.
+
+    With the text of a page as it is, these are the ones that it shows, as far as they are there.
+    """
     replays: dict[Key, EpisodeReplay] = {}
     for one in results.tasks:
         for record in one.records:
-            if path := folder.replay(record.key):
+            id = f"replay-{record.task}-{record.episode}"
+            is_shown = shown is None or f'"{id}"' in shown
+            if is_shown and (path := folder.replay(record.key)):
                 replays[record.key] = EpisodeReplay(
-                    id=f"replay-{record.task}-{record.episode}",
+                    id=id,
                     title=f"{one.task.title}, episode {record.episode}",
                     scene=path.name.split(".")[1],
                     track=path.read_bytes(),

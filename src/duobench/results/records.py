@@ -249,6 +249,11 @@ class EpisodeRecord:
         return self.final_stage / self.max_stage
 
     @property
+    def unproven(self) -> EpisodeRecord:
+        """The episode as it counts where it cannot be verified: a failure that reached no stage."""
+        return replace(self, final_stage=0, stage_changes=(), success=False, success_at_end=False)
+
+    @property
     def reason(self) -> str:
         """The last line of the error, which says what it was; empty without one."""
         return (self.error or "").strip().rpartition("\n")[2]

@@ -5,13 +5,12 @@ same bytes. The one exception is the block of times on a page, which is about no
 """
 
 import os
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
 
 from duobench.errors import OtherRunError
 from duobench.files import writing
 from duobench.results import figures, scores
-from duobench.results.compare import compare_parts, write_comparison
+from duobench.results.compare import compare_parts, comparison_files
 from duobench.results.folder import CONDITIONS, RunFolder, RunReader
 from duobench.results.journal import duration, run_times, side_by_side
 from duobench.results.pages import (
@@ -23,9 +22,10 @@ from duobench.results.pages import (
     part_page,
     stacks,
     trials,
+    with_figures,
     write_files,
 )
-from duobench.results.robustness import robustness_of, write_robustness
+from duobench.results.robustness import UNPROVEN, robustness_files, robustness_of
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, group_by_condition
 from duobench.results.shard import Shard
@@ -75,25 +75,34 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
         if folder.description.exists():
             raise OtherRunError(f"{folder.path} holds a run, and no report of a bundle.")
         check_free(folder.path, PAGE, "report of a bundle")
-    if len(parts) == 1:
-        _write_part(folder, reader, parts[0], folder.path)
-    else:
+    if len(parts) > 1:
         for stale in (SUMMARY, *(f"figures/{name}.svg" for name in figures.FIGURES)):
             with writing(folder.file(stale)):  # of the time when there was one condition
                 folder.file(stale).unlink(missing_ok=True)
-        for part in parts:
-            _write_part(folder, reader, part, folder.path / CONDITIONS / part.condition.name)
-        if len(run.suite.shifts) > 1:
-            write_robustness(robustness_of(parts), folder.path, is_beside=True)
-        elif len(played := [part for part in parts if part.results.overall.episodes]) > 1:
-            write_comparison(compare_parts(played), folder.path, is_beside=True)
+    for name, text in report_files(folder, reader, parts):
+        write_files(folder.path, {name: text})
     return scores.summarize(run.suite.tasks, [each for part in parts for each in part.records])
 
 
-def _write_part(folder: RunFolder, source: RunReader, part: RunPart, out: Path) -> None:
-    svgs = figures.plots(part.results)
-    page = _page(folder, source, part, svgs, out)
-    write_files(out, {SUMMARY: summary_json(part), PAGE: page}, svgs)
+def report_files(
+    folder: RunFolder,
+    source: RunReader,
+    parts: Sequence[RunPart],
+    shown: Mapping[str, str] | None = None,
+) -> Iterator[tuple[str, str]]:
+    """Each file of a report, by its name in the folder, and its text; see `write_report`.
+
+    Nothing is written but posters of videos. With files that are there by name, nothing is: their
+    pages show the videos and replays that they show there.
+    """
+    for part in parts:
+        place = f"{CONDITIONS}/{part.condition.name}/" if len(parts) > 1 else ""
+        for name, text in _part_files(folder, source, part, place, shown).items():
+            yield place + name, text
+    if len(parts[0].run.suite.shifts) > 1:
+        yield from robustness_files(robustness_of(parts), CONDITIONS).items()
+    elif len(played := [part for part in parts if part.results.overall.episodes]) > 1:
+        yield from comparison_files(compare_parts(played)).items()
 
 
 def summary_json(part: RunPart) -> str:
@@ -137,15 +146,21 @@ def missing_shards(folder: RunFolder, run: Run) -> str:
     return f"Missing are: {', '.join(parts[:_NAMED])}{more}." if parts else ""
 
 
-def _page(
-    folder: RunFolder, source: RunReader, part: RunPart, svgs: Mapping[str, str], out: Path
-) -> str:
+def _part_files(
+    folder: RunFolder,
+    source: RunReader,
+    part: RunPart,
+    place: str,
+    shown: Mapping[str, str] | None,
+) -> dict[str, str]:
+    svgs, out = figures.plots(part.results), folder.path / place
+    before = None if shown is None else shown.get(f"{place}{PAGE}", "")
     commands = source.commands()
     is_finished = part.results.overall.episodes == part.size
-    videos = PageVideos(folder, part.run, out, has_command=bool(commands))
-    replay_ids, replays = page_replays(folder, part.results)
+    videos = PageVideos(folder, part.run, out, bool(commands), before)
+    replay_ids, replays = page_replays(folder, part.results, before)
     times = run_times(part.results, folder.entries())
-    return part_page(
+    page = part_page(
         "report.html.j2",
         svgs,
         part,
@@ -154,6 +169,7 @@ def _page(
         missing="" if is_finished or source is not folder else missing_shards(folder, part.run),
         stacks=stacks(part.records),
         trials=trials(part.records),
+        unproven=UNPROVEN,
         failed_stages=scores.failed_stages,
         most_unmet=_MOST_UNMET,
         clipping=scores.clipping,
@@ -167,3 +183,4 @@ def _page(
         side_by_side=side_by_side(times.workers, len(folder.writers)),
         duration=duration,
     )
+    return with_figures({SUMMARY: summary_json(part), PAGE: page}, svgs)

@@ -6,17 +6,19 @@ from pathlib import Path
 
 from duobench.errors import EvaluationError
 from duobench.results import figures
-from duobench.results.folder import CONDITIONS
-from duobench.results.pages import PAGE, check_free, json_text, page, write_files
+from duobench.results.pages import PAGE, check_free, json_text, page, with_figures, write_files
 from duobench.results.scores import RunPart, Score
 from duobench.shifts.shift import (
     ALL_AXES,
     AXES,
+    CAMERA,
     LATENCY,
     LAYOUT,
     LEVELS,
+    LOOK,
     NO_SHIFT,
     PHYSICS,
+    SENSING,
     Shift,
 )
 
@@ -25,6 +27,8 @@ DOCUMENT = "robustness.json"
 ROBUSTNESS_SCHEMA = 2
 BOUNDED = (LAYOUT, PHYSICS, LATENCY)
 """Axes whose levels scripted experts still solve."""
+UNPROVEN = (LOOK, CAMERA, SENSING)
+"""Axes that change only what a policy sees, of which its joint targets prove nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -77,13 +81,14 @@ def robustness_of(parts: Sequence[RunPart], title: str = "") -> list[Robustness]
     ]
 
 
-def write_robustness(policies: Sequence[Robustness], out: Path, *, is_beside: bool = False) -> Path:
-    """Write page, figure and JSON form of what policies, laid over each other, reached.
+def write_robustness(policies: Sequence[Robustness], out: Path) -> Path:
+    """Write page, figure and JSON form of what policies, laid over each other, reached."""
+    check_free(out, DOCUMENT, "evaluation under shifts")
+    return write_files(out, robustness_files(policies))
 
-    The folder may be that of the run, with a page for each condition beside.
-    """
-    if not is_beside:
-        check_free(out, DOCUMENT, "evaluation under shifts")
+
+def robustness_files(policies: Sequence[Robustness], pages: str = "") -> dict[str, str]:
+    """The same files as text by name, with links to a folder of pages of each condition, if any."""
     axes = [axis for axis in AXES if any(axis in one.axes for one in policies)]
     runs = [(one.title, {axis: one.levels(axis) for axis in one.axes}) for one in policies]
     svgs = {"levels": figures.as_svg("levels", figures.levels, axes, runs)}
@@ -93,11 +98,12 @@ def write_robustness(policies: Sequence[Robustness], out: Path, *, is_beside: bo
         policies=policies,
         axes=axes,
         levels=range(LEVELS + 1),
-        pages=CONDITIONS if is_beside else "",
+        pages=pages,
         bounded=BOUNDED,
+        unproven=UNPROVEN,
         all_axes=ALL_AXES,
     )
-    return write_files(out, {DOCUMENT: _document(policies), PAGE: text}, svgs)
+    return with_figures({DOCUMENT: _document(policies), PAGE: text}, svgs)
 
 
 def _document(policies: Sequence[Robustness]) -> str:

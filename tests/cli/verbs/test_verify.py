@@ -54,8 +54,9 @@ def test_disagreement_is_one_line_and_fails(run: Path, capsys: pytest.CaptureFix
     rewritten(path, lambda record: record.update(steps=9))
     assert refusal("verify", run, "--workers", "0") == "1"
     said = capsys.readouterr().out.splitlines()
-    (line,) = (line for line in said if line.startswith("Contradicted: "))
-    assert "bin_sort, episode 1: " in line
+    assert sum(line.startswith("Contradicted: bin_sort, episode 1: ") for line in said) == 1
+    assert any("Without what is contradicted; " in line for line in said)
+    assert any(re.match(r" All tasks +1/2 +0\.0 ", line) for line in said)
 
 
 def test_unfinished_run_and_tasks_of_others_are_said(
@@ -69,6 +70,7 @@ def test_unfinished_run_and_tasks_of_others_are_said(
     out = capsys.readouterr().out
     assert "Not verifiable: nod, episode 0, nod, episode 1, nod, episode 2 and 2 more: " in out
     assert "With --import-tasks" in out
+    told("report", run)
     out = told("verify", run, "--workers", "0", "--import-tasks")
     assert "With --import-tasks" not in out
     for said in (out, told("bundle", run, "--out", tmp_path / "part.zip")):

@@ -1,5 +1,6 @@
 """What the verbs print."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from rich import box
@@ -100,6 +101,19 @@ def results_table(part: RunPart) -> Table:
             rows.add_row(*cells(category.label, category, expected * len(members)), style="italic")
         rows.add_section()
     rows.add_row(*cells(results.overall.label, results.overall, part.size), style="bold")
+    return rows
+
+
+def verified_table(parts: Sequence[RunPart]) -> Table:
+    """What was verified: `results_table`, or one row a condition where there are several."""
+    headings = ("Successes", "%", "95 %\ninterval", "Final\nprogress")
+    rows = table(whole("Condition"), *(whole(heading, justify="right") for heading in headings))
+    for part in parts:
+        one, name = part.results.overall, f"{part.candidate.title}, {part.condition.shift}"
+        numbers = (percent(one.success_rate), interval_percent(one), progress_text(one))
+        rows.add_row(name, f"{one.successes} of {one.episodes}", *numbers)
+    rows = rows if len(parts) > 1 else results_table(parts[0])
+    rows.caption = "Without what is contradicted; what is not verifiable reaches no stage."
     return rows
 
 

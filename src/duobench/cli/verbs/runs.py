@@ -21,7 +21,7 @@ from duobench.cli.shared.advice import (
     offer_to_import,
     relative,
 )
-from duobench.cli.shared.console import counted, results_table, say
+from duobench.cli.shared.console import counted, results_table, say, verified_table
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
 from duobench.results.attempts import repeats_text
@@ -256,6 +256,10 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
         say(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
     if found.unnoted:
         say(f"Of {counted(found.unnoted, 'episode')} no attempt is on record.")
+    if pages := found.compared_in_numbers:
+        say(f"Of other software, or without its journals, so in numbers alone: {', '.join(pages)}.")
+    if found.parts:
+        say(verified_table(found.parts))
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}
     offer_to_import(tasks, import_tasks=import_tasks)
     say("Verified." if found.is_verified else "Not verified.")
