@@ -97,7 +97,7 @@ def main() -> int:
             bar, met = f"<= {MOST_CLAIMS}", met and any_look <= MOST_CLAIMS
         elif (rates, looks) == (DIFFERENT[0], (100,)):
             bar, met = f">= {LEAST_POWER}", met and any_look >= LEAST_POWER
-        at = f"{looks[0]} .. {looks[-1]}" if len(looks) > 1 else str(looks[0])
+        at = " .. ".join(map(str, sorted({min(looks), max(looks)})))
         names = " against ".join(f"{rate:.0%}" for rate in rates)
         table.add_row(names, at, f"{once:.1%}", f"{any_look:.1%}", bar)
     Console().print(table)

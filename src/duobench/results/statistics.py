@@ -72,9 +72,9 @@ def any_time(wins: Iterable[tuple[int, int]]) -> float:
     """
     betaln = _scipy("special").betaln
     first, second = np.cumsum([(0, 0), *wins], axis=0).T
-    sides = [betaln(x + first, y + second) for x, y in (PRIOR, PRIOR[::-1])]
-    wealth = np.logaddexp(*sides) - betaln(*PRIOR) + (first + second - 1) * math.log(2)
-    return math.exp(-max(0.0, float(np.max(wealth))))
+    chances = np.logaddexp(*(betaln(x + first, y + second) for x, y in (PRIOR, PRIOR[::-1])))
+    wealth = chances - chances[0] + (first + second) * math.log(2)
+    return math.exp(-float(np.max(wealth)))
 
 
 def barnard(successes: tuple[int, int], episodes: tuple[int, int]) -> float:
