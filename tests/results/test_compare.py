@@ -12,6 +12,7 @@ import pytest
 
 from duobench.errors import OtherRunError
 from duobench.results.compare import compare, write_comparison
+from duobench.results.statistics import any_time
 from duobench.results.tables import CSV_HEADER
 from tests.results.outcomes import play
 from tests.results.test_report import Page
@@ -73,6 +74,8 @@ def test_page_is_whole_loads_nothing_and_says_every_pair_in_words(out: Path) -> 
         "act_$1% solves more than told in Sort",
         "It does not say which policy is the better one.",
         "Paired: both played the same episodes.",
+        "the any-time p-value counts: it claims a difference in Sort.",
+        "Ten looks at a growing run",
     ):
         assert words in page.words
 
@@ -138,6 +141,9 @@ def test_json_has_every_test(out: Path) -> None:
     first = pairs[0]["tests"][0]
     assert (first["only_one_solved"], first["better"]) == ([12, 0], "a")
     assert first["p"] == pytest.approx(2 / 2**12, rel=1e-5)
+    assert first["p_any_time"] == pytest.approx(any_time([(1, 0)] * 12), rel=1e-5)
+    assert first["p_any_time_holm"] == pytest.approx(3 * first["p_any_time"], rel=1e-5)
+    assert first["any_time_episodes"] == 12
 
 
 def test_figures_name_every_task_and_run(out: Path) -> None:

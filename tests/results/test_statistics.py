@@ -1,16 +1,20 @@
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from scipy.special import gammaln
 from scipy.stats import barnard_exact, binom, binomtest, permutation_test
 
+from dev.benchmarks.looks import LEAST_POWER, LOOKS, MOST_CLAIMS, claims
 from duobench.results import statistics
 from duobench.results.scores import wilson_interval
 from duobench.results.statistics import (
     MOST_TABLES,
+    PRIOR,
+    any_time,
     barnard,
     cohen_h,
     episodes_needed,
@@ -164,6 +168,74 @@ def test_effect_size_grows_towards_the_ends() -> None:
     assert cohen_h(1.0, 0.0) == pytest.approx(math.pi)
     assert cohen_h(0.5, 0.4) == pytest.approx(0.2014, abs=1e-4)
     assert cohen_h(0.1, 0.0) > cohen_h(0.5, 0.4) == -cohen_h(0.4, 0.5)
+
+
+# --- looking again and again ---------------------------------------------------------------------
+
+
+def wealth(wins: Sequence[tuple[int, int]]) -> Fraction:
+    """What a bet of 1 on the shares of the prior has become, as a plain sum."""
+    x, y = map(int, PRIOR)
+
+    def integral(a: int, b: int) -> Fraction:
+        """Of share^a * (1 - share)^b over all shares."""
+        terms = (Fraction((-1) ** k * math.comb(b, k), a + k + 1) for k in range(b + 1))
+        return sum(terms, Fraction())
+
+    first, second = (sum(each[side] for each in wins) for side in (0, 1))
+    sides = integral(x + first - 1, y + second - 1) + integral(y + first - 1, x + second - 1)
+    return sides * 2 ** (first + second) / (2 * integral(x - 1, y - 1))
+
+
+@pytest.mark.parametrize(
+    "wins",
+    [
+        [],
+        [(0, 0)] * 3,
+        [(1, 0)] * 10,
+        [(1, 0)] * 12 + [(0, 1)] * 12,  # what it once was stays
+        [(1, 0), (0, 0), (1, 0), (0, 1), (1, 0)] * 8,
+        [(3, 1), (0, 2), (4, 0), (5, 1), (2, 2), (6, 0)],
+    ],
+)
+def test_any_time_is_the_inverse_of_the_largest_wealth(wins: list[tuple[int, int]]) -> None:
+    largest = max(wealth(wins[:look]) for look in range(len(wins) + 1))
+    assert any_time(wins) == pytest.approx(float(1 / largest), rel=1e-9)
+    assert any_time(wins) == any_time([(b, a) for a, b in wins])
+    series = [any_time(wins[:look]) for look in range(len(wins) + 1)]
+    assert series == sorted(series, reverse=True)
+
+
+def test_a_bet_on_a_fair_coin_gains_nothing() -> None:
+    for wins in itertools.product([(1, 0), (0, 1)], repeat=5):
+        after = wealth([*wins, (1, 0)]), wealth([*wins, (0, 1)])
+        assert sum(after) / 2 == wealth(wins)
+    ends = list(itertools.product([(1, 0), (0, 1)], repeat=14))
+    assert 0 < sum(any_time(wins) <= 0.05 for wins in ends) / len(ends) <= 0.05
+
+
+@pytest.mark.parametrize("share", [0.5, 0.7, 1.0])
+def test_policies_that_are_equal_on_average_over_tasks_gain_nothing(share: float) -> None:
+    """Each is the better one in one of two tasks."""
+    steps = {
+        (2, 0): share * (1 - share),
+        (1, 1): share * share + (1 - share) ** 2,
+        (0, 2): share * (1 - share),
+    }
+    series = list(itertools.product(steps.items(), repeat=5))
+    mean = sum(math.prod(p for _, p in each) * wealth([w for w, _ in each]) for each in series)
+    assert mean <= 1 + 1e-12
+
+
+def test_ten_looks_claim_too_often_by_mcnemar_and_not_by_any_time() -> None:
+    once, ever = claims((0.3, 0.3), LOOKS, pairs=1_000)
+    assert once > 0.09
+    assert ever <= MOST_CLAIMS
+
+
+def test_any_time_finds_a_large_difference_in_a_planned_number_of_episodes() -> None:
+    _, found = claims((0.4, 0.2), (100,), pairs=1_000)
+    assert found >= LEAST_POWER
 
 
 # --- intervals and power keep what they promise --------------------------------------------------

@@ -24,7 +24,7 @@ TURN = {"turn": [1] * 12}, {"turn": [1] * 11 + [0]}
             *TURN,
             False,
             "new and old cannot be told apart in Turn: 12 of 12 episodes against 11 of 12, .*"
-            r"\(95 % .*, p = 1\.000\); about \d+ more episodes would tell\.",
+            r"\(95 % .*, p = 1\.000\); about \d+ more episodes would tell, another look\.",
         ),
         (
             {"sort": [3] * 12},
@@ -44,6 +44,23 @@ def test_verdict_names_the_winner_or_what_would_tell(
     )
     (pair,) = compare(sources).pairs
     assert re.fullmatch(said, tables.verdict(pair))
+
+
+@pytest.mark.parametrize(
+    ("b", "claimed"),
+    [
+        (LOST, "it claims a difference in Sort."),
+        (WON, "it claims no difference."),
+        # Enough for McNemar and one look alone.
+        ({**WON, "sort": [0] * 8 + [3] * 4}, "it claims no difference."),
+    ],
+)
+def test_what_holds_at_every_look_is_said(
+    tmp_path: Path, b: dict[str, list[int]], claimed: str
+) -> None:
+    sources = play(tmp_path / "a", WON, "new"), play(tmp_path / "b", b, "old")
+    (pair,) = compare(sources).pairs
+    assert tables.any_time(pair).endswith(claimed)
 
 
 def test_numbers_as_text() -> None:

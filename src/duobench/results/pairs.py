@@ -1,8 +1,10 @@
 """Two runs against each other: which episodes are the same, and every test, row by row."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 
 from duobench.looks.look import Look
 from duobench.results.entrants import Entrant, Group, RowKind, TableRow
@@ -10,6 +12,7 @@ from duobench.results.records import EpisodeRecord, SampledLayout
 from duobench.results.scores import RunPart
 from duobench.results.statistics import (
     LEVEL,
+    any_time,
     barnard,
     cohen_h,
     episodes_needed,
@@ -20,7 +23,7 @@ from duobench.results.statistics import (
     permutation,
     tango_interval,
 )
-from duobench.results.suite import execute_text, latency_text
+from duobench.results.suite import TaskInfo, execute_text, latency_text
 
 Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
 
@@ -45,6 +48,12 @@ class Test:
     """Of the test of success."""
     adjusted: float = 1.0
     """The same after Holm, over the rows of this kind."""
+    any_time: float = 1.0
+    """P-value of success that holds at every look; 1 if the episodes are not the same."""
+    any_time_adjusted: float = 1.0
+    """The same after Holm, over the rows of this kind."""
+    any_time_episodes: int = 0
+    """Episodes that it counts: from the first on, without a gap."""
     progress: float
     """Difference of mean final progress."""
     progress_p: float
@@ -73,6 +82,11 @@ class Test:
     def better(self) -> int:
         """1 if the first run solves more, -1 if the second does, 0 if nobody can tell."""
         return _sign(self.difference) if self.adjusted <= LEVEL else 0
+
+    @property
+    def is_any_time(self) -> bool:
+        """Whether a difference of success is claimed at every look."""
+        return self.any_time_adjusted <= LEVEL
 
     @property
     def further(self) -> int:
@@ -134,7 +148,7 @@ def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | Non
     shared = {task: _same_episodes(a.records(task), b.records(task)) for task in tasks}
     paired = bool(shared) and all(shared.values())
     tests = [
-        _paired(row, [pair for task in row.tasks for pair in shared[task.id]])
+        _paired(row, [pair for task in row.tasks for pair in shared[task.id]], _whole(row, a, b))
         if paired
         else _unpaired(row, a, b)
         for row in rows
@@ -148,15 +162,27 @@ def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | Non
         obstacle=objection,
         conditions=tuple(_differing_conditions(a.part, b.part)),
         left_out=played - 2 * sum(map(len, shared.values())) if paired else 0,
-        tests=_adjusted([test for test in tests if test]),
+        tests=_adjusted([test for test in tests if test], _planned(a, b)),
     )
 
 
-def _paired(row: TableRow, pairs: Pairs) -> Test:
-    only = (
-        sum(a.success and not b.success for a, b in pairs),
-        sum(b.success and not a.success for a, b in pairs),
-    )
+def _whole(row: TableRow, a: Entrant, b: Entrant) -> range:
+    """Indices whose episodes both have finished, up to the first that is missing.
+
+    Runs that go on only append to them, which an any-time p-value relies on: no episode that
+    comes late goes in between, and a sum waits for every task that will be a part of it.
+    """
+    whole = [task for task in _planned(a, b) if row.category in {"", task.category}]
+    tasks = row.tasks if row.kind is RowKind.TASK else whole
+    played = [{r.episode for r in one.records(task.id)} for one in (a, b) for task in tasks]
+    first = max(one.part.suite.first_episode for one in (a, b) if one.part)
+    return range(first, next(i for i in count(first) if not all(i in each for each in played)))
+
+
+def _paired(row: TableRow, pairs: Pairs, whole: range) -> Test:
+    only_a = Counter(a.episode for a, b in pairs if a.success and not b.success)
+    only_b = Counter(b.episode for a, b in pairs if b.success and not a.success)
+    only = only_a.total(), only_b.total()
     stages = [_stages(a, row) - _stages(b, row) for a, b in pairs]
     return Test(
         row=row,
@@ -165,6 +191,8 @@ def _paired(row: TableRow, pairs: Pairs) -> Test:
         only=only,
         interval=tango_interval(*only, len(pairs)),
         p=mcnemar(*only),
+        any_time=any_time((only_a[index], only_b[index]) for index in whole),
+        any_time_episodes=sum(a.episode in whole for a, _ in pairs),
         progress=math.fsum(stages) / len(pairs) / _scale(row),
         progress_p=paired_permutation(stages),
     )
@@ -190,15 +218,28 @@ def _unpaired(row: TableRow, a: Entrant, b: Entrant) -> Test | None:
     )
 
 
-def _adjusted(tests: Sequence[Test]) -> tuple[Test, ...]:
-    """The tests with p-values after Holm, and with the number of episodes that would tell."""
+def _planned(a: Entrant, b: Entrant) -> list[TaskInfo]:
+    """The tasks that both will have played in the end."""
+    ours, theirs = (one.part.suite.tasks if one.part else () for one in (a, b))
+    return [task for task in ours if task.id in {other.id for other in theirs}]
+
+
+def _adjusted(tests: Sequence[Test], planned: Sequence[TaskInfo]) -> tuple[Test, ...]:
+    """The tests with p-values after Holm, and with the number of episodes that would tell.
+
+    Of any-time p-values, the family is that of the finished runs at every look.
+    """
+    several = [n for n in Counter(task.category for task in planned).values() if n > 1]
+    sizes = {RowKind.TASK: len(planned), RowKind.CATEGORY: len(several), RowKind.OVERALL: 1}
     done: dict[TableRow, Test] = {}
     for kind in RowKind:
         family = [test for test in tests if test.row.kind is kind]
         adjusted = holm([test.p for test in family])
         progress = holm([test.progress_p for test in family])
-        for test, p, progress_p in zip(family, adjusted, progress, strict=True):
-            changed = replace(test, adjusted=p, progress_adjusted=progress_p)
+        unplayed = [1.0] * (sizes[kind] - len(family))
+        any_times = holm([test.any_time for test in family] + unplayed)
+        for test, p, far, ever in zip(family, adjusted, progress, any_times, strict=False):
+            changed = replace(test, adjusted=p, progress_adjusted=far, any_time_adjusted=ever)
             more = _more_episodes(changed, len(family))
             done[test.row] = replace(changed, more_episodes=more)
     return tuple(done[test.row] for test in tests)

@@ -9,7 +9,7 @@ rate minus the second one's.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib import import_module
 from statistics import NormalDist
 from typing import Any
@@ -28,6 +28,13 @@ MOST_TABLES = 4_000_000
 """Outcomes of two samples up to which Barnard's test is exact; its time grows with them."""
 RESAMPLES = 9_999
 """Permutations of two samples, where there are more than can be enumerated."""
+PRIOR = 14.0, 6.0
+"""Beta prior of the any-time test: the better policy's share of the episodes that only one solves.
+
+As if it had solved 14 of 20 of them. Tuned once, at 40 against 20 % of 100 independent episodes:
+it finds that difference in 67 %, no symmetric prior in more than 63 %; sharper ones are slow to
+believe in a policy that always wins (this one after 10 episodes, McNemar after 6).
+"""
 
 
 def _scipy(part: str) -> Any:
@@ -45,6 +52,29 @@ def mcnemar(only_a: int, only_b: int) -> float:
     """
     discordant = only_a + only_b
     return float(_scipy("stats").binomtest(only_a, discordant).pvalue) if discordant else 1.0
+
+
+def any_time(wins: Iterable[tuple[int, int]]) -> float:
+    """P-value that holds at every look: does one of two policies solve more of the same episodes?
+
+    It is the inverse of the largest wealth so far of a bet on which policy solves the next episode
+    that only one solves, a mixture over `PRIOR` and its mirror image. If the policies are equally
+    good, that wealth ever reaches 20 in at most 5 % (Ville's inequality). Tasks at one index are
+    one step, looked at after all of them: so equal means equal on average over the tasks, as for
+    McNemar, and not in each.
+    Source: A. Ramdas, P. Grünwald, V. Vovk and G. Shafer, "Game-theoretic statistics and safe
+    anytime-valid inference", Stat. Sci. 38 (2023); J. Ville, "Étude critique de la notion de
+    collectif" (1939).
+
+    Args:
+        wins: Episodes that only the first, and only the second policy solved, index by index; more
+            episodes are appended.
+    """
+    betaln = _scipy("special").betaln
+    first, second = np.cumsum([(0, 0), *wins], axis=0).T
+    chances = np.logaddexp(*(betaln(x + first, y + second) for x, y in (PRIOR, PRIOR[::-1])))
+    wealth = chances - chances[0] + (first + second) * math.log(2)
+    return math.exp(-float(np.max(wealth)))
 
 
 def barnard(successes: tuple[int, int], episodes: tuple[int, int]) -> float:
@@ -110,7 +140,9 @@ def permutation(a: Sequence[int], b: Sequence[int]) -> float:
 def holm(p_values: Sequence[float]) -> list[float]:
     """Adjust the p-values of several tests, so that all claims together have one level.
 
-    A test rejects if its adjusted p-value, in the same place, is at most the level.
+    A test rejects if its adjusted p-value, in the same place, is at most the level. Any-time
+    p-values are valid at every look afterwards too, for Holm asks for no independence: R. Johari,
+    P. Koomen, L. Pekelis and D. Walsh, "Always valid inference", Oper. Res. 70 (2022).
     Source: S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6
     (1979).
     """

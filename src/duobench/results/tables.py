@@ -109,9 +109,17 @@ def verdict(pair: Pair) -> str:
     overall = pair.of(RowKind.OVERALL)
     more = (overall or tests)[0].more_episodes if len(tests) == 1 or overall else None
     of = " of all tasks together" if overall else ""
-    rest = "" if more is None else f"; about {about(more)} more episodes{of} would tell"
+    would = f"; about {about(more)} more episodes{of} would tell, another look" if more else ""
     numbers = f": {_numbers(tests[0])}" if len(tests) == 1 else ""
-    return f"{'; '.join(found)}{numbers}{rest}."
+    return f"{'; '.join(found)}{numbers}{would}."
+
+
+def any_time(pair: Pair) -> str:
+    """What holds of two runs on the same episodes at every look, in a sentence."""
+    tests = pair.of(RowKind.TASK)
+    claimed = [test.row.label for test in tests if test.is_any_time]
+    where = f"a difference in {listed(claimed)}" if claimed else "no difference"
+    return f"If this is not the first look, the any-time p-value counts: it claims {where}."
 
 
 def _share(won: Sequence[str], tests: Sequence[Test]) -> str:
@@ -330,6 +338,9 @@ def _test(test: Test, paired: bool) -> dict[str, Any]:
         "cohen_h": _short(test.effect),
         "p": _short(test.p),
         "p_holm": _short(test.adjusted),
+        "p_any_time": _short(test.any_time) if paired else None,
+        "p_any_time_holm": _short(test.any_time_adjusted) if paired else None,
+        "any_time_episodes": test.any_time_episodes if paired else None,
         "progress_difference": _short(test.progress),
         "progress_p": _short(test.progress_p),
         "progress_p_holm": _short(test.progress_adjusted),
