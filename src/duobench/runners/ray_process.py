@@ -20,7 +20,13 @@ import msgspec
 
 from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.clock import ClockReading
-from duobench.runners.process import DEATH_SEEN_S, ProcessFailed, WorkerProcess, death_within
+from duobench.runners.process import (
+    DEATH_SEEN_S,
+    RESULT_BYTES,
+    ProcessFailed,
+    WorkerProcess,
+    death_within,
+)
 from duobench.versions import __version__
 
 AUTH_MODE, TOKEN = "RAY_AUTH_MODE", "token"
@@ -82,15 +88,23 @@ class RemoteProcess:
         version: DuoBench's version where the run is written.
         is_reached: Whether processes on other nodes connect to it.
         renderers: How many processes may render on a node; 0 if nothing is rendered.
+        most: Bytes of a message of its, after so many of which others wait.
     """
 
     def __init__(
-        self, module: str, version: str, *, is_reached: bool = False, renderers: int = 0
+        self,
+        module: str,
+        version: str,
+        *,
+        is_reached: bool = False,
+        renderers: int = 0,
+        most: int = RESULT_BYTES,
     ) -> None:
         ray = load()
         self._node = ray.get_runtime_context().get_node_id()
         self._process: WorkerProcess | None = None
         self._said: list[bytes] = []
+        self._most = most
         self._reading = threading.Lock()
         if reason := _objection(version):
             self._said = [msgspec.json.encode(ProcessFailed(EvaluationError.__name__, reason))]
@@ -99,7 +113,7 @@ class RemoteProcess:
             with suppress(RenderingError, OSError):  # who needs images complains
                 choose_once(self._node, renderers)
         host = (ray.util.get_node_ip_address(),) if is_reached else ()
-        self._process = WorkerProcess(module, msgspec.Raw, *host, hidden=SECRETS)
+        self._process = WorkerProcess(module, msgspec.Raw, *host, hidden=SECRETS, most=most)
 
     def send(self, message: bytes) -> None:
         """Pass a message on to the process."""
@@ -122,17 +136,24 @@ class RemoteProcess:
         """Take what a process says, for a moment at most; how it ended, if it did."""
         until = time.monotonic() + POLL_S
         try:
-            while all(map(_may_wait, self._said)) and (left := until - time.monotonic()) > 0:
+            while (
+                self._has_room()
+                and all(map(_may_wait, self._said))
+                and (left := until - time.monotonic()) > 0
+            ):
                 if select.select([process], [], [], left)[0]:
                     self._said += map(bytes, process.receive())
             death = None if self._said else process.death()
-            while select.select([process], [], [], 0)[0]:
+            while self._has_room() and select.select([process], [], [], 0)[0]:
                 self._said += map(bytes, process.receive())
         except EOFError:
             return death_within(process, DEATH_SEEN_S) or "its process closed the connection."
         except Exception as error:  # noqa: BLE001 - a process boundary: it is told
-            return f"its result cannot be read ({error})."
+            return f"what it sent cannot be read ({error})."
         return death
+
+    def _has_room(self) -> bool:
+        return sum(map(len, self._said)) <= self._most
 
 
 def _may_wait(message: bytes) -> bool:
