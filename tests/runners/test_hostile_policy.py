@@ -133,7 +133,8 @@ def test_actor_passes_on_no_more_than_fits(
     monkeypatch.setenv(toy_tasks.FLOOD, f"actor {kind}")
     monkeypatch.setenv(AUTH_MODE, TOKEN)
     monkeypatch.setattr(ray_process, "load", lambda: FakeRay)
-    actor = RemoteProcess(__name__, __version__, most=1 << 16)
+    monkeypatch.setattr(ray_process, "POLICY_BYTES", 1 << 16)
+    actor = RemoteProcess(__name__, __version__, is_reached=True)
     assert actor._process is not None
     try:
         statuses = [actor.poll()]
@@ -152,16 +153,25 @@ def test_actor_passes_on_no_more_than_fits(
 class FakeRay:
     """Of Ray, what an actor asks for its node."""
 
+    util: type["FakeRay"]
+
     @staticmethod
     def get_runtime_context() -> type["FakeRay"]:
         return FakeRay
+
+    @staticmethod
+    def get_node_ip_address() -> str:
+        return "127.0.0.1"
 
     @staticmethod
     def get_node_id() -> str:
         return "node"
 
 
-def main(connection: int, _clock: int) -> None:
+FakeRay.util = FakeRay
+
+
+def main(connection: int, _clock: int, _host: str) -> None:
     """What the actor's process runs: it sends for ever."""
     some, kind = random.Random(0), os.environ[toy_tasks.FLOOD].split()[1]
     with suppress(OSError):

@@ -20,7 +20,7 @@ from duobench.evaluation.episode import Job
 from duobench.machine import install_extra
 from duobench.runners.policy_process import Answering
 from duobench.runners.pool import MAX_FAILED_STARTS, POLICY, WORKER
-from duobench.runners.process import POLICY_BYTES, ProcessFailed, Transport
+from duobench.runners.process import ProcessFailed, Transport
 from duobench.runners.ray_process import (
     AUTH_MODE,
     TOKEN,
@@ -104,8 +104,7 @@ class RayLauncher:
         # It thinks while its simulators wait, so that it needs no core of its own.
         actor = _actor(num_cpus=0, num_gpus=self._cluster.policy_gpus, scheduling_strategy="SPREAD")
         return RayTransport(
-            actor.remote(POLICY, __version__, is_reached=True, most=POLICY_BYTES),
-            Answering | ProcessFailed,
+            actor.remote(POLICY, __version__, is_reached=True), Answering | ProcessFailed
         )
 
     def start_worker(self, policy: Transport | None) -> Transport:

@@ -22,6 +22,7 @@ from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.clock import ClockReading
 from duobench.runners.process import (
     DEATH_SEEN_S,
+    POLICY_BYTES,
     RESULT_BYTES,
     ProcessFailed,
     WorkerProcess,
@@ -86,25 +87,18 @@ class RemoteProcess:
     Args:
         module: What the process runs; see `WorkerProcess`.
         version: DuoBench's version where the run is written.
-        is_reached: Whether processes on other nodes connect to it.
+        is_reached: Whether processes on other nodes connect to it, as they do to a policy.
         renderers: How many processes may render on a node; 0 if nothing is rendered.
-        most: Bytes of a message of its, after so many of which others wait.
     """
 
     def __init__(
-        self,
-        module: str,
-        version: str,
-        *,
-        is_reached: bool = False,
-        renderers: int = 0,
-        most: int = RESULT_BYTES,
+        self, module: str, version: str, *, is_reached: bool = False, renderers: int = 0
     ) -> None:
         ray = load()
         self._node = ray.get_runtime_context().get_node_id()
         self._process: WorkerProcess | None = None
         self._said: list[bytes] = []
-        self._most = most
+        self._most = POLICY_BYTES if is_reached else RESULT_BYTES
         self._reading = threading.Lock()
         if reason := _objection(version):
             self._said = [msgspec.json.encode(ProcessFailed(EvaluationError.__name__, reason))]
@@ -113,7 +107,7 @@ class RemoteProcess:
             with suppress(RenderingError, OSError):  # who needs images complains
                 choose_once(self._node, renderers)
         host = (ray.util.get_node_ip_address(),) if is_reached else ()
-        self._process = WorkerProcess(module, msgspec.Raw, *host, hidden=SECRETS, most=most)
+        self._process = WorkerProcess(module, msgspec.Raw, *host, hidden=SECRETS, most=self._most)
 
     def send(self, message: bytes) -> None:
         """Pass a message on to the process."""
@@ -136,11 +130,7 @@ class RemoteProcess:
         """Take what a process says, for a moment at most; how it ended, if it did."""
         until = time.monotonic() + POLL_S
         try:
-            while (
-                self._has_room()
-                and all(map(_may_wait, self._said))
-                and (left := until - time.monotonic()) > 0
-            ):
+            while self._may_wait() and (left := until - time.monotonic()) > 0:
                 if select.select([process], [], [], left)[0]:
                     self._said += map(bytes, process.receive())
             death = None if self._said else process.death()
@@ -152,7 +142,11 @@ class RemoteProcess:
             return f"what it sent cannot be read ({error})."
         return death
 
+    def _may_wait(self) -> bool:
+        return self._has_room() and all(map(_may_wait, self._said))
+
     def _has_room(self) -> bool:
+        """Whether more may be read before what was said is passed on."""
         return sum(map(len, self._said)) <= self._most
 
 
