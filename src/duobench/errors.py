@@ -194,8 +194,9 @@ class UnplayedError(MachineryError):
 def error_class(name: str) -> type[DuoBenchError]:
     """The class of the family with a name from outside; `EvaluationError` if there is none."""
     found = globals().get(name)
-    is_ours = isinstance(found, type) and issubclass(found, DuoBenchError)
-    return found if is_ours else EvaluationError
+    if isinstance(found, type) and issubclass(found, DuoBenchError):
+        return found
+    return EvaluationError
 
 
 def escaped(text: str) -> str:
