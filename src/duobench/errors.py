@@ -191,6 +191,14 @@ class UnplayedError(MachineryError):
         )
 
 
+def error_class(name: str) -> type[DuoBenchError]:
+    """The class of the family with a name from outside; `EvaluationError` if there is none."""
+    found = globals().get(name)
+    if isinstance(found, type) and issubclass(found, DuoBenchError):
+        return found
+    return EvaluationError
+
+
 def escaped(text: str) -> str:
     r"""Text that every file, page and terminal takes.
 

@@ -196,6 +196,39 @@ class SpoilsOnce(Acts, RandomPolicy):
                     os.write(int(path.name), b"\0\0\0\0\0\0\0\5hello")
 
 
+FLOOD = "DUOBENCH_TEST_FLOOD"
+"""Environment variable: when hostile messages are sent, and of which of these kinds."""
+FLOODS: Mapping[str, Callable[[random.Random, int], bytes]] = {
+    "junk": lambda some, _: some.randbytes(some.randint(0, 200)) + b"\n",
+    "fails": lambda _, k: FAILED % (b"annotations", b"sys", b"PolicyError")[k % 3] + b"\n",
+    "answers": lambda _, k: ANSWERS % (k, k) + b"\n",
+    "deep": lambda _some, _: b"[" * 10_000 + b"\n",
+    "empty": lambda _some, _: b"\n" * 10_000,
+    "endless": lambda _some, _: b"a" * 30_000,
+}
+FAILED = b'{"type": "ProcessFailed", "error": "%s", "message": "\\u001b[31m"}'
+ADDRESS = b'{"host": "host%d", "port": %d, "key": "k", "batching": null}'
+ANSWERS = b'{"type": "Answering", "address": ' + ADDRESS + b"}"
+
+
+class Floods(Acts, HoldPolicy):
+    """Sends hostile messages to the parent, of the kind and at the moment that are asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._flood("made")
+
+    def before(self) -> None:
+        if self.acts == 3:  # after what is rehearsed
+            self._flood("plays")
+
+    def _flood(self, when: str) -> None:
+        if os.environ[FLOOD].startswith(when):
+            some, connection = random.Random(0), int(sys.argv[2])
+            for k in range(10_000):
+                os.write(connection, FLOODS[os.environ[FLOOD].split()[1]](some, k))
+
+
 class SpoilsClock(Acts, HoldPolicy):
     """Writes nonsense into every file in memory that it inherited, and does not come back."""
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.errors import PolicyError
+from duobench.errors import MachineryError, PolicyError
 from duobench.policy import (
     Batching,
     BatchPolicy,
@@ -330,7 +330,7 @@ def test_plain_policies_keep_their_episodes_apart() -> None:
     for number in (1, 2):
         chunks = answer(pool, [second, first], [OBSERVATION] * 2, batching)
         assert [chunk[0, 0] for chunk in chunks] == [200 + number, 100 + number]
-    with pytest.raises(PolicyError, match="2 objects of it are playing"):
+    with pytest.raises(MachineryError, match="All 2 objects of this policy are playing"):
         pool.begin("Do it.", 3)
     pool.end(first)
     third = pool.begin("Do it.", 3)

@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, get_args, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.errors import PolicyError
+from duobench.errors import MachineryError, PolicyError
 from duobench.policy.policy import Policy, PolicyMetadata, as_chunk
 
 Observation = Mapping[str, Any]
@@ -232,7 +232,8 @@ class PolicyPool:
 
     def __init__(self, first: Policy, make: Callable[[], Policy], size: int = 1) -> None:
         self._make = make
-        self._size = size
+        self.size = size
+        """Most episodes at a time, each of which has an object for itself."""
         self._all = [first]
         self._idle = [first]
         self.metadata = first.metadata
@@ -240,15 +241,11 @@ class PolicyPool:
     def begin(self, instruction: str, seed: int) -> Session:
         """Begin an episode with an object that no other episode has; an error if all play."""
         if not self._idle:
-            if len(self._all) == self._size:
-                raise PolicyError(
-                    f"This policy keeps the state of an episode in itself, and {self._size} "
-                    "objects of it are playing, as many as it may have. Wait until one of them is "
-                    "done."
-                )
+            if len(self._all) == self.size:
+                raise MachineryError(f"All {self.size} objects of this policy are playing.")
             self._idle.append(self._make())
             self._all.append(self._idle[-1])
-        if self._size == 1:
+        if self.size == 1:
             random.seed(seed)
             np.random.seed(seed)  # noqa: NPY002 - the generator that policies share
         policy = self._idle[-1]

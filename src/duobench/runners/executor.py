@@ -9,7 +9,6 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import cached_property
 
-from duobench import errors
 from duobench.errors import (
     EvaluationError,
     MachineryError,
@@ -19,6 +18,8 @@ from duobench.errors import (
     PolicyTimeoutError,
     RenderingError,
     UnplayedError,
+    error_class,
+    escaped,
 )
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
@@ -241,8 +242,10 @@ class ProcessExecutor:
         self, member: Worker | RunningPolicy, report: Report | Answering
     ) -> Iterator[EpisodeResult]:
         match member, report:
+            case RunningPolicy(is_ready=True), _:  # which has nothing to say any more
+                yield from self._lose(member, "it sent what nobody asked for.")
             case _, ProcessFailed(error=kind, message=text):
-                raise getattr(errors, kind, EvaluationError).from_message(text)
+                raise error_class(kind).from_message(escaped(text))
             case RunningPolicy(), Answering(address=address):
                 self._pool.note_address(member, address)
             case Worker(), Ready(run=run):
@@ -310,7 +313,8 @@ class ProcessExecutor:
 
     def _lose(self, member: Worker | RunningPolicy, fault: str) -> Iterator[EpisodeResult]:
         """Let go of a process that is of no more use, and have what it played be played again."""
-        if not member.is_ready:
+        mine = [each for each in self._pool.workers if member in (each, each.policy)]
+        if not any(worker.is_ready for worker in mine):
             self._failed_starts += 1
             if self._failed_starts == self._launcher.max_failed_starts:
                 raise MachineryError(
@@ -416,7 +420,7 @@ def _read(
     except EOFError:
         return (), death_within(process, DEATH_SEEN_S) or "its process closed the connection."
     except MessageError as error:
-        return (), f"its result cannot be read ({error})."
+        return (), f"what it sent cannot be read ({error})."
 
 
 Executor = LocalExecutor | ProcessExecutor

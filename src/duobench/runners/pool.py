@@ -13,7 +13,7 @@ from duobench.policy.serving.address import PolicyAddress
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import Episode, TaskInfo
 from duobench.runners.policy_process import Answering, MakePolicy
-from duobench.runners.process import ProcessFailed, Stop, Transport, WorkerProcess
+from duobench.runners.process import POLICY_BYTES, ProcessFailed, Stop, Transport, WorkerProcess
 from duobench.runners.worker import PlayEpisode, Rehearse, Report
 
 MAX_FAILED_STARTS = 3
@@ -68,7 +68,7 @@ class LocalLauncher:
 
     def start_policy(self) -> Transport:
         """Start a process that makes a policy."""
-        return WorkerProcess(POLICY, Answering | ProcessFailed)
+        return WorkerProcess(POLICY, Answering | ProcessFailed, most=POLICY_BYTES)
 
     def start_worker(self, policy: Transport | None) -> Transport:  # noqa: ARG002 - all are near
         """Start a worker, which waits for a job."""

@@ -40,7 +40,12 @@ DEATH_S = 10.0
 """How long a killed process is waited for, in seconds."""
 DEATH_SEEN_S = 1.0
 """How long after a lost connection the end of a process may be seen, in seconds."""
-_PIECE = 1 << 20
+RESULT_BYTES = 512 << 20
+"""Most bytes of a message, which may hold a video and a recording of half an hour."""
+POLICY_BYTES = 1 << 20
+"""Most bytes of a message from a policy's process, which says that it answers, or why it cannot."""
+_PIECE = 1 << 17
+"""Bytes that are read at once: as many empty lines take some megabytes, not more."""
 _START = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
     "from {module} import main; main(int(sys.argv[2]), int(sys.argv[3]), *sys.argv[4:])"
@@ -101,10 +106,12 @@ class Channel:
     Args:
         connection: A connected socket, which belongs to the channel from now on.
         kind: Type of the messages that are received, or a union of such types.
+        most: Bytes of a message, from which on it is not read.
     """
 
-    def __init__(self, connection: socket.socket, kind: Any) -> None:
+    def __init__(self, connection: socket.socket, kind: Any, most: int = RESULT_BYTES) -> None:
         self.socket = connection
+        self._most = most
         self._decoder = msgspec.json.Decoder(kind)
         self._rest = bytearray()
 
@@ -126,6 +133,8 @@ class Channel:
             raise EOFError
         self._rest += piece
         if b"\n" not in piece:  # of a long message, such as one with a video
+            if len(self._rest) > self._most:
+                raise MessageError(f"a message has more than {self._most} bytes")
             return []
         *lines, self._rest = self._rest.split(b"\n")
         try:
@@ -144,16 +153,22 @@ class WorkerProcess:
         kind: Type of the messages that it sends.
         arguments: Further arguments.
         hidden: Environment variables that it does not get.
+        most: Bytes of a message of its.
     """
 
     is_taken = False
     """Never: this process is on the same machine."""
 
     def __init__(
-        self, module: str, kind: Any, *arguments: str, hidden: Collection[str] = ()
+        self,
+        module: str,
+        kind: Any,
+        *arguments: str,
+        hidden: Collection[str] = (),
+        most: int = RESULT_BYTES,
     ) -> None:
         ours, theirs = socket.socketpair()
-        self._channel = Channel(ours, kind)
+        self._channel = Channel(ours, kind, most)
         memory = os.memfd_create("duobench-clock")
         os.ftruncate(memory, EpisodeClock.SIZE)
         self._clock = EpisodeClock(memory)

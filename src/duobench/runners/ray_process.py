@@ -20,7 +20,14 @@ import msgspec
 
 from duobench.errors import EvaluationError, RenderingError
 from duobench.evaluation.clock import ClockReading
-from duobench.runners.process import DEATH_SEEN_S, ProcessFailed, WorkerProcess, death_within
+from duobench.runners.process import (
+    DEATH_SEEN_S,
+    POLICY_BYTES,
+    RESULT_BYTES,
+    ProcessFailed,
+    WorkerProcess,
+    death_within,
+)
 from duobench.versions import __version__
 
 AUTH_MODE, TOKEN = "RAY_AUTH_MODE", "token"
@@ -80,7 +87,7 @@ class RemoteProcess:
     Args:
         module: What the process runs; see `WorkerProcess`.
         version: DuoBench's version where the run is written.
-        is_reached: Whether processes on other nodes connect to it.
+        is_reached: Whether processes on other nodes connect to it, as they do to a policy.
         renderers: How many processes may render on a node; 0 if nothing is rendered.
     """
 
@@ -91,6 +98,7 @@ class RemoteProcess:
         self._node = ray.get_runtime_context().get_node_id()
         self._process: WorkerProcess | None = None
         self._said: list[bytes] = []
+        self._most = POLICY_BYTES if is_reached else RESULT_BYTES
         self._reading = threading.Lock()
         if reason := _objection(version):
             self._said = [msgspec.json.encode(ProcessFailed(EvaluationError.__name__, reason))]
@@ -99,7 +107,7 @@ class RemoteProcess:
             with suppress(RenderingError, OSError):  # who needs images complains
                 choose_once(self._node, renderers)
         host = (ray.util.get_node_ip_address(),) if is_reached else ()
-        self._process = WorkerProcess(module, msgspec.Raw, *host, hidden=SECRETS)
+        self._process = WorkerProcess(module, msgspec.Raw, *host, hidden=SECRETS, most=self._most)
 
     def send(self, message: bytes) -> None:
         """Pass a message on to the process."""
@@ -122,17 +130,24 @@ class RemoteProcess:
         """Take what a process says, for a moment at most; how it ended, if it did."""
         until = time.monotonic() + POLL_S
         try:
-            while all(map(_may_wait, self._said)) and (left := until - time.monotonic()) > 0:
+            while self._may_wait() and (left := until - time.monotonic()) > 0:
                 if select.select([process], [], [], left)[0]:
                     self._said += map(bytes, process.receive())
             death = None if self._said else process.death()
-            while select.select([process], [], [], 0)[0]:
+            while self._has_room() and select.select([process], [], [], 0)[0]:
                 self._said += map(bytes, process.receive())
         except EOFError:
             return death_within(process, DEATH_SEEN_S) or "its process closed the connection."
         except Exception as error:  # noqa: BLE001 - a process boundary: it is told
-            return f"its result cannot be read ({error})."
+            return f"what it sent cannot be read ({error})."
         return death
+
+    def _may_wait(self) -> bool:
+        return self._has_room() and all(map(_may_wait, self._said))
+
+    def _has_room(self) -> bool:
+        """Whether more may be read before what was said is passed on."""
+        return sum(map(len, self._said)) <= self._most
 
 
 def _may_wait(message: bytes) -> bool:

@@ -25,8 +25,14 @@ class Serve:
         self.hosts: list[PolicyHost] = []
         self._threads: list[threading.Thread] = []
 
-    def __call__(self, policy: BatchPolicy, key: str | None = None, port: int = 0) -> int:
-        host = PolicyHost(policy, policy.metadata, BATCHING, key=key, port=port)
+    def __call__(
+        self,
+        policy: BatchPolicy,
+        key: str | None = None,
+        port: int = 0,
+        batching: Batching = BATCHING,
+    ) -> int:
+        host = PolicyHost(policy, policy.metadata, batching, key=key, port=port)
         self.hosts.append(host)
         self._threads.append(threading.Thread(target=host.run, daemon=True))
         self._threads[-1].start()

@@ -6,7 +6,8 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -16,16 +17,18 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from duobench.errors import DuoBenchError, ServingError
+from duobench.errors import DuoBenchError, MachineryError, ServingError
 from duobench.policy import Batching, Session, SessionPolicy
+from duobench.policy.batch import PolicyPool
 from duobench.policy.inference import InferenceLoop
 from duobench.policy.serving import limits
+from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.host import ClientSession, PolicyHost
 from tests.evaluation.processes import wait_until
 from tests.policy.serving.hostile import messages
 from tests.policy.serving.serving import TIMEOUT_S, Serve, free_port
-from tests.policy.test_batch import OBSERVATION, Network, Refuses, observations
+from tests.policy.test_batch import OBSERVATION, Counts, Network, Refuses, observations
 
 
 class Gated(Network):
@@ -261,6 +264,135 @@ def test_clients_beyond_the_limit_take_the_place_of_a_silent_one_or_are_turned_a
             assert "Others need the place" in close_of(silent)[1]
             ask(other, reset)
             assert refused(port) == 503
+
+
+# --- a plain policy has places, which silent clients do not keep from others ----------------------
+
+
+class Long(Counts):
+    """Its answers are longer than what connections hold for one that does not read."""
+
+    def act(self, observation: Any) -> np.ndarray:
+        return np.tile(super().act(observation), (10_000, 1))
+
+
+@pytest.fixture
+def places(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> Callable[[type[Counts]], int]:
+    """Serves a plain policy with two places, at the port that is returned."""
+    monkeypatch.setattr(limits, "SILENT_S", 0.5)
+
+    def start(kind: type[Counts]) -> int:
+        return serve(PolicyPool(kind(), kind, size=2), batching=Batching(mode="dynamic", size=2))
+
+    return start
+
+
+Places = Callable[[type[Counts]], int]
+
+
+def count(client: ClientConnection) -> float:
+    """How many answers the episode has had, by what its object of the policy counts."""
+    return float(ask(client, OBSERVATION)["actions"][0, 0])
+
+
+def test_who_was_silent_longest_gives_its_place_to_one_that_needs_it(places: Places) -> None:
+    with joined(places(Counts), 4) as (first, second, third, fourth):
+        assert [count(each) for each in (second, first, second)] == [1, 1, 2]
+        assert count(third) == 1
+        assert close_of(first) == (1013, "Others need the place.")
+        assert count(fourth) == 1
+        assert close_of(second) == (1013, "Others need the place.")
+        assert [count(each) for each in (third, fourth)] == [2, 2]
+
+
+def test_clients_that_never_read_give_their_places_too(serve: Serve, places: Places) -> None:
+    with ExitStack() as peers:
+        port = places(Long)
+        for _ in range(2):
+            deaf = peers.enter_context(dial(port, close_timeout=0.1, max_queue=1))
+            deaf.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            for _ in range(20):
+                deaf.send(pack(OBSERVATION))
+            peers.callback(deaf.socket.shutdown, socket.SHUT_RDWR)
+        sessions = serve.hosts[0]._clients.values()
+        latest = limits.SILENT_S + 0.2
+        wait_until(
+            lambda: (
+                len(sessions) == 2
+                and all(time.monotonic() - each.silent_since > latest for each in sessions)
+            ),
+            "they block the server's answers",
+        )
+        assert all(each.is_playing for each in sessions)
+        for _ in range(2):
+            (client,) = peers.enter_context(joined(port))
+            assert count(client) == 1
+
+
+def test_slow_client_keeps_its_episode_while_there_are_places(places: Places) -> None:
+    with joined(places(Counts), 2) as (slow, quick):
+        assert count(slow) == 1
+        time.sleep(1.5 * limits.SILENT_S)
+        assert count(quick) == 1
+        assert count(slow) == 2
+
+
+class Waits(Counts):
+    """Takes longer for an answer than clients may be silent."""
+
+    def act(self, observation: Any) -> np.ndarray:
+        time.sleep(2 * limits.SILENT_S)
+        return super().act(observation)
+
+
+def test_who_waits_for_an_answer_is_not_silent(places: Places) -> None:
+    with joined(places(Waits), 3) as (first, second, third):
+        for client in (first, second):
+            client.send(pack(OBSERVATION))
+        time.sleep(limits.SILENT_S / 2)
+        third.send(pack(OBSERVATION))
+        for client in (first, second):
+            assert unpack(client.recv(TIMEOUT_S))["actions"][0, 0] == 1
+
+
+def test_places_are_told_of_in_words_that_let_an_episode_begin_again(
+    places: Places, connect: Callable[..., Any]
+) -> None:
+    port = places(Counts)
+    slow, quick, late = (connect(OpenpiPolicy, port) for _ in range(3))
+    for client in (slow, quick):
+        client.reset("Do it.", 1)
+        assert client.act(OBSERVATION)[0, 0] == 101
+    late.reset("Do it.", 2)
+    with pytest.raises(MachineryError, match=r"try again later.*Others need the place"):
+        slow.act(OBSERVATION)
+    slow.reset("Do it.", 3)
+    assert slow.act(OBSERVATION)[0, 0] == 301
+
+
+class Plays(Counts):
+    """Answers once it may."""
+
+    may = threading.Event()
+
+    def act(self, observation: Any) -> np.ndarray:
+        assert self.may.wait(TIMEOUT_S)
+        return super().act(observation)
+
+
+def test_one_more_than_there_are_places_is_turned_away_as_too_early(
+    places: Places, connect: Callable[..., Any]
+) -> None:
+    port = places(Plays)
+    with joined(port, 2) as playing:
+        for client in playing:
+            ask(client, {"endpoint": "reset", "prompt": "", "seed": 1})
+        for client in playing:
+            client.send(pack(OBSERVATION))
+        with pytest.raises(MachineryError, match=r"All 2 places are taken; begin again later"):
+            connect(OpenpiPolicy, port).reset("Do it.", 1)
+        Plays.may.set()
+        assert [unpack(each.recv(TIMEOUT_S))["actions"][0, 0] for each in playing] == [101, 101]
 
 
 FLOODED = """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import http
+import math
 import time
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
@@ -21,7 +22,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from duobench.errors import DuoBenchError, MessageError, PolicyError, PolicyTimeoutError
-from duobench.policy.batch import Batching, BatchPolicy, Session
+from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import PolicyName, make_batched
@@ -40,6 +41,8 @@ _RESET_STATUS = "reset successful"
 """Answer to a reset, as other servers of the protocol give it."""
 _ENDPOINTS = ("infer", "reset")
 _MILLI = 1e3
+_LOOK_S = 0.1
+"""How often is looked for a free place, in seconds."""
 
 
 class PolicyHost:
@@ -75,7 +78,8 @@ class PolicyHost:
         self._handshake = pack({"duobench": {"protocol": PROTOCOL, **served}})
         self._key = key
         self._answer_s = answer_s
-        self._clients: dict[ServerConnection, ClientSession] = {}  # the longest silent one first
+        self._places = policy.size if isinstance(policy, PolicyPool) else math.inf
+        self._clients: dict[ServerConnection, ClientSession] = {}
         self._closing: set[asyncio.Future[None]] = set()
         self._server = ServingThread(
             self._serve_client,
@@ -114,16 +118,44 @@ class PolicyHost:
             return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n")
         return None
 
-    def _dismiss_one(self) -> bool:
-        """Let the client go that has been silent longest, and plays no episode; whether one was."""
-        idle = (each for each, session in self._clients.items() if not session.is_playing)
-        if (connection := next(idle, None)) is None:
+    def _dismiss_one(self, *, playing: bool = False) -> bool:
+        """Let the client go that has been silent longest; whether there was one that may go.
+
+        One that plays an episode may go after `SILENT_S`, or must be the one that goes.
+        """
+        now = time.monotonic()
+        silent = [
+            (session.is_playing, session.silent_since, connection)
+            for connection, session in self._clients.items()
+            if now - session.silent_since >= limits.SILENT_S * session.is_playing
+            and session.is_playing >= playing
+        ]
+        if not silent:
             return False
-        del self._clients[connection]
-        closing = asyncio.ensure_future(connection.close(_TRY_AGAIN, "Others need the place."))
+        *_, connection = min(silent, key=lambda one: one[:2])
+        self._clients.pop(connection).close()
+        closing = asyncio.ensure_future(_close(connection, _TRY_AGAIN, "Others need the place."))
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)
         return True
+
+    async def _find_place(self) -> None:
+        """Wait until one more episode can be played, for the end of a silent one if need be."""
+        until = time.monotonic() + limits.SILENT_S
+        while sum(each.is_playing for each in self._clients.values()) >= self._places:
+            if not self._dismiss_one(playing=True):
+                if time.monotonic() > until:
+                    raise BusyError(f"All {self._places} places are taken; begin again later.")
+                await asyncio.sleep(_LOOK_S)
+
+    async def _reply(self, session: ClientSession, frame: str | bytes) -> bytes:
+        session.silent_since = math.inf
+        try:
+            if not session.is_playing:
+                await self._find_place()
+            return await session.reply(frame)
+        finally:
+            session.silent_since = time.monotonic()
 
     async def _serve_client(self, connection: ServerConnection) -> None:
         """Answer one client until it leaves; its mistakes end its own connection only."""
@@ -134,9 +166,9 @@ class PolicyHost:
             while True:
                 async with asyncio.timeout(limits.IDLE_S):
                     frame = await connection.recv()
-                if connection in self._clients:
-                    self._clients[connection] = self._clients.pop(connection)
-                reply = await _unless_gone(connection, session.reply(frame))
+                if connection not in self._clients:
+                    return  # it was dismissed meanwhile
+                reply = await _unless_gone(connection, self._reply(session, frame))
                 if reply is None:
                     return
                 await _send(connection, reply)
@@ -144,17 +176,17 @@ class PolicyHost:
         except websockets.ConnectionClosed:
             pass
         except TimeoutError:
-            await connection.close(_GOING_AWAY, "Silent for too long.")
+            await _close(connection, _GOING_AWAY, "Silent for too long.")
         except BusyError as error:
             reason = str(error).encode()[:_LONGEST_REASON].decode(errors="ignore")
-            await connection.close(_TRY_AGAIN, reason)
+            await _close(connection, _TRY_AGAIN, reason)
         except DuoBenchError as error:
             is_late = isinstance(error, PolicyTimeoutError)
             words = f"{PolicyTimeoutError.__name__}: {error}" if is_late else str(error)
             with suppress(TimeoutError, websockets.ConnectionClosed):
                 await _send(connection, words)
             reason = "Internal server error. Traceback included in previous frame."
-            await connection.close(_INTERNAL_ERROR, reason)
+            await _close(connection, _INTERNAL_ERROR, reason)
         finally:
             self._clients.pop(connection, None)
             session.close()
@@ -189,6 +221,10 @@ class ClientSession:
         self._loop = loop
         self._answer_s = answer_s
         self._session: Session | None = None
+        self.is_playing = False
+        """Whether an episode is under way, or begins."""
+        self.silent_since = time.monotonic()
+        """Since when its client is waited for; infinity while that waits for an answer."""
         self._episode = _RequestedEpisode()
         self._received = 0.0
         self._timing: dict[str, float] = {}
@@ -209,17 +245,13 @@ class ClientSession:
             return pack({"status": _RESET_STATUS})
         return await self._infer(request)
 
-    @property
-    def is_playing(self) -> bool:
-        """Whether an episode is under way."""
-        return self._session is not None
-
     def note_sent(self) -> None:
         """Note that an answer was sent; the next one says how long it took."""
         self._timing = {"prev_total_ms": (time.monotonic() - self._received) * _MILLI}
 
     def close(self) -> None:
         """End the episode, if there is one."""
+        self.is_playing = False
         if self._session is not None:
             self._loop.end(self._session)
             self._session = None
@@ -240,6 +272,7 @@ class ClientSession:
 
     async def _begin(self, episode: _RequestedEpisode) -> Session:
         self.close()
+        self.is_playing = True
         future = self._loop.begin(episode.prompt, episode.seed)
         try:
             self._session = session = await self._result(future)
@@ -280,6 +313,15 @@ async def _unless_gone(
     finally:
         answer.cancel()
         gone.cancel()
+
+
+async def _close(connection: ServerConnection, code: int, reason: str) -> None:
+    """Say goodbye; a client that reads nothing does not get it."""
+    try:
+        async with asyncio.timeout(limits.CLOSE_S):
+            await connection.close(code, reason)
+    except TimeoutError:
+        connection.transport.abort()
 
 
 async def _send(connection: ServerConnection, message: str | bytes) -> None:
