@@ -21,6 +21,8 @@ DESCRIPTION = "dataset.json"
 """What makes a folder a data set."""
 EPISODES = "episodes"
 """Folder of the episodes, one folder a task in it."""
+DISCARDED = "discarded"
+"""Folder of what an operator has discarded in a session that goes on, one folder a task in it."""
 SUFFIX = ".parquet"
 """Ending of the file of a finished episode."""
 
@@ -154,8 +156,9 @@ class DataSet:
         return sum(outcome is not None and outcome.kept for outcome in outcomes)
 
     def next_number(self, task: str) -> int:
-        """The first number after those of all episodes of a task, finished or not."""
-        names = (path.name.partition(".")[0] for path in (self.path / EPISODES / task).glob("*"))
+        """The first number after those of all episodes of a task, finished, discarded or not."""
+        folders = (self.path / folder / task for folder in (EPISODES, DISCARDED))
+        names = (path.name.partition(".")[0] for each in folders for path in each.glob("*"))
         return max((int(name) for name in names if re.fullmatch(r"[0-9]+", name)), default=-1) + 1
 
     def add(self, task: str, name: str, content: bytes) -> Path:
@@ -182,7 +185,7 @@ class DataSet:
             lock(file.fileno(), partial)
             if not path.exists():
                 stream.recover(partial).write(path)
-            elif stream.read_left(partial)[0] != Recording.read_info(path).begun:
+            elif stream.read_left(partial)[0].begun != Recording.read_info(path).begun:
                 raise DataError(
                     f"{path} is another episode than the one that {partial.name} was to become. "
                     "Rename one of them."

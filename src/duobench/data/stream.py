@@ -86,7 +86,7 @@ class EpisodeRows:
         for name, value in row.items():
             self._rows[name][self._count - 1] = value
 
-    def finish(self) -> Recording:
+    def finish(self, folder: Path | None = None) -> Recording:  # noqa: ARG002 - it has no file
         """The whole episode, which ends here as `info` says."""
         return _recording(self.info, self.rows)
 
@@ -138,14 +138,18 @@ class EpisodeStream(EpisodeRows):
             self.videos.close()
         self._flush(self._count)
 
-    def finish(self) -> Recording:
-        """Write the whole episode as Parquet and remove the stream."""
+    def finish(self, folder: Path | None = None) -> Recording:
+        """Write the whole episode as Parquet, by default beside the stream, and remove that."""
+        place = self.path if folder is None else folder / self.path.name
         try:
             if self.videos is not None:
                 self.info = replace(self.info, videos=self.videos.finish())
             recording = super().finish()
-            _check_free(self.path)
-            recording.write(self.path)
+            _check_free(place)
+            recording.write(place)
+            for camera in self.info.videos if folder is not None else ():
+                with writing(place), suppress(FileNotFoundError):  # one without a frame
+                    video_path(self.path, camera).rename(video_path(place, camera))
         except DuoBenchError:
             self.close()
             raise

@@ -52,6 +52,16 @@ class Device(Protocol):
         ...
 
     @property
+    def led_by(self) -> str:
+        """What has led since the episode began; empty where that is not known."""
+        ...
+
+    @property
+    def executed_ms(self) -> float | None:
+        """When the newest executed sample was sent, in ms of the page's clock; None without."""
+        ...
+
+    @property
     def dropped(self) -> int:
         """Samples that arrived too late."""
         ...

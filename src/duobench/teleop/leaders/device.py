@@ -65,6 +65,10 @@ class LeaderDevice:
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
         """When they were read last, in seconds."""
+        self.led_by = source.device
+        """What they are called."""
+        self.executed_ms = None
+        """No page has sent what they do."""
 
     @property
     def clutch(self) -> tuple[bool, bool]:
