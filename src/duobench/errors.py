@@ -109,6 +109,10 @@ class PolicyTimeoutError(PolicyError):
         )
 
 
+class PolicyEndedError(PolicyError):
+    """A policy's process ended by itself, more than once in the same episode."""
+
+
 class CalibrationError(DuoBenchError):
     """A camera cannot be calibrated from its images."""
 

@@ -1,17 +1,34 @@
-"""The version of this package, and those of what a score depends on, of which nothing is loaded."""
+"""The version of this package, and what else a score depends on, of which nothing is loaded.
 
+A version number does not tell two checkouts apart: hashes of the source do.
+"""
+
+import hashlib
 import platform
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 __version__ = "1.0.0rc1"
 """Version of the software; a build reads it from this line."""
-_PACKAGES = ("mujoco", "numpy", "mink")
-"""The engine, the arithmetic, and the inverse kinematics."""
-_DECIDING = ("mujoco", "numpy")
+_PACKAGES = ("mujoco", "numpy", "mink", "daqp", "scipy", "manifold3d")
+"""The engine, the arithmetic, the inverse kinematics with its solver, and what cuts shapes."""
+_DECIDING = ("mujoco", "numpy", "manifold3d")
 """What decides the bits of a replay of joint targets."""
+_SOURCES = (
+    *("robot", "looks", "objects", "scene", "kinematics", "sim", "stages", "tasks", "shifts"),
+    *("envs", "backend.py", "randomness.py", "spatial.py", "types.py"),
+    *("evaluation/rollout.py", "evaluation/recorder.py"),
+)
+"""Folders and files of the package that decide what an episode is, and what a record says of it."""
+_SCRIPTED = ("experts", "policy/baselines.py")
+"""What a scripted policy does, which has no version of its own."""
+_PACKAGE = Path(__file__).parent
+_KINDS = frozenset((".py", ".toml", ".npz", ".js", ".css", ".html", ".j2"))
+"""Endings of files of the package; what editors and tools leave beside them is none of it."""
 _SAME_EVERYWHERE = "x86_64"
 """The architecture whose processors with AVX2 give the same bits."""
 
@@ -21,6 +38,39 @@ def package_versions() -> dict[str, str]:
     from importlib.metadata import version  # half of the time of `import duobench`
 
     return {"duobench": __version__, **{name: version(name) for name in _PACKAGES}}
+
+
+def source_hashes(modules: Iterable[str] = (), *, is_scripted: bool = False) -> dict[str, str]:
+    """SHA-256 of each part of the source that decides what an episode is, by its name.
+
+    Args:
+        modules: Modules of tasks that are not of the benchmark, each of which is a part too.
+        is_scripted: Whether the policy is one of the package, which is then a part too.
+    """
+    parts = (*_SOURCES, *_SCRIPTED) if is_scripted else _SOURCES
+    found = {part.removesuffix(".py"): _digest(_PACKAGE / part) for part in parts}
+    for name in modules:
+        spec = find_spec(name)
+        if spec is not None and spec.has_location and spec.origin is not None:
+            found[name] = _digest(Path(spec.origin))
+    return found
+
+
+def package_source() -> str:
+    """SHA-256 of all of the package's source and data."""
+    return _digest(_PACKAGE)
+
+
+@cache
+def _digest(path: Path) -> str:
+    """SHA-256 of a file, or of all in a folder, with their names."""
+    digest = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file() and file.suffix in _KINDS:
+            content = file.read_bytes()
+            digest.update(f"{file.relative_to(path).as_posix()}\n{len(content)}\n".encode())
+            digest.update(content)
+    return digest.hexdigest()
 
 
 def record_versions(renderer: str | None) -> dict[str, str | None]:

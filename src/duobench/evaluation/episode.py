@@ -41,7 +41,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Episode, Suite
 from duobench.sim.rendering import describe
-from duobench.versions import package_versions, record_versions
+from duobench.versions import package_source, package_versions, record_versions, source_hashes
 
 _log = logging.getLogger(__name__)
 
@@ -209,8 +209,15 @@ class EpisodeRunner:
         candidate = Candidate(
             policy=name.text, metadata=metadata, config=config, batching=source.batching
         )
+        references = (task.reference for task in job.suite.tasks)
+        modules = {each.partition(":")[0] for each in references if ":" in each}
         self.run = Run(
-            candidates=(candidate,), suite=job.suite, limits=job.limits, versions=package_versions()
+            candidates=(candidate,),
+            suite=job.suite,
+            limits=job.limits,
+            versions=package_versions(),
+            sources=source_hashes(sorted(modules), is_scripted=job.policy.is_scripted),
+            package=package_source(),
         )
         kind = ActorKind.EXPERT if name.kind is PolicyKind.EXPERT else ActorKind.POLICY
         self._actor = Actor(kind=kind, name=name.text, version=metadata.version)

@@ -122,6 +122,7 @@ class EpisodeRecorder:
             sent=pack_targets(self._sent),
             clipped=self._clipped,
             versions=dict(versions),
+            software=run.software,
         )
 
 

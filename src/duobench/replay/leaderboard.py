@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from duobench.data.processes import Progress
 from duobench.errors import DataError, DuoBenchError, EvaluationError, FileError, escaped
-from duobench.files import encode, locked, read, write, writing
+from duobench.files import checksum, encode, locked, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.replay.verify import Finding, Verdict, Verification, verify
 from duobench.results.bundle import BUNDLE_SUFFIX, MAX_BYTES, Bundle
@@ -28,7 +28,7 @@ from duobench.results.leaderboard import (
 )
 from duobench.results.records import Key
 from duobench.tasks import catalog
-from duobench.versions import has_avx2, package_versions
+from duobench.versions import has_avx2, package_versions, source_hashes
 
 JUDGEMENT_SCHEMA = 2
 _SHOWN = 3
@@ -138,7 +138,8 @@ def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -
         records,
         judgement.verdicts,
         judgement.unverifiable,
-        bundle.commands(),
+        noted=bundle.attempts().keys(),
+        commands=bundle.commands(),
     )
 
 
@@ -157,6 +158,7 @@ def _here() -> dict[str, str]:
     return {
         **package_versions(),
         "suite": SUITE_VERSION,
+        "source": checksum(source_hashes()),
         "machine": platform.machine(),
         "avx2": str(has_avx2()),
     }

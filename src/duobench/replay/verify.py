@@ -6,7 +6,7 @@ file was changed, not that somebody computed a new one.
 """
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -66,6 +66,8 @@ class Verification:
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
     """What the run itself says of its tasks and is wrong, one sentence each."""
+    unnoted: int = 0
+    """Of how many records no attempt is noted, so that earlier ones cannot be ruled out."""
 
     def of(self, *verdicts: Verdict) -> list[Finding]:
         """The findings with one of these verdicts."""
@@ -114,7 +116,7 @@ def verify(
     unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
-    keys = source.finished(run)
+    keys, attempts = source.finished(run), source.attempts()
     for key in keys:
         try:
             record = source.read_record(run, key)
@@ -123,7 +125,7 @@ def verify(
         except DuoBenchError as error:
             findings[key] = _finding(key, Verdict.CONTRADICTED, str(error))
             continue
-        if wrong := _other_versions(run, record):
+        if wrong := _other_versions(run, record) or _other_attempts(attempts, record):
             findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
         elif reason := unknown.get(record.task) or why_not(record):
             findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)
@@ -135,7 +137,10 @@ def verify(
             findings[finding.key] = finding
             progress(len(findings), len(keys))
     return Verification(
-        run=run, findings=tuple(map(findings.__getitem__, keys)), objections=tuple(objections)
+        run=run,
+        findings=tuple(map(findings.__getitem__, keys)),
+        objections=tuple(objections),
+        unnoted=0 if run.is_real else sum(key.path not in attempts for key in keys),
     )
 
 
@@ -169,6 +174,15 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
         for name, version in run.versions.items()
         if record.versions.get(name) != version
     )
+
+
+def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -> str:
+    """What was noted of attempts and a record says otherwise; empty if nothing."""
+    ends = noted.get(record.key.path)
+    if ends is None or (record.attempt, *record.earlier) == (len(ends), *ends[:-1]):
+        return ""
+    claimed, known = (", ".join(each) or "none" for each in (record.earlier, ends[:-1]))
+    return f"its earlier attempts ended so: {claimed}; the journal says: {known}"
 
 
 def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:

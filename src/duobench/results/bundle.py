@@ -26,7 +26,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 
 BUNDLE_SUFFIX = ".duobench.zip"
-BUNDLE_SCHEMA = 2
+BUNDLE_SCHEMA = 3
 MAX_PARTS = 65_000
 """Most parts of a bundle: more than that is another kind of archive."""
 MAX_PART_BYTES = 16 * 2**20
@@ -55,6 +55,8 @@ class Manifest:
     """Episodes of the run that have no record; 0 for a finished run."""
     commands: tuple[str, ...]
     """The commands that played it; none where that is not known."""
+    attempts: dict[str, tuple[str, ...]]
+    """How the attempts at each episode ended, see `RunReader.attempts`."""
     parts: dict[str, str]
     """SHA-256 of each other part, by its name."""
 
@@ -80,6 +82,7 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
     manifest = Manifest(
         missing=description.size - len(records),
         commands=tuple(run.commands()),
+        attempts=dict(sorted(run.attempts().items())),
         parts={name: hashlib.sha256(content).hexdigest() for name, content in parts.items()},
     )
     write(path, _packed({_MANIFEST: encode(manifest, BUNDLE_SCHEMA).encode(), **parts}))
@@ -131,6 +134,10 @@ class Bundle(RunReader):
     def commands(self) -> list[str]:
         """The commands that its manifest names."""
         return list(self.manifest.commands)
+
+    def attempts(self) -> dict[str, tuple[str, ...]]:
+        """How the attempts at each episode ended, as its manifest says."""
+        return self.manifest.attempts
 
     def _check_run(self) -> None:
         """Check that it holds the records of its run, and none beside them."""

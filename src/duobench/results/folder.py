@@ -26,7 +26,7 @@ from duobench.files import (
     write,
     writing,
 )
-from duobench.results.journal import Entry, Journal, Started, read_entries
+from duobench.results.journal import Entry, Journal, Started, read_attempts, read_entries
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
 from duobench.results.run import RUN_SCHEMA, Run
 from duobench.results.shard import WHOLE, Shard
@@ -71,6 +71,13 @@ class RunReader(ABC):
     @abstractmethod
     def commands(self) -> list[str]:
         """The commands that its writers were last started with, each once."""
+
+    @abstractmethod
+    def attempts(self) -> dict[str, tuple[str, ...]]:
+        """How the attempts at each episode ended, first to last, by the path of its key.
+
+        Each is one of `duobench.results.attempts.ENDS`; of what was not noted nothing is known.
+        """
 
     def read_run(self) -> Run:
         """The description of the run."""
@@ -163,6 +170,10 @@ class RunFolder(RunReader):
         }
         return list(dict.fromkeys(filter(None, last.values())))
 
+    def attempts(self) -> dict[str, tuple[str, ...]]:
+        """How the attempts at each episode ended, as journals say."""
+        return {key.path: ends for key, ends in read_attempts(self.entries()).items()}
+
     def record(self, key: Key) -> Path:
         """Record of an episode."""
         return self.file(record_name(key))
@@ -234,7 +245,7 @@ class RunFolder(RunReader):
                 with writing(path):
                     path.touch()
                 ending.enter_context(held(path))
-            yield Journal(path, self.entries())
+            yield Journal(path, self.entries)
 
     def begin(self, run: Run, shard: Shard = WHOLE) -> None:
         """Begin a run in this folder, or continue the one that is there.

@@ -1,25 +1,27 @@
 """What writers of a run note while they play: one file each, which no other process writes.
 
-A line says that an episode begins, before it does, and another one how it ended and how long it
-took. No result depends on it, and no record holds a time of the clock.
+A line says that an attempt at an episode begins, before it does, and another one how it ended and
+how long it took. Records say what attempts there were, and no time of the clock.
 """
 
 import math
 import os
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
 from duobench.files import writing
+from duobench.results.attempts import ERROR, FAILURE, STOPPED, SUCCESS
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.scores import Results
 
 _MINUTE_S, _HOUR_S = 60, 3600
+_MOST = 10_000  # attempts at one episode
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,7 +56,7 @@ class _Attempt(msgspec.Struct, frozen=True, kw_only=True):
     task: str
     condition: str
     episode: int
-    attempt: int
+    attempt: Annotated[int, msgspec.Meta(ge=1, le=_MOST)]
     """From 1 on, over all writers and calls."""
 
     @property
@@ -71,16 +73,11 @@ class Ended(_Attempt, tag="ended", tag_field="kind", frozen=True, kw_only=True):
     """An attempt has ended."""
 
     how: str
-    """"success", "failure", "error", or why there is no record."""
+    """One of `ENDS`."""
     steps: int = 0
     workers: int = 0
     times: EpisodeTimes | None = None
     """How long it took; None where that is not known, as where a policy had to be stopped."""
-
-    @property
-    def key(self) -> Key:
-        """The episode."""
-        return Key(self.task, self.condition, self.episode)
 
 
 Entry = Started | Begun | Ended
@@ -95,17 +92,34 @@ def read_entries(path: Path) -> list[Entry]:
     return entries
 
 
+def read_attempts(entries: Iterable[Entry]) -> dict[Key, tuple[str, ...]]:
+    """How the attempts at each episode ended, first to last, as writers have noted it."""
+    found: defaultdict[Key, dict[int, str]] = defaultdict(dict)
+    for entry in entries:
+        match entry:
+            case Begun():
+                found[entry.key].setdefault(entry.attempt, STOPPED)
+            case Ended():
+                found[entry.key][entry.attempt] = entry.how
+            case Started():
+                pass
+    return {
+        key: tuple(ends.get(number, STOPPED) for number in range(1, 1 + max(ends)))
+        for key, ends in found.items()
+    }
+
+
 class Journal:
     """The journal of one writer, which goes on with a file.
 
     Args:
         path: The file.
-        entries: What all writers have noted so far, from which attempts are counted.
+        entries: Reads what all writers have noted so far, from which attempts are counted.
     """
 
-    def __init__(self, path: Path, entries: Iterable[Entry] = ()) -> None:
-        self._path = path
-        self._attempts = Counter(entry.key for entry in entries if isinstance(entry, Begun))
+    def __init__(self, path: Path, entries: Callable[[], Iterable[Entry]] = tuple) -> None:
+        self._path, self._entries = path, entries
+        self._attempts = read_attempts(entries())
         self._workers = 0
 
     def start(self, command: str, workers: int) -> None:
@@ -116,32 +130,33 @@ class Journal:
                 file.write(b"\n")  # after half a line of one that was killed
         self._add(Started(command=command, workers=workers))
 
+    def earlier(self, key: Key) -> tuple[str, ...]:
+        """How the attempts at an episode ended, without the one that is going on or was last."""
+        return self._attempts.get(key, ())[:-1]
+
     def begin(self, key: Key) -> None:
         """Note that an attempt at an episode begins."""
-        self._attempts[key] += 1
-        self._add(Begun(**key._asdict(), attempt=self._attempts[key]))
+        self._attempts[key] = (*self._attempts.get(key, ()), STOPPED)
+        self._add(Begun(**key._asdict(), attempt=len(self._attempts[key])))
 
     def end(self, record: EpisodeRecord, times: EpisodeTimes | None) -> None:
         """Note that an episode has a record, and how long it took, in whole milliseconds."""
-        how = "error" if record.error else "success" if record.success else "failure"
+        how = ERROR if record.error else SUCCESS if record.success else FAILURE
         rounded = times and EpisodeTimes(
             **{field.name: round(getattr(times, field.name), 3) for field in fields(times)}
         )
-        self._end(record.key, how, steps=record.steps, workers=self._workers, times=rounded)
+        self.lose(record.key, how, steps=record.steps, workers=self._workers, times=rounded)
 
-    def give_up(self, key: Key, why: str) -> None:
-        """Note that the last attempt at an episode left no record, and why."""
-        self._end(key, why)
-
-    def _end(self, key: Key, how: str, **facts: Any) -> None:
-        attempt = max(1, self._attempts[key])
-        self._add(Ended(**key._asdict(), attempt=attempt, how=how, **facts))
+    def lose(self, key: Key, how: str, **facts: Any) -> None:
+        """Note how an attempt ended, one of `ENDS`."""
+        ends = self._attempts[key] = (*self.earlier(key), how)
+        self._add(Ended(**key._asdict(), attempt=len(ends), how=how, **facts))
 
     def clear(self) -> None:
         """Forget what the file says; attempts that are in it count no more."""
         with writing(self._path):
             os.truncate(self._path, 0)
-        self._attempts.clear()
+        self._attempts = read_attempts(self._entries())
 
     def _add(self, entry: Entry) -> None:
         with writing(self._path), self._path.open("ab") as file:

@@ -3,7 +3,7 @@
 The pages load nothing, and are the same bytes for the same bundles.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -74,6 +74,8 @@ class BoardEntry:
     commands: tuple[str, ...]
     verdicts: Mapping[str, int]
     """How many episodes have which verdict, by the verdict."""
+    repeats: str
+    """How many of its episodes were begun more than once, and why, in words; empty if none was."""
     lacks: tuple[str, ...]
     """Why it is not ranked, one phrase each; none if it is."""
 
@@ -139,12 +141,15 @@ def make_entry(
     records: Sequence[EpisodeRecord],
     verdicts: Mapping[str, int],
     unverifiable: Iterable[Key],
+    *,
+    noted: Container[str],
     commands: Iterable[str] = (),
 ) -> BoardEntry:
     """What a verified bundle, a file with its SHA-256, adds up to; see `BoardEntry`.
 
     Its run is of tasks of the benchmark and one policy alone. Episodes that cannot be played again
-    are unverifiable: they count as failures that reached no stage.
+    are unverifiable: they count as failures that reached no stage. Attempts at some episodes were
+    noted, named by the paths of their keys.
     """
     failed = set(unverifiable)
     trusted = [
@@ -156,10 +161,13 @@ def make_entry(
     parts = group_by_condition(run, trusted)
     part = next((each for each in parts if each.condition.shift == NO_SHIFT), parts[0])
     lacks = _deviations(run, records)
+    if unknown := sum(record.key.path not in noted for record in records):
+        lacks += (f"of {unknown:,} episodes no attempt is on record",)
     played = {task.id for task in run.suite.tasks}
     tasks = [task for task in find_tasks(()) if task.id in played]
     counted = [each for each in part.records if lacks or each.episode < EPISODES]
     results = summarize(tasks, counted)
+    repeats = replace(part, results=results).repeats
     # Joint targets of many runs would fill the memory.
     results = replace(results, tasks=tuple(replace(one, records=()) for one in results.tasks))
     return BoardEntry(
@@ -168,6 +176,7 @@ def make_entry(
         part=replace(part, results=results),
         commands=tuple(commands),
         verdicts=dict(verdicts),
+        repeats=repeats,
         lacks=lacks,
     )
 
@@ -279,6 +288,7 @@ def _entry(entry: BoardEntry) -> dict[str, Any]:
         "file": entry.file,
         "sha256": entry.digest,
         "verdicts": dict(entry.verdicts),
+        "attempts": entry.repeats,
         "overall": entry.results.overall.numbers(),
         "categories": {one.label: one.numbers() for one in entry.results.categories},
         "tasks": {one.task.id: one.score.numbers() for one in entry.results.tasks},

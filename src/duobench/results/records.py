@@ -20,11 +20,13 @@ from duobench.envs.config import EnvConfig
 from duobench.envs.execution import ChunkExecution
 from duobench.errors import (
     EvaluationError,
+    PolicyEndedError,
     PolicyFailedError,
     PolicyTimeoutError,
     traceback_text,
 )
 from duobench.hardware.judge import StageLabel
+from duobench.results.attempts import ENDS
 from duobench.shifts.shift import Shift
 from duobench.types import FLAT_SIZE, Array
 
@@ -144,8 +146,9 @@ class EpisodeRecord:
     policy_seed: int
     """Seed of the policy, a hash of that of the reset."""
     attempt: int = 1
+    """The how-manyeth it was, over all commands."""
     earlier: tuple[str, ...] = ()
-    """How each earlier attempt ended."""
+    """How each earlier attempt ended, one of `duobench.results.attempts.ENDS`."""
     policy: str
     policy_version: str | None
     """None if unknown."""
@@ -215,7 +218,8 @@ class EpisodeRecord:
                 and (self.success or self.error is not None or self.late_success <= self.horizon)
             ),
             "attempts count from 1, and each earlier one has ended somehow": self.attempt
-            != 1 + len(self.earlier),
+            != 1 + len(self.earlier)
+            or not ENDS.keys() >= set(self.earlier),
             "error must say something": self.error is not None and not self.error.strip(),
             "domain must be sim or real": self.domain not in DOMAINS,
             "an episode on real arms has a rig and is judged by a person": (
@@ -264,7 +268,8 @@ class EpisodeRecord:
 
     def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
         """The record of the episode if it failed with an error, so many steps after its start."""
-        is_late = isinstance(error, PolicyTimeoutError)  # where it was stuck is unknown
+        # Where it was stuck, or ended, is unknown.
+        is_late = isinstance(error, PolicyTimeoutError | PolicyEndedError)
         if is_late:
             text = f"{type(error).__name__}: {error}\n"
         else:

@@ -31,7 +31,7 @@ from duobench.results.scores import Results, RunPart, group_by_condition
 from duobench.results.shard import Shard
 from duobench.results.suite import deviations
 
-SUMMARY_SCHEMA = 5
+SUMMARY_SCHEMA = 6
 SUMMARY = "summary.json"
 """The results of a condition for programs."""
 _NAMED = 6  # shards that a sentence names

@@ -6,7 +6,7 @@ How much of it is played may grow, and writers are many: each writes the same de
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import ClassVar
 
 import msgspec
@@ -18,12 +18,22 @@ from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
 from duobench.randomness import SUITE_VERSION
 from duobench.results.limits import TimeLimits
-from duobench.results.records import DOMAINS, MIXED, REAL, SIM, Condition, EpisodeRecord, Key
+from duobench.results.records import (
+    DOMAINS,
+    MIXED,
+    REAL,
+    SIM,
+    Condition,
+    EpisodeRecord,
+    Key,
+    Software,
+)
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
 from duobench.shifts.shift import NO_SHIFT, Shift, every_shift
 
-RUN_SCHEMA = 8
+RUN_SCHEMA = 9
+_SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
 """What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
 
@@ -72,6 +82,10 @@ class Run:
     limits: TimeLimits
     versions: dict[str, str]
     """Versions of the packages that scores depend on."""
+    sources: dict[str, str] = field(default_factory=dict)
+    """SHA-256 of each part of the source that decides the bits, by its name."""
+    package: str = ""
+    """SHA-256 of all source of the benchmark, as it was last; it may change while a run goes on."""
     domain: str = SIM
     rig: str | None = None
     """SHA-256 of the rig on which it is played; None in simulation."""
@@ -95,8 +109,14 @@ class Run:
     @property
     def hash(self) -> str:
         """SHA-256 of what decides: all but how many episodes and under which shifts."""
-        part = replace(self, suite=replace(self.suite, episodes=1, shifts=(NO_SHIFT,)))
-        return checksum(msgspec.to_builtins(part))
+        suite = replace(self.suite, episodes=1, shifts=(NO_SHIFT,))
+        return checksum(msgspec.to_builtins(replace(self, suite=suite, package="")))
+
+    @property
+    def software(self) -> Software:
+        """Which source of the benchmark plays it, as records have it."""
+        decisive = checksum(self.sources) if self.sources else ""
+        return Software(decisive=decisive, package=self.package)
 
     @property
     def candidate(self) -> Candidate:
@@ -186,6 +206,8 @@ class Run:
             "domain": self.domain,
             "rig": self.rig,
         }
+        if record.software.decisive != self.software.decisive:
+            return "it was played by another source of the benchmark than the run."
         if self.suite.version == SUITE_VERSION:  # seeds of another one are not known here
             expected |= {"seed": episode.seed, "policy_seed": episode.policy_seed}
         for name, value in expected.items():
@@ -225,6 +247,7 @@ class Run:
             "domain": self.domain,
             "rig": self.rig,
             **{f"version of {name}": value for name, value in self.versions.items()},
+            **{f"source of {name}": value[:_SHOWN] for name, value in self.sources.items()},
         }
         for candidate in self.candidates if with_candidates else ():
             of = "" if len(self.candidates) == 1 else f"of {candidate.policy} "

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
+from duobench.results.attempts import MARK, MARKED, repeats_text
 from duobench.results.records import Condition, EpisodeRecord
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite, TaskInfo
@@ -66,6 +67,21 @@ class Score:
     """How many more did after their horizon, where they were played on."""
     mean_final_progress: float | None
     """Mean of last stage over the task's number of stages; None without episodes."""
+    repeated: int = 0
+    """Episodes that were begun more than once."""
+    repeated_successes: int = 0
+    """How many of them succeeded."""
+
+    @property
+    def worst_rate(self) -> float | None:
+        """Share of successes if every episode that was begun more than once had failed."""
+        worst = self.successes - self.repeated_successes
+        return worst / self.episodes if self.episodes else None
+
+    @property
+    def is_marked(self) -> bool:
+        """Whether that is another number by more than `MARKED`."""
+        return self.repeated_successes > MARKED * self.episodes
 
     @property
     def success_rate(self) -> float | None:
@@ -92,6 +108,8 @@ class Score:
             "mean_final_progress": self.mean_final_progress,
             "errors": self.errors,
             "late_successes": self.late_successes,
+            "begun_more_than_once": self.repeated,
+            "worst_case_success_rate": self.worst_rate,
         }
 
 
@@ -134,6 +152,8 @@ def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
         successes=sum(record.success for record in records),
         errors=sum(record.error is not None for record in records),
         late_successes=sum(record.late_success is not None for record in records),
+        repeated=sum(record.attempt > 1 for record in records),
+        repeated_successes=sum(record.success for record in records if record.attempt > 1),
         mean_final_progress=(
             math.fsum(record.progress for record in records) / len(records) if records else None
         ),
@@ -200,6 +220,18 @@ class RunPart:
     def records(self) -> list[EpisodeRecord]:
         """The finished episodes, task by task."""
         return [record for one in self.results.tasks for record in one.records]
+
+    @property
+    def repeats(self) -> str:
+        """How many episodes were begun more than once, why, and the worst case; or nothing."""
+        overall = self.results.overall
+        said = repeats_text(record.earlier for record in self.records)
+        if not said:
+            return ""
+        worst, rate = percent(overall.worst_rate), percent(overall.success_rate)
+        return (
+            f"{said} Did all of them count as failures, success were {worst} % instead of {rate} %."
+        )
 
     def facts(self, *names: str) -> dict[str, Any]:
         """What files for programs say of what was run, by these names and in their order."""
@@ -310,6 +342,11 @@ def _range(numbers: Sequence[str]) -> str:
 def percent(share: float | None) -> str:
     """A share as per cent with one digit; a dash where there is none."""
     return "–" if share is None else f"{100 * share:.1f}"
+
+
+def rate_text(score: Score) -> str:
+    """Success rate as per cent, marked if repeated attempts may have earned more than a point."""
+    return f"{percent(score.success_rate)}{MARK * score.is_marked}"
 
 
 def interval_percent(score: Score) -> str:

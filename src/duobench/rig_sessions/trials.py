@@ -45,7 +45,7 @@ from duobench.rig_sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.versions import package_versions, record_versions
+from duobench.versions import package_source, package_versions, record_versions, source_hashes
 from duobench.web.server import PageServer
 
 
@@ -102,6 +102,8 @@ class TrialsSession(RigSession):
             suite=Suite(tasks=(task,), episodes=episodes, first_episode=first_episode),
             limits=TimeLimits(),
             versions=package_versions(),
+            sources=source_hashes(),
+            package=package_source(),
             domain=REAL,
             rig=duo.rig.hash,
         )

@@ -6,22 +6,26 @@ the same run into the same folder.
 
 from collections.abc import Sequence, Set
 from contextlib import closing
+from dataclasses import replace
 from itertools import chain
 
 from duobench.errors import EvaluationError
 from duobench.evaluation.episode import Job
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
+from duobench.results.attempts import POLICY
 from duobench.results.folder import RunFolder
+from duobench.results.journal import Journal
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.report import write_report
 from duobench.results.run import Run
 from duobench.results.scores import Results, summarize
 from duobench.results.shard import WHOLE, Shard
-from duobench.results.suite import Suite
+from duobench.results.suite import Episode, Suite
 from duobench.runners.executor import check_played, executor_for
 from duobench.runners.ray_process import Cluster
+from duobench.runners.schedule import AttemptLog
 
 
 def evaluate(  # noqa: PLR0913
@@ -96,24 +100,41 @@ def evaluate(  # noqa: PLR0913
             observer.on_run_start(run, finished)
         records = {record.key: record for record in finished}
         missing = [each for each in episodes if run.key(each) not in records]
-        results = executor.play(missing, lambda episode: journal.begin(run.key(episode)))
+        results = executor.play(missing, _NotedAttempts(run, journal))
         if unplayed_count_as_failures:
             results = chain(results, executor.failures())
         for result in results:
-            records[result.record.key] = result.record
-            folder.write(result.record, result.video)
-            journal.end(result.record, result.times)
+            earlier = journal.earlier(result.record.key)
+            record = replace(result.record, attempt=1 + len(earlier), earlier=earlier)
+            records[record.key] = record
+            folder.write(record, result.video)
+            journal.end(record, result.times)
             for observer in observers:
-                observer.on_episode(result.record)
+                observer.on_episode(record)
         given_up = {
             each: why for each, why in executor.unplayed.items() if run.key(each) not in records
         }
-        for episode, why in given_up.items():
-            journal.give_up(run.key(episode), why)
         there = _report(folder, shard)
         check_played(given_up, has_shifts=len(suite.shifts) > 1)
         _check_complete(folder, set(run.episode_keys(shard)), there)
     return summarize(suite.tasks, list(records.values()))
+
+
+class _NotedAttempts(AttemptLog):
+    """Attempts that a journal notes, and those that it knows."""
+
+    def __init__(self, run: Run, journal: Journal) -> None:
+        super().__init__()
+        self._run, self._journal = run, journal
+
+    def begin(self, episode: Episode) -> None:
+        self._journal.begin(self._run.key(episode))
+
+    def lose(self, episode: Episode, how: str) -> None:
+        self._journal.lose(self._run.key(episode), how)
+
+    def policy_ends(self, episode: Episode) -> int:
+        return self._journal.earlier(self._run.key(episode)).count(POLICY)
 
 
 def _finished(

@@ -4,7 +4,7 @@ The latter may hang or die without harm, and have simulators apart from policies
 """
 
 import logging
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import cached_property
@@ -14,6 +14,7 @@ from duobench.errors import (
     EvaluationError,
     MachineryError,
     MessageError,
+    PolicyEndedError,
     PolicyError,
     PolicyTimeoutError,
     RenderingError,
@@ -23,6 +24,7 @@ from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.files import differences
+from duobench.results.attempts import MACHINERY, MOST_POLICY_ENDS, NODE, POLICY, SHARED, WORKER
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode
@@ -31,7 +33,7 @@ from duobench.runners.pool import Launcher, LocalLauncher, RunningPolicy, Worker
 from duobench.runners.process import DEATH_SEEN_S, ProcessFailed, death_within
 from duobench.runners.ray_cluster import RayLauncher, check_environment
 from duobench.runners.ray_process import Cluster
-from duobench.runners.schedule import Schedule
+from duobench.runners.schedule import AttemptLog, Schedule
 from duobench.runners.worker import EpisodeError, EpisodeProgress, Ready, Rehearsed, Report
 from duobench.sim import rendering
 
@@ -79,16 +81,18 @@ class LocalExecutor:
             self._runner.rehearse(episode)
 
     def play(
-        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = lambda _episode: None
+        self, episodes: Sequence[Episode], log: AttemptLog | None = None
     ) -> Iterator[EpisodeResult]:
         """Play episodes in their order; see `ProcessExecutor`."""
+        log = log or AttemptLog()
         for episode in episodes:
             result = None
             while result is None:
-                begun(episode)
+                log.begin(episode)
                 try:
                     result = self._runner.play(episode)
                 except MachineryError as fault:
+                    log.lose(episode, MACHINERY)
                     self._schedule.note_fault(episode, str(fault))
             yield result
 
@@ -123,6 +127,7 @@ class ProcessExecutor:
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
         self._at_horizon: dict[Episode, EpisodeRecord] = {}
+        self._log = AttemptLog()
         self.unplayed = self._schedule.abandoned
         """Episodes that could not be played because a process died in them each time, and why."""
 
@@ -152,20 +157,21 @@ class ProcessExecutor:
                 pass
 
     def play(
-        self, episodes: Sequence[Episode], begun: Callable[[Episode], None] = lambda _episode: None
+        self, episodes: Sequence[Episode], log: AttemptLog | None = None
     ) -> Iterator[EpisodeResult]:
         """Play episodes in any order, each exactly once; what cannot be played is `unplayed`.
 
-        Those of a task go to as few workers as keeps all of them busy. Whenever an attempt at an
-        episode is going to begin, `begun` is told.
+        Those of a task go to as few workers as keeps all of them busy. The log is told of every
+        attempt at an episode, before it begins and when it has ended without a record.
 
         Raises:
             MachineryError: What they need is not there.
             DuoBenchError: The policy does not fit, or an environment cannot be made.
         """
+        self._log = log or self._log
         self._schedule.add(episodes)
         while self._schedule.left or self._pool.playing:
-            self._dispatch(begun)
+            self._dispatch()
             yield from self._poll()
         for episode in self._at_horizon.keys() & self.unplayed.keys():
             del self.unplayed[episode]
@@ -188,7 +194,7 @@ class ProcessExecutor:
             raise AssertionError("An executor is prepared before it plays.")
         return self._ready
 
-    def _dispatch(self, begun: Callable[[Episode], None]) -> None:
+    def _dispatch(self) -> None:
         playing = len(self._pool.playing)
         isolated = self._schedule.has_quarantined
         if isolated and playing:
@@ -197,7 +203,7 @@ class ProcessExecutor:
         for worker in self._pool.workers:
             if worker.is_ready and worker.episode is None and self._schedule.left:
                 episode = self._schedule.next(worker.task)
-                begun(episode)
+                self._log.begin(episode)
                 worker.play(episode)
                 if isolated:
                     return
@@ -217,7 +223,7 @@ class ProcessExecutor:
             if member not in self._pool.members:
                 continue
             if fault is not None:
-                self._lose(member, fault)
+                yield from self._lose(member, fault)
             elif isinstance(member, Worker):
                 yield from self._check_episode(member)
             else:
@@ -243,7 +249,7 @@ class ProcessExecutor:
             case Worker(), EpisodeResult():
                 yield from self._accept(member, report)
             case Worker(), EpisodeError(fault=fault):
-                self._note_fault(member, fault)
+                yield from self._note_fault(member, fault)
             case _:
                 _log.warning("A message that nobody asked for was dropped.")
 
@@ -256,7 +262,7 @@ class ProcessExecutor:
 
     def _check_same(self, run: Run) -> None:
         """Workers may differ in processor and renderer, as records say, and in nothing else."""
-        if self._ready is None or self._ready.run == run:
+        if self._ready is None or self._ready.run.hash == run.hash:
             return
         first = self._ready.run
         found = first.differences(run) or differences(first.versions, run.versions)
@@ -279,21 +285,22 @@ class ProcessExecutor:
                 result = EpisodeResult(record=kept)  # a second attempt cannot improve on it
             yield result
         else:
-            self._lose(worker, f"its result was dropped: {objection}")
+            yield from self._lose(worker, f"its result was dropped: {objection}")
 
-    def _note_fault(self, worker: Worker, fault: str) -> None:
+    def _note_fault(self, worker: Worker, fault: str) -> Iterator[EpisodeResult]:
         """Act on an episode that its worker could not play, most often for the policy's death."""
         policy = worker.policy
         if policy is not None and (death := death_within(policy.process, DEATH_SEEN_S)):
-            self._lose(policy, death)
+            yield from self._lose(policy, death)
         elif worker.episode is not None and worker is self._rehearsing:
             self._schedule.note_fault(worker.episode, fault)
             worker.rehearse(worker.episode)
         elif worker.episode is not None:
+            self._log.lose(worker.episode, MACHINERY)
             self._schedule.retry(worker.episode, fault)
             worker.episode = None
 
-    def _lose(self, member: Worker | RunningPolicy, fault: str) -> None:
+    def _lose(self, member: Worker | RunningPolicy, fault: str) -> Iterator[EpisodeResult]:
         """Let go of a process that is of no more use, and have what it played be played again."""
         if not member.is_ready:
             self._failed_starts += 1
@@ -302,18 +309,41 @@ class ProcessExecutor:
                     f"{self._failed_starts} workers in a row failed while they were starting, the "
                     f"last one like this: {fault}"
                 )
-        for worker in self._pool.wait(0):  # what they said before their policy died
-            if isinstance(worker, Worker) and worker.policy is member:
-                for report in _read(worker, is_readable=True)[0]:
-                    if isinstance(report, EpisodeProgress):
-                        self._note_progress(worker, report.record)
-        played = self._remove(member)
+        yield from self._hear(member)
+        mates = {worker.episode: worker for worker in self._pool.playing}
+        played, is_taken = self._remove(member), member.process.is_taken
         if len(played) > 1:
-            self._schedule.quarantine(played)
-        elif isinstance(member, Worker):
+            self._share(played, NODE if is_taken else SHARED)
+        elif isinstance(member, Worker) or is_taken:
+            for episode in played:
+                self._log.lose(episode, NODE if is_taken else WORKER)
             self._schedule.replay(played, fault)
         else:
-            self._schedule.replay(played, f"of the policy, {fault}", isolated=True)
+            for episode in played:
+                yield from self._end(mates[episode], episode, fault)
+
+    def _hear(self, policy: Worker | RunningPolicy) -> Iterator[EpisodeResult]:
+        """Take what workers have said before their policy died."""
+        for worker in self._pool.wait(0):
+            if isinstance(worker, Worker) and worker.policy is policy:
+                for report in _read(worker, is_readable=True)[0]:
+                    if isinstance(report, EpisodeProgress | EpisodeResult):
+                        yield from self._receive(worker, report)
+
+    def _share(self, episodes: Sequence[Episode], how: str = SHARED) -> None:
+        """Have episodes be played one at a time of which one has ended a policy of all."""
+        for episode in episodes:
+            self._log.lose(episode, how)
+        self._schedule.quarantine(episodes)
+
+    def _end(self, worker: Worker, episode: Episode, fault: str) -> Iterator[EpisodeResult]:
+        """Fail an episode whose policy has ended by itself again, or after its horizon."""
+        if self._log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS or episode in self._at_horizon:
+            text = f"In {MOST_POLICY_ENDS} attempts the policy ended, the last time: {fault}"
+            yield self._failed(worker, episode, PolicyEndedError(text))
+        else:
+            self._log.lose(episode, POLICY)
+            self._schedule.quarantine([episode])
 
     def _remove(self, member: Worker | RunningPolicy) -> list[Episode]:
         """End a process, with the workers that need it; what they were playing."""
@@ -337,7 +367,7 @@ class ProcessExecutor:
         if len(played) == 1:
             yield self._failed(mates[0], played[0], PolicyTimeoutError.of_answer(act_s))
         else:
-            self._schedule.quarantine(played)
+            self._share(played)
 
     def _check_episode(self, worker: Worker) -> Iterator[EpisodeResult]:
         """Fail the episode of a policy that takes too long; its worker cannot be used again."""
@@ -351,15 +381,15 @@ class ProcessExecutor:
             (episode,) = self._remove(worker)
             yield self._failed(worker, episode, late)
         elif clock.episode_s > limits.episode_timeout + GRACE_S:
-            self._lose(worker, "the simulation did not come back within the time limit.")
+            yield from self._lose(worker, "the simulation did not come back within the time limit.")
 
-    def _failed(self, worker: Worker, episode: Episode, late: PolicyTimeoutError) -> EpisodeResult:
+    def _failed(self, worker: Worker, episode: Episode, error: PolicyError) -> EpisodeResult:
         if record := self._at_horizon.pop(episode, None):
             return EpisodeResult(record=record)
         record = worker.progress or self._unknown(episode)
         # The clock is shared memory, and nonsense in it must not end the run.
         steps = min(max(worker.process.clock().steps, record.steps), record.horizon)
-        return EpisodeResult(record=record.broken(late, steps))
+        return EpisodeResult(record=record.broken(error, steps))
 
     def _unknown(self, episode: Episode) -> EpisodeRecord:
         ready = self._prepared

@@ -50,6 +50,11 @@ _START = (
 class Transport(Protocol):
     """A process, as the one sees it that has started it, wherever it is."""
 
+    @property
+    def is_taken(self) -> bool:
+        """Whether it did not end by itself, but with the machine that it was on."""
+        ...
+
     def send(self, request: msgspec.Struct) -> None:
         """Send a request; whether the process still lives is found out elsewhere."""
         ...
@@ -140,6 +145,9 @@ class WorkerProcess:
         arguments: Further arguments.
         hidden: Environment variables that it does not get.
     """
+
+    is_taken = False
+    """Never: this process is on the same machine."""
 
     def __init__(
         self, module: str, kind: Any, *arguments: str, hidden: Collection[str] = ()

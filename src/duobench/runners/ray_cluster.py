@@ -144,6 +144,8 @@ class RayTransport:
         self._unreadable: str | None = None
         self._death: str | None = None
         self._clock = ClockReading()
+        self.is_taken = False
+        """Whether the actor has ended, and the process with it."""
         self.node: str | None = None
         """Id of the node, once the actor is there."""
         self.status = actor.poll.remote()
@@ -166,7 +168,7 @@ class RayTransport:
         try:
             status: ActorStatus = ray.get(self.status)
         except ray.exceptions.RayError as error:
-            self._death = f"its actor ended: {_first_line(error)}"
+            self._death, self.is_taken = f"its actor ended: {_first_line(error)}", True
             return self._death
         self.node, self._clock, self._death = status.node, status.clock, status.death
         try:

@@ -4,10 +4,29 @@ from collections import Counter, deque
 from collections.abc import Iterable
 
 from duobench.errors import MachineryError
+from duobench.results.attempts import POLICY
 from duobench.results.suite import Episode, TaskInfo
 
 MAX_PLAYS = 3
 """How often an episode is begun before it is given up."""
+
+
+class AttemptLog:
+    """What is told about attempts at episodes, and kept while one plays them."""
+
+    def __init__(self) -> None:
+        self._policy_ends: Counter[Episode] = Counter()
+
+    def begin(self, episode: Episode) -> None:
+        """An attempt is going to begin."""
+
+    def lose(self, episode: Episode, how: str) -> None:
+        """It has ended without a record, in one of `duobench.results.attempts.ENDS`."""
+        self._policy_ends[episode] += how == POLICY
+
+    def policy_ends(self, episode: Episode) -> int:
+        """In how many attempts the policy's process has ended by itself."""
+        return self._policy_ends[episode]
 
 
 class Schedule:
@@ -49,19 +68,16 @@ class Schedule:
         return (queue or longest).popleft()
 
     def quarantine(self, episodes: Iterable[Episode]) -> None:
-        """Let episodes wait of which one has hung or killed a policy that all of them shared.
+        """Let episodes wait of which one has hung or ended the policy of all of them.
 
         They are played one at a time, until it is known which one it was.
         """
         self._quarantined.extend(episodes)
 
-    def replay(self, episodes: Iterable[Episode], death: str, *, isolated: bool = False) -> None:
+    def replay(self, episodes: Iterable[Episode], death: str) -> None:
         """Let episodes wait again whose process has ended; after too many one is abandoned.
 
-        Args:
-            episodes: The episodes.
-            death: How the process ended, in words.
-            isolated: Whether they are played beside no other.
+        How the process ended is said in words.
         """
         for episode in episodes:
             self._faults[episode] += 1
@@ -69,8 +85,6 @@ class Schedule:
                 self.abandoned[episode] = (
                     f"in each of {MAX_PLAYS} attempts something failed, the last time: {death}"
                 )
-            elif isolated:
-                self._quarantined.append(episode)
             else:
                 self._waiting[episode.task.id].appendleft(episode)
 

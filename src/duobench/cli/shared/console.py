@@ -14,6 +14,7 @@ from duobench.results.scores import (
     interval_percent,
     percent,
     progress_text,
+    rate_text,
 )
 
 PLAIN_WIDTH = 130
@@ -69,14 +70,16 @@ def results_table(part: RunPart) -> Table:
         title=Text(part.candidate.title),
         title_justify="left",
     )
+    notes = [part.repeats] if part.repeats else []
     if late:
-        rows.caption = f"Within {overtime:g} horizons is no score: scores end at the horizon."
+        notes.append(f"Within {overtime:g} horizons is no score: scores end at the horizon.")
+    rows.caption = "\n".join(notes) or None
 
     def cells(name: str, score: Score, wanted: int) -> list[str]:
         """What every row has; a run that is not finished says how far it is."""
         episodes = str(score.episodes) if score.episodes == wanted else f"{score.episodes}/{wanted}"
         broken = [str(score.errors)] if errors else []
-        rate = percent(score.success_rate)
+        rate = rate_text(score)
         later = [percent(score.late_rate)] if late else []
         return [
             name,

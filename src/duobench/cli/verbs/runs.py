@@ -24,11 +24,12 @@ from duobench.cli.shared.advice import (
 from duobench.cli.shared.console import counted, results_table, say
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
+from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEME, read_named, split_name
 from duobench.results.folder import RunFolder
 from duobench.results.records import Condition
-from duobench.results.scores import RunPart, interval_percent, percent
+from duobench.results.scores import RunPart, interval_percent, percent, rate_text
 from duobench.shifts.shift import NO_SHIFT
 
 if TYPE_CHECKING:
@@ -242,6 +243,8 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
     say(f"{counted(len(found.findings), 'episode')}: {', '.join(counts)}.")
     if found.missing:
         say(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
+    if found.unnoted:
+        say(f"Of {counted(found.unnoted, 'episode')} no attempt is on record.")
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}
     offer_to_import(tasks, import_tasks=import_tasks)
     say("Verified." if found.is_verified else "Not verified.")
@@ -272,6 +275,8 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     manifest = write_bundle(reader, path)
     if manifest.missing:
         say(f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}.")
+    if repeats := repeats_text(ends[:-1] for ends in manifest.attempts.values()):
+        say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
     say(f"SHA-256: {hashlib.sha256(path.read_bytes()).hexdigest()}")
 
@@ -313,5 +318,7 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
 
 def _result(entry: BoardEntry) -> str:
     overall = entry.results.overall
-    rate, interval = percent(overall.success_rate), interval_percent(overall)
-    return f"{entry.name}, success {rate} % ({interval}) of {counted(overall.episodes, 'episode')}"
+    rate, interval = rate_text(overall), interval_percent(overall)
+    worst = f", worst case {percent(overall.worst_rate)} %" if overall.repeated else ""
+    of = counted(overall.episodes, "episode")
+    return f"{entry.name}, success {rate} % ({interval}) of {of}{worst}"
