@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from duobench.data import ActorKind, DataSet, Outcome, Recording
+from duobench.data.attempts import ATTEMPTS
 from duobench.data.stream import INTERRUPTED
 from duobench.errors import DataError, EvaluationError, OtherRunError, OutputError
 from duobench.files import locked

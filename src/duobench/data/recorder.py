@@ -244,14 +244,14 @@ class Recorder(DuoWrapper):
         if self.pending is not None:
             self._write()
 
-    def set_aside(self, folder: Path, reason: str) -> None:
-        """Write the running episode, or the one that waits, into another folder, as if kept.
+    def set_aside(self, reason: str) -> None:
+        """Write the running episode, which ends for a reason, or the one that waits.
 
-        The reason is why a running one ended.
+        It is written as if it were kept, into the `discarded` ones of the data set.
         """
         self.finish(reason=reason)
-        if self.pending is not None:
-            self._write(folder)
+        if self.pending is not None and self.data is not None:
+            self._write(self.data.discarded.episode(self.task, "0").parent)
 
     def discard(self) -> None:
         """Forget the running episode, or the one that waits; nothing of it is kept."""

@@ -116,7 +116,7 @@ class EpisodeStream(EpisodeRows):
                     "its recording was killed. Recover or delete it first."
                 ) from error
         try:  # only now, when nobody else can begin one of that name
-            _check_free(path, *(video_path(path, camera) for camera in info.videos))
+            check_free(path, *(video_path(path, camera) for camera in info.videos))
             with writing(self._partial):
                 lock(self._file.fileno(), self._partial)
                 self._file.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
@@ -145,7 +145,7 @@ class EpisodeStream(EpisodeRows):
             if self.videos is not None:
                 self.info = replace(self.info, videos=self.videos.finish())
             recording = super().finish()
-            _check_free(place)
+            check_free(place)
             recording.write(place)
             for camera in self.info.videos if folder is not None else ():
                 with writing(place), suppress(FileNotFoundError):  # one without a frame
@@ -186,7 +186,8 @@ class EpisodeStream(EpisodeRows):
         self._written = end
 
 
-def _check_free(*paths: Path) -> None:
+def check_free(*paths: Path) -> None:
+    """Raise a `DataError` where one of some files is there."""
     for path in paths:
         if path.exists():
             raise DataError(f"{path} exists already; an episode is never overwritten.")

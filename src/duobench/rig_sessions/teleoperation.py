@@ -3,15 +3,15 @@
 The environment judges, and says when the task is solved.
 """
 
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
+from shutil import rmtree
 from typing import Any, cast
 
 from duobench.data import Actor, DataSet, Recorder, attempts
 from duobench.data.attempts import Attempt
-from duobench.data.discarded import Discarded
 from duobench.data.recorder import UNDECIDED
 from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
@@ -20,6 +20,7 @@ from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import BackendError, DuoBenchError, OptionError
+from duobench.files import locked
 from duobench.looks.catalog import DEFAULT
 from duobench.looks.look import Look
 from duobench.randomness import TRAIN, episode_seed
@@ -110,15 +111,15 @@ class Teleoperation:
         data = env.data
         self.kept = 0 if data is None else data.kept(env.task)
         """Episodes that were kept, those of earlier sessions counted."""
-        self._number, self._discarded = 0, None
-        with ExitStack() as failing:
+        self._number = 0
+        with ExitStack() as holding:
             if data is not None:
-                self._discarded = Discarded(data, env.task)
-                failing.callback(self._discarded.release)
+                holding.enter_context(locked(data.discarded.episode(env.task, "0").parent))
                 tried = (each.episode + 1 for each in attempts.of_task(data, env.task))
                 self._number = max(data.next_number(env.task), *tried, 0)
+            self._look_for_discarded()
             self._reset()
-            failing.pop_all()
+            self._holding = holding.pop_all()
 
     # --- from any thread ---------------------------------------------------------------------
 
@@ -175,8 +176,13 @@ class Teleoperation:
         if self._state is TeleopState.WAITING:
             self.env.discard()
         self.env.close()
-        if self._discarded is not None:
-            self._discarded.close()
+        if self.env.data is not None:
+            folder = self.env.data.discarded.episode(self.env.task, "0").parent
+            rmtree(folder, ignore_errors=True)
+            with suppress(OSError):  # other tasks have theirs there
+                folder.parent.rmdir()
+                folder.parent.parent.rmdir()
+        self._holding.close()
 
     @property
     def state(self) -> TeleopState:
@@ -200,7 +206,7 @@ class Teleoperation:
             "success": bool(info["success"]),
             "count": self._number,
             "kept": self.kept,
-            "discarded": 0 if self._discarded is None else len(self._discarded.names),
+            "discarded": len(self._discarded),
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
@@ -277,30 +283,36 @@ class Teleoperation:
     def _discard(self) -> None:
         if self._state is TeleopState.OVER:
             return
-        if self._state is TeleopState.WAITING or self._discarded is None:
-            self.env.discard()
+        has_begun = self._state is not TeleopState.WAITING
+        if has_begun and self.env.data is not None:
+            self.env.set_aside(SET_ASIDE)
+            self._look_for_discarded()
         else:
-            self.env.set_aside(self._discarded.folder, SET_ASIDE)
-            self._discarded.look()
-        self._note_attempt(SKIPPED if self._state is TeleopState.WAITING else DISCARDED)
+            self.env.discard()
+        self._note_attempt(DISCARDED if has_begun else SKIPPED)
         self._next()
+
+    def _look_for_discarded(self) -> None:
+        data = self.env.data
+        self._discarded = [] if data is None else data.discarded.episodes(self.env.task)
 
     def _restore(self) -> None:
         """Keep after all what was discarded last; what is going on goes on."""
-        data, discarded = self.env.data, self._discarded
-        if data is None or discarded is None or not discarded.names:
+        data = self.env.data
+        if data is None or not self._discarded:
             self.note = NOTHING_DISCARDED
             return
-        name = discarded.names[-1]
+        path = self._discarded[-1]
         try:
-            discarded.restore(name)
+            data.restore(path)
         except DuoBenchError as error:
             self.note = str(error)
             return
+        self._look_for_discarded()
         self.kept += 1
-        self.note = f"Episode {name} is restored, and kept."
+        self.note = f"Episode {path.stem} is restored, and kept."
         for each in attempts.of_task(data, self.env.task):
-            if each.episode == int(name):
+            if each.episode == int(path.stem):
                 attempts.note(data, replace(each, kept=True, error=None))
         if self._state is TeleopState.WAITING and self.kept >= self._wanted:
             self.env.discard()
@@ -308,20 +320,18 @@ class Teleoperation:
 
     def _note_attempt(self, reason: str | None) -> None:
         """Note how the episode goes: why it is not kept, or None where it is."""
-        data, info = self.env.data, self._info
-        if data is None:
-            return
-        success = bool(info["success"])
+        success = bool(self._info["success"])
         attempt = Attempt(
             task=self.env.task,
             episode=self._number,
             success=success,
-            stage=int(info["stage"]),
+            stage=int(self._info["stage"]),
             steps=self._stage_changes[-1][0] if success else self._steps,
             kept=reason is None,
             error=reason,
         )
-        attempts.note(data, attempt)
+        if self.env.data is not None:
+            attempts.note(self.env.data, attempt)
 
     def _instruct(self, text: str) -> None:
         self._instruction = text

@@ -198,13 +198,7 @@ class HandDevice:
         """When the newest sample arrived, in seconds."""
         self._has_seen_open = False
         self._acting, self._led = set[str](), set[str]()  # since the last step, since the first one
-        self.executed_ms: float | None = None
-        """When the newest executed sample was sent, in ms of the page's clock."""
-
-    @property
-    def led_by(self) -> str:
-        """What has led since the episode began, as the page says it: "mouse and gamepad"."""
-        return " and ".join(name for name in get_args(PageDevice) if name in self._led)
+        self.led_by, self.executed_ms = "", math.nan
 
     @property
     def clutch(self) -> tuple[bool, bool]:
@@ -221,7 +215,8 @@ class HandDevice:
         """A new episode waits: both hands have to be open first."""
         for side, arm in self._arms.items():
             arm.begin(float(command.openings[side.index]))
-        self._has_seen_open, self._led, self.executed_ms = False, set(), None
+        self._has_seen_open, self._led = False, set()
+        self.led_by, self.executed_ms = "", math.nan
 
     def take(self, message: Message, arrival_s: float) -> None:
         """Take over a fresh sample; `recentre` lets both hands go."""
@@ -242,7 +237,8 @@ class HandDevice:
         """The operator has gone; the next one has another clock."""
         self._dropped += self._freshness.dropped
         self._freshness = Freshness()
-        self._hands = self.sampled_s = self.executed_ms = None
+        self._hands = self.sampled_s = None
+        self.executed_ms = math.nan
         self._acting.clear()
         self._let_go()
 
@@ -279,6 +275,7 @@ class HandDevice:
         """Where the hands lead the tools."""
         self._led |= self._acting
         self._acting.clear()
+        self.led_by = " and ".join(name for name in get_args(PageDevice) if name in self._led)
         if self._hands is not None:
             self.executed_ms = self._hands.sent
         hands, commanded = self._now(now_s), self._kinematics.forward(command.joints)
@@ -308,7 +305,7 @@ class ButtonPresses:
     """Tells a press from holding on. A button that is held at first counts after a release."""
 
     def __init__(self) -> None:
-        self._was_pressed = dict.fromkeys((KEEP, DISCARD, RESTORE), True)
+        self._was_pressed = {KEEP: True, DISCARD: True, RESTORE: True}
 
     def new(self, hands: Hands) -> list[str]:
         """The buttons that were not pressed in the message before, keep first."""

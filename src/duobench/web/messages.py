@@ -75,15 +75,13 @@ def reader(kinds: Any) -> Callable[[str | bytes], Any]:
 
 
 def pack_frame(
-    poses: NDArray[np.float32], step: int, time_s: float, shows_ms: float | None = None
+    poses: NDArray[np.float32], step: int, time_s: float, shows_ms: float = math.nan
 ) -> bytes:
     """A frame of poses (bodies, 7), as `Geometry.poses` gives them, after so many control steps.
 
-    The time is that of a clock of the server that never goes back; `shows_ms` is when the newest
-    message of hands was sent that the poses show, None where they show none.
+    The time is that of a clock of the server that never goes back; `shows_ms` as said above.
     """
-    shows = math.nan if shows_ms is None else shows_ms
-    return _FRAME.pack(time_s, step, len(poses), shows) + poses.astype("<f4").tobytes()
+    return _FRAME.pack(time_s, step, len(poses), shows_ms) + poses.astype("<f4").tobytes()
 
 
 def encode(**fields: Any) -> str:
