@@ -10,6 +10,8 @@ ATTEMPTS, TAKES = "attempts.json", "takes"
 """What `record` has played, by which it goes on; and the folder of what people have led, one file a
 task, which several sessions may add to."""
 ATTEMPTS_SCHEMA = 1
+SKIPPED = "Skipped before it began."
+"""Why an attempt at which nobody did anything is not kept."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, order=True)

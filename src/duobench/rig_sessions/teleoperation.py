@@ -11,7 +11,7 @@ from shutil import rmtree
 from typing import Any, cast
 
 from duobench.data import Actor, DataSet, Recorder, attempts
-from duobench.data.attempts import Attempt
+from duobench.data.attempts import SKIPPED, Attempt
 from duobench.data.recorder import UNDECIDED
 from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
@@ -40,7 +40,7 @@ UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
 SET_ASIDE = "The operator discarded it while it ran."
 """Why an episode ended that is cut there, should it be restored."""
-DISCARDED, SKIPPED = "Discarded.", "Skipped before it began."
+DISCARDED = "Discarded."
 """Why an attempt is not kept."""
 NOTHING_DISCARDED = "There is nothing to restore."
 AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
@@ -175,6 +175,8 @@ class Teleoperation:
         """
         if self._state is TeleopState.WAITING:
             self.env.discard()
+        elif self._state is not TeleopState.OVER:
+            self._note_attempt(UNDECIDED)
         self.env.close()
         if self.env.data is not None:
             folder = self.env.data.discarded.episode(self.env.task, "0").parent
