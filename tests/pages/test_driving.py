@@ -379,3 +379,20 @@ def test_a_gamepad_moves_the_arm_that_its_bumpers_choose(page: Operated) -> None
 def test_no_rule_of_accessibility_is_broken(page: Operated) -> None:
     page.page.evaluate("document.querySelector('details').open = true")
     assert broken_rules(page.page) == []
+
+
+def test_the_board_says_a_latency_that_was_measured_and_no_other(page: Operated) -> None:
+    status = {"kind": "status", "state": "recording", "latency_ms": 18.0, "discarded": 1}
+    page.tell(**status)
+    page.wait(lambda: page.page.evaluate("parts.headset.lines").count("recording") == 1)
+    assert "Y puts the last one back" in " ".join(page.page.evaluate("parts.headset.lines"))
+    page.page.evaluate(
+        """() => { const { latency } = parts.hands; const sent = performance.now() - 250;
+          latency.arrived(sent); latency.drawn((call) => call());  // of another page: none
+          latency.sent(sent); latency.arrived(sent); latency.drawn((call) => call()); }"""
+    )
+    page.tell(**status, note="again")
+    pattern = "/hand to picture 2[5-9]\\d ms/.test(parts.headset.lines.join(' '))"
+    page.wait(lambda: page.page.evaluate(pattern))
+    page.tell(kind="role", role="viewer", drivers=0, viewers=1)
+    page.wait(lambda: page.page.evaluate("parts.hands.latency.ms") is None)

@@ -23,7 +23,7 @@ from tests.teleop.test_session import TASK, Desk
 TAPS = 1000
 SEED = 7
 ASKS = ("keep", "discard", "restore")
-HELD = {name: False for name in (*ASKS, "recentre")}
+HELD = dict.fromkeys((*ASKS, "recentre"), False)
 
 
 @pytest.fixture
@@ -108,7 +108,7 @@ def test_what_a_killed_session_has_discarded_is_offered_to_the_next(tmp_path: Pa
     killed.say("discard")
     with pytest.raises(LockedError, match="Another process"):
         Desk(tmp_path)
-    killed.session._holding.close()  # as the system does when a process ends  # noqa: SLF001
+    killed.session._holding.close()  # as the system does when a process ends
     killed.session.env.discard()
     after = Desk(tmp_path)
     assert (after.status("discarded"), after.status("count")) == (1, 1)
