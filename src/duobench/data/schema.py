@@ -146,7 +146,7 @@ class Actor:
     """Name of the policy, or a person's pseudonym."""
     version: str | None = None
     device: str | None = None
-    """What a person used, or a scripted operator imitated; several are named by their order."""
+    """What a person used, or a scripted operator imitated; "mouse and gamepad" if several."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
