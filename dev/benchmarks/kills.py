@@ -4,7 +4,8 @@
 
 Killed are the process that writes, the workers, the processes of policies, and a server. A run
 whose parent was killed is started again. In the end all files that results are in must have the
-bytes of a run that nobody disturbed; the exit status says whether they do.
+bytes of a run that nobody disturbed, but for the attempts, which must be those of the journal; the
+exit status says whether they do. No policy is killed twice in one episode: that fails it.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,12 +23,16 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from duobench.policy import PolicyMetadata, Session, noise
+from duobench.results.attempts import ERROR, FAILURE, POLICY, SUCCESS
+from duobench.results.folder import RunFolder
+from duobench.results.report import write_report
 
 ROOT = Path(__file__).parents[2]
 TASKS, EPISODES, WORKERS = ("carry_pot", "bin_sort"), 3, 2
@@ -38,6 +44,7 @@ MAX_FAILURES = 20
 """How often it may end with an error, as it does where kills have hit one episode three times."""
 RESULTS = ("run.json", "summary.json", "index.html", "records/*/*/*.json")
 """Files that must be the same."""
+FINISHED = (SUCCESS, FAILURE, ERROR)
 TIMES = re.compile(rb'<section id="times">.*?</section>', re.DOTALL)
 """What of the report may differ."""
 POLICIES = ("random", "dev.benchmarks.kills:Wanders", "openpi")
@@ -112,6 +119,8 @@ class Killed:
                 if parent == process.pid:
                     kind = "policy" if b"policy_process" in words else "worker"
                     found.setdefault(kind, []).append(int(entry.name))
+        if has_ended(self._folder):
+            found.pop("policy", None)
         return found
 
     def _start(self) -> subprocess.Popen[bytes]:
@@ -149,10 +158,39 @@ def _duobench(*words: str) -> subprocess.Popen[bytes]:
     )
 
 
+def has_ended(folder: Path) -> bool:
+    """Whether a policy has ended in an episode of a run that has no record yet."""
+    unfinished = (e for e in RunFolder(folder).attempts().values() if e[-1] not in FINISHED)
+    return any(POLICY in ends for ends in unfinished)
+
+
 def contents(folder: Path) -> dict[str, bytes]:
-    """The files of a run that results are in."""
-    paths = (path for pattern in RESULTS for path in folder.glob(pattern))
-    return {str(path.relative_to(folder)): TIMES.sub(b"", path.read_bytes()) for path in paths}
+    """The files of a run that results are in, had every episode been begun once."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = begun_once(RunFolder(folder), Path(name, "run")).path
+        paths = (path for pattern in RESULTS for path in folder.glob(pattern))
+        return {str(path.relative_to(folder)): TIMES.sub(b"", path.read_bytes()) for path in paths}
+
+
+def begun_once(folder: RunFolder, out: Path) -> RunFolder:
+    """Copy a run as it were if its attempts were all first ones, after checking that they are told.
+
+    Raises:
+        AssertionError: A record does not say what the journal says.
+    """
+    shutil.copytree(folder.path, out)
+    copy, attempts = RunFolder(out), folder.attempts()
+    records = folder.read_records(folder.read_run())
+    for record in records:
+        if (record.attempt, *record.earlier) != (
+            len(ends := attempts[record.key.path]),
+            *ends[:-1],
+        ):
+            raise AssertionError(f"{folder.path}: {record.key} does not say that it was {ends}.")
+        copy.write(replace(record, attempt=1, earlier=()))
+    if any(record.earlier for record in records):
+        write_report(copy)
+    return copy
 
 
 def disturb(folder: Path, kills: int, seed: int, port: int) -> Iterator[tuple[str, Counter[str]]]:

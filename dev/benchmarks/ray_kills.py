@@ -21,7 +21,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from dev.benchmarks.kills import ROOT, contents, report
+from dev.benchmarks.kills import ROOT, contents, has_ended, report
 from dev.benchmarks.ray_cluster import LocalCluster, local_cluster
 
 TASKS, EPISODES, WORKERS = ("carry_pot", "bin_sort"), 3, 2
@@ -89,20 +89,24 @@ def disturb_one(
         time.sleep(generator.uniform(0.0, LONGEST_PAUSE_S))
         if process.poll() is not None:
             continue
-        kind = _kill(process.pid, cluster, generator)
+        kind = _kill(process.pid, cluster, generator, spares_policies=has_ended(out))
         counts[kind] += 1
         if kind == "driver":
             process.wait()
     return counts
 
 
-def _kill(driver: int, cluster: LocalCluster, generator: random.Random) -> str:
+def _kill(
+    driver: int, cluster: LocalCluster, generator: random.Random, *, spares_policies: bool
+) -> str:
     """Kill something that takes part; what it was."""
     if generator.random() < NODE_SHARE:
         cluster.kill_node()
         cluster.add_node()
         return "node"
     targets = {**cluster.processes(), "driver": [driver]}
+    if spares_policies:
+        targets.pop("policy", None)
     kind = generator.choice(sorted(targets))
     with suppress(ProcessLookupError):
         os.kill(generator.choice(targets[kind]), signal.SIGKILL)

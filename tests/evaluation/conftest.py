@@ -2,10 +2,12 @@ import re
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
 
+from dev.benchmarks.kills import begun_once
 from duobench.evaluation.policies import PolicyChoice
 from duobench.results.folder import RunFolder
 from duobench.results.scores import Results
@@ -28,7 +30,12 @@ COMPARED = ("index.html", "summary.json", "run.json")
 
 
 def compared(folder: RunFolder) -> dict[str, bytes]:
-    """Everything that must not depend on how a run was made."""
+    """Everything that must not depend on how a run was made, had it been made at once."""
+    with TemporaryDirectory() as name:
+        return _compared(begun_once(folder, Path(name, "run")))
+
+
+def _compared(folder: RunFolder) -> dict[str, bytes]:
     paths = [folder.path / name for name in COMPARED]
     paths += [*folder.path.glob("records/*/*/*"), *folder.path.glob("figures/*")]
     found = {str(path.relative_to(folder.path)): path.read_bytes() for path in sorted(paths)}

@@ -417,6 +417,18 @@ def answers_for_another() -> None:
     EpisodeRunner.play = other
 
 
+def dies_in_one() -> None:
+    """The worker ends in one episode, whatever plays it."""
+    from duobench.evaluation import episode
+
+    rollout = episode.rollout
+
+    def dying(*words: Any, seed: int, **options: Any) -> Any:
+        return dies() if seed == episode_seed("nod", 1) else rollout(*words, seed=seed, **options)
+
+    episode.rollout = dying
+
+
 def answers_twice() -> None:
     """The worker once gives a result twice."""
     from duobench.evaluation.episode import EpisodeResult

@@ -4,6 +4,7 @@ Runs in an environment with Ray, which `make test-ray` makes.
 """
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -117,13 +118,29 @@ def test_policy_that_hangs_fails_its_episode_alone(cluster, tmp_path):
     assert "did not answer within 4 s" in record.read_text()
 
 
-def test_episode_that_always_kills_its_policy_is_set_aside(cluster, tmp_path):
+def test_episode_in_which_the_policy_always_dies_fails_alone(cluster, tmp_path):
     tasks = ("--tasks", toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME)
     words = (*tasks, "--episodes", "1", "--videos", "0", "--workers", "2")
     policy = "tests.evaluation.toy_batches:DiesInOne"
-    said = duobench(tmp_path / "run", policy, *words, *on(cluster), status=1)
-    assert "1 episode could not be played. nod, episode 0: in each of 3 attempts" in said
-    assert len(list(tmp_path.glob("run/records/wave/*/00000.json"))) == 1
+    duobench(tmp_path / "run", policy, *words, *on(cluster), status=1)
+    (record,) = tmp_path.glob("run/records/nod/*/00000.json")
+    assert "In 2 attempts the policy's process ended by itself" in record.read_text()
+
+
+def test_node_with_another_source_under_the_same_version_is_refused(cluster, tmp_path, monkeypatch):
+    package = tmp_path / "duobench"
+    shutil.copytree(ROOT / "src" / "duobench", package)
+    with (package / "sim" / "physics.py").open("a") as file:
+        file.write("# another checkout\n")
+    with monkeypatch.context() as there:
+        there.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
+        cluster.add_node()
+    try:
+        words = ("--tasks", "bin_sort", "--episodes", "8", "--videos", "0", "--workers", "6")
+        said = duobench(tmp_path / "run", "random", *words, *on(cluster), status=1)
+    finally:
+        cluster.kill_node()
+    assert "one of them has source of sim" in said
 
 
 def test_policies_alone_are_given_the_graphics_card(cluster, tmp_path):

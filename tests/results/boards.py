@@ -14,7 +14,7 @@ from duobench.results.suite import TaskInfo, find_tasks
 from tests.results.samples import sample_record, sample_run
 
 
-def entry(
+def entry(  # noqa: PLR0913
     name: str,
     share: float = 0.5,
     *,
@@ -24,12 +24,15 @@ def entry(
     object_state: bool = False,
     unverifiable: Sequence[tuple[str, int]] = (),
     commands: Sequence[str] = (),
+    repeated: int = 0,
+    noted: int | None = None,
     **changes: Any,
 ) -> BoardEntry:
     """An entry whose policy succeeds in the first episodes of each task and reaches nothing else.
 
     A share of the episodes of each task are successes; the last records may be lost, some may be
-    unverifiable, and changes are fields of the run. Without tasks it has those of the benchmark.
+    unverifiable, the first begun twice, the attempts of some noted, and changes are fields of the
+    run. Without tasks it has those of the benchmark.
     """
     run = sample_run(
         tasks=tuple(tasks or find_tasks(())),
@@ -44,7 +47,18 @@ def entry(
     verdicts = {str(Verdict.EXACT): len(records)}
     condition = next(iter(run.conditions))
     keys = [Key(task, condition, episode) for task, episode in unverifiable]
-    return make_entry(f"{name}.duobench.zip", digest, run, records, verdicts, keys, commands)
+    for number, record in enumerate(records[:repeated]):
+        records[number] = replace(record, attempt=2, earlier=("policy",))
+    return make_entry(
+        f"{name}.duobench.zip",
+        digest,
+        run,
+        records,
+        verdicts,
+        keys,
+        noted={record.key.path for record in records[:noted]},
+        commands=commands,
+    )
 
 
 def of_run(run: Run, share: float) -> list[EpisodeRecord]:

@@ -116,7 +116,8 @@ def entry(name: str, mode: int = stat.S_IFREG) -> zipfile.ZipInfo:
 def with_manifest(parts: dict[str, bytes], missing: int = 0) -> Entries:
     """An archive of parts whose manifest fits."""
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in parts.items()}
-    manifest = encode(Manifest(missing=missing, commands=(), parts=hashes), BUNDLE_SCHEMA).encode()
+    made = Manifest(missing=missing, commands=(), attempts={}, parts=hashes)
+    manifest = encode(made, BUNDLE_SCHEMA).encode()
     every = {"manifest.json": manifest, **parts}
     return [(entry(name), content) for name, content in every.items()]
 

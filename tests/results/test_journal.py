@@ -10,6 +10,7 @@ from duobench.results.journal import (
     Journal,
     Started,
     duration,
+    read_attempts,
     read_entries,
     run_times,
     side_by_side,
@@ -51,20 +52,26 @@ def test_an_episode_that_was_played_again_counts_once(path: Path) -> None:
 def test_attempts_are_counted_over_all_that_was_noted_before(path: Path) -> None:
     record = sample_record(SORT, 0, (), error="boom")
     for workers in (0, 3):
-        journal = Journal(path, read_entries(path))
+        journal = Journal(path, lambda: read_entries(path))
         journal.start("duobench eval", workers)
         journal.begin(record.key)
         journal.begin(record.key)
         journal.end(record, None)
-    journal.give_up(record.key, "its process died")
+    journal.begin(record.key)
+    journal.lose(record.key, "worker")
     entries = read_entries(path)
-    assert [each.attempt for each in entries if isinstance(each, Begun)] == [1, 2, 3, 4]
+    assert [each.attempt for each in entries if isinstance(each, Begun)] == [1, 2, 3, 4, 5]
     ended = [each for each in entries if isinstance(each, Ended)]
     assert [(each.how, each.attempt, each.workers) for each in ended] == [
         ("error", 2, 0),
         ("error", 4, 3),
-        ("its process died", 4, 0),
+        ("worker", 5, 0),
     ]
+    assert journal.earlier(record.key) == ("stopped", "error", "stopped", "error")
+    assert read_attempts(entries)[record.key] == (*journal.earlier(record.key), "worker")
+    assert read_attempts(entries[1:])[record.key][0] == "stopped"
+    journal.clear()
+    assert journal.earlier(record.key) == ()
 
 
 def test_half_a_line_does_no_harm(path: Path) -> None:

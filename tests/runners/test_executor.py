@@ -51,22 +51,46 @@ def test_dying_workers_are_replaced_and_their_episodes_played_again(play, refere
     assert_gone(helpers)
 
 
-def test_episode_that_always_kills_its_process_is_set_aside_and_all_others_are_played(
-    play, tmp_path
+def test_episode_that_always_kills_its_simulator_is_set_aside_and_all_others_are_played(
+    play, tmp_path, monkeypatch
 ):
+    monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, "dies_in_one")
     message = r"1 episode could not be played\. nod, episode 1: in each of 3 .*by SIGKILL\."
     with pytest.raises(UnplayedError, match=message):
-        play("DiesInOne", workers=1, episodes=3)
+        play("hold", workers=1, episodes=3)
     records = (tmp_path / "run" / "records").glob("*/*/*")
     assert sorted(f"{path.parts[-3]}/{path.name}" for path in records) == [
         *(f"nod/0000{k}.json" for k in (0, 2)),
         *(f"wave/0000{k}.json" for k in (0, 1, 2)),
     ]
     assert (tmp_path / "run" / "index.html").exists()
-    _, results = play("DiesInOne", workers=2, episodes=3, unplayed_count_as_failures=True)
-    reasons = [record.reason for record in results.tasks[1].records]
-    assert [bool(reason) for reason in reasons] == [False, True, False]
-    assert "It was not played: in each of 3 attempts" in reasons[1]
+    _, results = play("hold", workers=2, episodes=3, unplayed_count_as_failures=True)
+    records = results.tasks[1].records
+    assert [bool(record.reason) for record in records] == [False, True, False]
+    assert "It was not played: in each of 3 attempts" in records[1].reason
+    assert records[1].earlier == ("worker",) * 5
+
+
+@pytest.mark.parametrize("policy", ["DiesInOne", named(toy_batches.DiesInOne)])
+def test_policy_whose_process_ends_twice_in_an_episode_has_failed_it(play, policy):
+    folder, results = play(policy, workers=2, episodes=3)
+    (record,) = [each for one in results.tasks for each in one.records if each.error]
+    assert "In 2 attempts the policy's process ended by itself, the last time: " in record.reason
+    assert (record.task, record.earlier[-1], record.sent) == ("nod", "policy", None)
+    assert folder.attempts()[record.key.path] == (*record.earlier, "error")
+
+
+def test_ends_of_a_policy_are_counted_over_commands(play):
+    folder, results = play("DiesOnce", workers=1, episodes=1)
+    record = results.tasks[0].records[0]
+    assert (record.attempt, record.earlier, record.error) == (2, ("policy",), None)
+    folder.discard(record.key)
+    for mark in (folder.path.parent / "marks").iterdir():
+        mark.unlink()
+    _, results = play("DiesOnce", workers=1, episodes=1)
+    record = results.tasks[0].records[0]
+    assert record.earlier == ("policy", "failure")
+    assert "In 2 attempts the policy's process ended by itself" in record.reason
 
 
 @pytest.mark.parametrize(
@@ -81,7 +105,10 @@ def test_result_that_nobody_asked_for_or_can_read_is_dropped(
     assert list((tmp_path / "marks").iterdir())
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 4)
-    assert sum(isinstance(entry, Ended) for entry in folder.entries()) == 4
+    ended = [each.how for each in folder.entries() if isinstance(each, Ended)]
+    assert sorted(ended) == ["failure"] * 4 + ["policy" if policy == "SpoilsOnce" else "worker"] * (
+        len(ended) - 4
+    )
 
 
 def test_policy_that_spoils_its_clock_fails_its_episode_alone(play):

@@ -224,14 +224,12 @@ class RunPart:
     @property
     def repeats(self) -> str:
         """How many episodes were begun more than once, why, and the worst case; or nothing."""
-        overall = self.results.overall
         said = repeats_text(record.earlier for record in self.records)
-        if not said:
-            return ""
+        overall = self.results.overall
+        if not overall.repeated_successes:
+            return said
         worst, rate = percent(overall.worst_rate), percent(overall.success_rate)
-        return (
-            f"{said} Did all of them count as failures, success were {worst} % instead of {rate} %."
-        )
+        return f"{said} Counted as failures, they would make success {worst} % instead of {rate} %."
 
     def facts(self, *names: str) -> dict[str, Any]:
         """What files for programs say of what was run, by these names and in their order."""

@@ -24,7 +24,15 @@ from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.files import differences
-from duobench.results.attempts import MACHINERY, MOST_POLICY_ENDS, NODE, POLICY, SHARED, WORKER
+from duobench.results.attempts import (
+    ENDS,
+    MACHINERY,
+    MOST_POLICY_ENDS,
+    NODE,
+    POLICY,
+    SHARED,
+    WORKER,
+)
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
 from duobench.results.suite import Episode
@@ -339,7 +347,7 @@ class ProcessExecutor:
     def _end(self, worker: Worker, episode: Episode, fault: str) -> Iterator[EpisodeResult]:
         """Fail an episode whose policy has ended by itself again, or after its horizon."""
         if self._log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS or episode in self._at_horizon:
-            text = f"In {MOST_POLICY_ENDS} attempts the policy ended, the last time: {fault}"
+            text = f"In {MOST_POLICY_ENDS} attempts {ENDS[POLICY]}, the last time: {fault}"
             yield self._failed(worker, episode, PolicyEndedError(text))
         else:
             self._log.lose(episode, POLICY)

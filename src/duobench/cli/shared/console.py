@@ -69,6 +69,7 @@ def results_table(part: RunPart) -> Table:
         "Episodes by\nlast stage",
         title=Text(part.candidate.title),
         title_justify="left",
+        caption_justify="left",
     )
     notes = [part.repeats] if part.repeats else []
     if late:

@@ -1,0 +1,96 @@
+"""A policy that tosses a coin leaves a trace, whatever it does on tails."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from duobench.cli import main
+from duobench.replay.verify import Verdict, verify
+from duobench.results.bundle import open_source, write_bundle
+from duobench.results.compare import compare, write_comparison
+from duobench.results.folder import RunFolder
+from duobench.results.records import EpisodeRecord
+from tests.evaluation.conftest import Play
+
+Toss = Callable[[Play], RunFolder]
+
+
+def dies(play: Play) -> RunFolder:
+    return play("DiesOnce", workers=1, episodes=2)[0]
+
+
+def raises(play: Play) -> RunFolder:
+    play("BreaksOnce", episodes=2)
+    return play("BreaksOnce", episodes=2, retry_broken=True)[0]
+
+
+def deletes(play: Play) -> RunFolder:
+    folder, results = play("random", episodes=2)
+    folder.record(results.tasks[0].records[1].key).unlink()
+    return play("random", episodes=2)[0]
+
+
+TOSSES = [(dies, "policy"), (raises, "error"), (deletes, "failure")]
+
+
+def first(folder: RunFolder) -> EpisodeRecord:
+    """The first record that is not of a first attempt."""
+    records = folder.read_records(folder.read_run())
+    return next(record for record in records if record.attempt > 1)
+
+
+@pytest.mark.parametrize(("toss", "end"), TOSSES)
+def test_an_attempt_that_was_not_the_first_is_told_by_everything(
+    play: Play, toss: Toss, end: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = toss(play)
+    record = first(folder)
+    assert (record.attempt, record.earlier) == (2, (end,))
+    assert len(verify(folder, import_tasks=True).of(Verdict.EXACT)) == 4
+    said = re.compile(r"[1-4] of 4 episodes were begun more\s+than\s+once")
+    assert said.search(folder.page.read_text())
+    main(["report", str(folder.path)])
+    assert said.search(capsys.readouterr().out)
+    bundle = tmp_path / "run.duobench.zip"
+    main(["bundle", str(folder.path), "--out", str(bundle)])
+    assert said.search(capsys.readouterr().out)
+    assert open_source(bundle).attempts() == folder.attempts()
+    again = write_bundle(open_source(bundle), tmp_path / "again.duobench.zip")
+    assert again.attempts[record.key.path][0] == end
+    page = write_comparison(compare([str(folder.path), str(bundle)]), tmp_path / "comparison")
+    assert said.search(page.read_text())
+
+
+@pytest.mark.parametrize("from_bundle", [False, True])
+def test_a_record_that_hides_its_earlier_attempts_is_contradicted(
+    play: Play, tmp_path: Path, *, from_bundle: bool
+) -> None:
+    folder = deletes(play)
+    folder.write(replace(first(folder), attempt=1, earlier=()))
+    if from_bundle:
+        write_bundle(folder, tmp_path / "run.duobench.zip")
+    source = open_source(tmp_path / "run.duobench.zip") if from_bundle else folder
+    (finding,) = verify(source, import_tasks=True).of(Verdict.CONTRADICTED)
+    assert finding.reason == "its earlier attempts ended so: none; the journal says: failure"
+
+
+def test_what_no_journal_notes_is_told(play: Play, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, _ = play("random", episodes=1)
+    for path in folder.path.glob("attempts/*"):
+        path.unlink()
+    assert verify(folder, import_tasks=True).unnoted == 2
+    main(["verify", str(folder.path), "--import-tasks"])
+    assert "Of 2 episodes no attempt is on record." in capsys.readouterr().out
+
+
+def test_a_record_that_was_written_just_before_a_kill_is_that_of_its_attempt(play: Play) -> None:
+    folder, _ = play("random", episodes=1)
+    (journal,) = folder.path.glob("attempts/*")
+    lines = journal.read_text().splitlines(keepends=True)
+    journal.write_text("".join(line for line in lines if '"ended"' not in line))
+    folder, results = play("random", episodes=1)
+    assert [each.attempt for one in results.tasks for each in one.records] == [1, 1]
+    assert not verify(folder, import_tasks=True).of(Verdict.CONTRADICTED)
