@@ -12,10 +12,9 @@ from duobench.data import DataSet, find_problems, summarize
 from duobench.data.attempts import SKIPPED, of_task
 from duobench.data.recorder import UNDECIDED
 from duobench.errors import LockedError
+from duobench.rig_sessions.takes import NOTHING_DISCARDED, SET_ASIDE
 from duobench.rig_sessions.teleoperation import (
     DISCARDED,
-    NOTHING_DISCARDED,
-    SET_ASIDE,
     TeleopState,
 )
 from tests.teleop.test_session import TASK, Desk
@@ -108,7 +107,7 @@ def test_what_a_killed_session_has_discarded_is_offered_to_the_next(tmp_path: Pa
     killed.say("discard")
     with pytest.raises(LockedError, match="Another process"):
         Desk(tmp_path)
-    killed.session._holding.close()  # as the system does when a process ends
+    killed.session._takes._lock.close()  # as the system does when a process ends
     killed.session.env.discard()
     after = Desk(tmp_path)
     assert (after.status("discarded"), after.status("count")) == (1, 1)

@@ -46,7 +46,7 @@ def of_task(data: DataSet, task: str) -> list[Attempt]:
 
 
 def note(data: DataSet, attempt: Attempt) -> None:
-    """Note how somebody's attempt goes, in place of what was noted about it before."""
+    """Note how a person's attempt goes, in place of what was noted about it before."""
     path = _takes(data, attempt.task)
     listed = read(path, Attempts, ATTEMPTS_SCHEMA).attempts if path.exists() else ()
     others = (each for each in listed if each.episode != attempt.episode)

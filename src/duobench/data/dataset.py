@@ -12,7 +12,7 @@ from duobench.data import stream
 from duobench.data.recording import Recording
 from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.errors import DataError, check_known
-from duobench.files import begin_or_continue, differences, lock, make_folder, read, write, writing
+from duobench.files import begin_or_continue, differences, lock, read, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
@@ -163,21 +163,6 @@ class DataSet:
     def discarded(self) -> DataSet:
         """What operators have discarded in sessions that go on, where no other reader looks."""
         return DataSet(self.path / "discarded")
-
-    def restore(self, path: Path) -> None:
-        """Move an episode of `discarded` to its place, unchanged.
-
-        Raises:
-            DataError: An episode of its name is there.
-            OutputError: It cannot be moved.
-        """
-        place = self.episode(path.parent.name, path.stem)
-        stream.check_free(place)
-        make_folder(place.parent)
-        videos = path.parent.glob(f"{path.stem}.*{VIDEO_SUFFIX}")
-        for file in (*videos, path):  # an episode has all of its videos
-            with writing(place):
-                file.rename(place.with_name(file.name))
 
     def add(self, task: str, name: str, content: bytes) -> Path:
         """Add the content of an episode's file that was recorded elsewhere, in one atomic step.

@@ -3,14 +3,11 @@
 The environment judges, and says when the task is solved.
 """
 
-from contextlib import ExitStack, suppress
-from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from shutil import rmtree
 from typing import Any, cast
 
-from duobench.data import Actor, DataSet, Recorder, attempts
+from duobench.data import Actor, DataSet, Recorder
 from duobench.data.attempts import SKIPPED, Attempt
 from duobench.data.recorder import UNDECIDED
 from duobench.data.schema import AFTER_SUCCESS_S
@@ -20,10 +17,10 @@ from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import BackendError, DuoBenchError, OptionError
-from duobench.files import locked
 from duobench.looks.catalog import DEFAULT
 from duobench.looks.look import Look
 from duobench.randomness import TRAIN, episode_seed
+from duobench.rig_sessions.takes import Takes
 from duobench.tasks.task import Task
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
 from duobench.teleop.intent import Device, Intent
@@ -38,11 +35,8 @@ TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 from where its hand wants it, and when a hand lets go, or is lost."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
-SET_ASIDE = "The operator discarded it while it ran."
-"""Why an episode ended that is cut there, should it be restored."""
 DISCARDED = "Discarded."
 """Why an attempt is not kept."""
-NOTHING_DISCARDED = "There is nothing to restore."
 AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
 
 
@@ -111,15 +105,9 @@ class Teleoperation:
         data = env.data
         self.kept = 0 if data is None else data.kept(env.task)
         """Episodes that were kept, those of earlier sessions counted."""
-        self._number = 0
-        with ExitStack() as holding:
-            if data is not None:
-                holding.enter_context(locked(data.discarded.episode(env.task, "0").parent))
-                tried = (each.episode + 1 for each in attempts.of_task(data, env.task))
-                self._number = max(data.next_number(env.task), *tried, 0)
-            self._look_for_discarded()
-            self._reset()
-            self._holding = holding.pop_all()
+        self._takes = None if data is None else Takes(env, data)
+        self._number = 0 if self._takes is None else self._takes.next_number
+        self._reset()
 
     # --- from any thread ---------------------------------------------------------------------
 
@@ -178,13 +166,8 @@ class Teleoperation:
         elif self._state is not TeleopState.OVER:
             self._note_attempt(UNDECIDED)
         self.env.close()
-        if self.env.data is not None:
-            folder = self.env.data.discarded.episode(self.env.task, "0").parent
-            rmtree(folder, ignore_errors=True)
-            with suppress(OSError):  # other tasks have theirs there
-                folder.parent.rmdir()
-                folder.parent.parent.rmdir()
-        self._holding.close()
+        if self._takes is not None:
+            self._takes.close()
 
     @property
     def state(self) -> TeleopState:
@@ -208,7 +191,7 @@ class Teleoperation:
             "success": bool(info["success"]),
             "count": self._number,
             "kept": self.kept,
-            "discarded": len(self._discarded),
+            "discarded": 0 if self._takes is None else len(self._takes.discarded),
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
@@ -286,42 +269,32 @@ class Teleoperation:
         if self._state is TeleopState.OVER:
             return
         has_begun = self._state is not TeleopState.WAITING
-        if has_begun and self.env.data is not None:
-            self.env.set_aside(SET_ASIDE)
-            self._look_for_discarded()
+        if has_begun and self._takes is not None:
+            self._takes.set_aside()
         else:
             self.env.discard()
         self._note_attempt(DISCARDED if has_begun else SKIPPED)
         self._next()
 
-    def _look_for_discarded(self) -> None:
-        data = self.env.data
-        self._discarded = [] if data is None else data.discarded.episodes(self.env.task)
-
     def _restore(self) -> None:
         """Keep after all what was discarded last; what is going on goes on."""
-        data = self.env.data
-        if data is None or not self._discarded:
-            self.note = NOTHING_DISCARDED
+        if self._takes is None:
             return
-        path = self._discarded[-1]
         try:
-            data.restore(path)
+            name = self._takes.restore()
         except DuoBenchError as error:
             self.note = str(error)
             return
-        self._look_for_discarded()
         self.kept += 1
-        self.note = f"Episode {path.stem} is restored, and kept."
-        for each in attempts.of_task(data, self.env.task):
-            if each.episode == int(path.stem):
-                attempts.note(data, replace(each, kept=True, error=None))
+        self.note = f"Episode {name} is restored, and kept."
         if self._state is TeleopState.WAITING and self.kept >= self._wanted:
             self.env.discard()
             self._end_session()
 
     def _note_attempt(self, reason: str | None) -> None:
         """Note how the episode goes: why it is not kept, or None where it is."""
+        if self._takes is None:
+            return
         success = bool(self._info["success"])
         attempt = Attempt(
             task=self.env.task,
@@ -332,8 +305,7 @@ class Teleoperation:
             kept=reason is None,
             error=reason,
         )
-        if self.env.data is not None:
-            attempts.note(self.env.data, attempt)
+        self._takes.note(attempt)
 
     def _instruct(self, text: str) -> None:
         self._instruction = text
