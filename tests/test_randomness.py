@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from duobench.errors import UnknownNameError
+from duobench.errors import EvaluationError, UnknownNameError
 from duobench.randomness import (
     ANY_YAW,
     EVAL,
+    SALTED,
     SPLITS,
     SUITE_VERSION,
     TRAIN,
@@ -22,6 +23,7 @@ from duobench.randomness import (
     layout_key,
     policy_seed,
 )
+from duobench.results.salt import Salt
 from duobench.tasks import catalog
 from tests.children import printed
 
@@ -81,7 +83,7 @@ def test_policy_seeds_are_32_bit_numbers_unrelated_to_other_seeds() -> None:
     assert all(0 <= seed < 2**32 for seed in seeds)
     assert stats.kstest(np.array(sorted(seeds)) / 2**32, "uniform").pvalue > 0.01
     assert seeds.isdisjoint(
-        episode_seed(name, n, s) for name in names for n in range(count) for s in SPLITS
+        episode_seed(name, n, s) for name in names for n in range(count) for s in (EVAL, TRAIN)
     )
 
 
@@ -90,21 +92,28 @@ def test_the_layout_of_a_policy_seed_is_another_one(name: str) -> None:
     """In whichever split it is made: with plain seeds and with those of the suite."""
     task = catalog.get(name)
     for split in SPLITS:
-        for seed in [*range(20), *(episode_seed(name, n, split) for n in range(20))]:
+        for seed, hashed in seeds_of(name, split):
             shown = next(task.layouts(seed, split)).to_json()["poses"]
-            hashed = policy_seed(name, seed, split)
             made = [next(task.layouts(hashed, each)).to_json()["poses"] for each in SPLITS]
             assert shown not in made
+
+
+def seeds_of(name: str, split: str) -> list[tuple[int, int]]:
+    """Seeds of resets, plain ones and those of episodes, with those of the policy."""
+    if split == SALTED:
+        return [Salt("ab" * 32).seeds(name, n) for n in range(40)]
+    seeds = [*range(20), *(episode_seed(name, n, split) for n in range(20))]
+    return [(seed, policy_seed(name, seed, split)) for seed in seeds]
 
 
 FIRST = range(100_000)
 
 
 @pytest.mark.parametrize("name", catalog.names())
-def test_train_and_eval_layouts_never_meet(name: str) -> None:
+def test_layouts_of_two_splits_never_meet(name: str) -> None:
     """No two keys of generators are equal, so no generator begins like another."""
-    keys = {layout_key(name, seed, split) for split in (EVAL, TRAIN) for seed in FIRST}
-    assert len(keys) == 2 * len(FIRST)
+    keys = {layout_key(name, seed, split) for split in SPLITS for seed in FIRST}
+    assert len(keys) == len(SPLITS) * len(FIRST)
 
 
 def test_generators_of_both_splits_begin_with_other_numbers() -> None:
@@ -117,10 +126,15 @@ def test_episode_seeds_of_both_splits_differ() -> None:
     assert seeds[0].isdisjoint(seeds[1])
 
 
+def test_salted_seeds_need_a_salt() -> None:
+    with pytest.raises(EvaluationError, match="'salted' has no seeds without a salt"):
+        episode_seed("bin_sort", 0, SALTED)
+
+
 @pytest.mark.parametrize("split", ["test", "", None, 0])
 def test_an_unknown_split_is_refused(split: str) -> None:
     for call in (generator, layout_key, episode_seed, policy_seed):
-        with pytest.raises(UnknownNameError, match=r"split.*Known: eval, train"):
+        with pytest.raises(UnknownNameError, match=r"split.*Known: eval, salted, train"):
             call("bin_sort", 0, split)
 
 

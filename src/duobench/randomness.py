@@ -12,14 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.errors import check_known
+from duobench.errors import EvaluationError, check_known
 
 SUITE_VERSION = "5"
 """Version of the benchmark's episodes. A change that alters any layout or state raises it."""
 
 EVAL, TRAIN = "eval", "train"
 """Splits: layouts that policies are evaluated on, and layouts that demonstrations begin with."""
-SPLITS = (EVAL, TRAIN)
+SALTED = "salted"
+"""Split of evaluations whose seeds follow from a secret; see `duobench.results.salt`."""
+SPLITS = (EVAL, TRAIN, SALTED)
 
 
 def _digest(*words: object) -> int:
@@ -64,6 +66,8 @@ def shift_generator(task_id: str, seed: int, axis: str, split: str = EVAL) -> np
 
 def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
     """Seed (32 bits) of the n-th episode of a task's split in this suite version."""
+    if split == SALTED:
+        raise EvaluationError(f"The split {SALTED!r} has no seeds without a salt: take another.")
     if episode < 0:
         raise ValueError(f"An episode index counts from 0, got {episode}.")
     return _digest(_word("episode", split), task_id, SUITE_VERSION, int(episode)) % 2**32

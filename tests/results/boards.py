@@ -10,6 +10,7 @@ from duobench.replay.verify import Verdict
 from duobench.results.leaderboard import EPISODES, BoardEntry, make_entry
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
+from duobench.results.salt import Round
 from duobench.results.suite import TaskInfo, find_tasks
 from tests.results.samples import sample_record, sample_run
 
@@ -24,6 +25,7 @@ def entry(  # noqa: PLR0913
     object_state: bool = False,
     unverifiable: Sequence[tuple[str, int]] = (),
     commands: Sequence[str] = (),
+    hosted: Round | None = None,
     repeated: int = 0,
     noted: int | None = None,
     **changes: Any,
@@ -58,6 +60,7 @@ def entry(  # noqa: PLR0913
         keys,
         noted={record.key.path for record in records[:noted]},
         commands=commands,
+        hosted=hosted,
     )
 
 

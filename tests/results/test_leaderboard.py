@@ -3,6 +3,7 @@
 import html
 import json
 import re
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 from duobench.envs.config import EnvConfig
 from duobench.errors import OtherRunError
 from duobench.results.leaderboard import Board, BoardEntry, RefusedBundle, begin_site, write_site
+from duobench.results.salt import Round, Salt
 from duobench.results.suite import find_tasks
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.results.boards import entry
@@ -119,6 +121,81 @@ def test_order_of_tasks_in_the_run_does_not_matter() -> None:
     tasks = find_tasks(())
     ordered, reverse = entry("mine", tasks=tasks), entry("mine", tasks=tasks[::-1])
     assert reverse.results == ordered.results
+
+
+# --- hosted rounds -------------------------------------------------------------------------------
+
+SALT = Salt("ab" * 32)
+SALTED_RUN: dict[str, Any] = {
+    "config": EnvConfig(cameras=(), split="salted"),
+    "salt": SALT.sha256,
+}
+SPRING = Round(name="spring", date=date(2026, 3, 1), salt_sha256="d" * 64)
+AUTUMN = Round(
+    name="<autumn>",
+    date=date(2026, 9, 1),
+    salt_sha256=SALT.sha256,
+    bundles=("e" * 64,),
+    salt=SALT.digits,
+)
+
+
+def hosted(name: str, share: float, one: Round = AUTUMN, **changes: Any) -> BoardEntry:
+    return entry(name, share, hosted=one, **SALTED_RUN | changes)
+
+
+def test_hosted_entries_are_ranked_in_their_round_and_above_the_self_reported() -> None:
+    known = entry("expert", 1.0, hosted=AUTUMN, **SALTED_RUN)
+    entries = (
+        *(entry("public", 0.9), hosted("worse", 0.1), hosted("better", 0.2), known),
+        *(hosted("few", 0.5, tasks=TWO), hosted("other", 1.0, SPRING)),
+    )
+    whole = Board(entries=entries, refused=(), rounds=(SPRING, AUTUMN))
+    assert [(title, [(n, e.name) for n, e in ranked]) for title, _, _, ranked in whole.groups] == [
+        ("Hosted, <autumn>", [(1, "better"), (2, "worse")]),
+        ("Hosted, <autumn>, privileged", [(1, "expert")]),
+        ("Hosted, spring", [(1, "other")]),
+        ("Hosted, spring, privileged", []),
+        ("Self-reported", [(1, "public")]),
+        ("Self-reported, privileged", []),
+    ]
+    assert [(one.name, one.lacks) for one in whole.partial] == [("few", ("2 of 11 tasks",))]
+
+
+def test_a_salt_of_ones_own_is_not_ranked() -> None:
+    lacks = entry("mine", 1.0, **SALTED_RUN).lacks
+    assert lacks == (
+        "split salted instead of eval",
+        "self-reported: whoever played it may have chosen its salt",
+    )
+
+
+def test_pages_say_what_a_round_shows(tmp_path: Path) -> None:
+    entries = (entry("public", 0.9), hosted("better", 0.2), hosted("other", 1.0, SPRING))
+    rounds = (SPRING, AUTUMN)
+    pages = written(tmp_path, Board(entries=entries, refused=(), rounds=rounds))
+    front = " ".join(pages["index.html"].split())
+    words = (
+        *('<h2 id="round-1">Hosted, &lt;autumn&gt;</h2>', "published on 2026-09-01", SALT.sha256),
+        *(f'The salt is <span class="mono digest">{SALT.digits}', "all seeds follow from it"),
+        *("Refused or not there, though played", "e" * 64, ">better</a>"),
+        *('<h2 id="round-2">Hosted, spring</h2>', "d" * 64, "The salt is not published yet"),
+        *(">other</a>", '<h2 id="policies">Self-reported</h2>', "a table of its episodes"),
+        *(">public</a>", '<h2 id="privileged">Self-reported, privileged</h2>'),
+        "<figcaption>Hosted, &lt;autumn&gt;: <b>1</b> better",
+    )
+    places = [front.index(word) for word in words]
+    assert places == sorted(places)
+    assert "Place 1 of the policies hosted in &lt;autumn&gt;" in pages[entries[1].page]
+    assert "not published yet" not in pages[entries[1].page]
+    assert "hosted in spring, whose salt is not published yet" in pages[entries[2].page]
+    document = json.loads(pages["leaderboard.json"])
+    assert [(one["round"], one["policy"]) for one in document["hosted"]] == [
+        ("<autumn>", "better"),
+        ("spring", "other"),
+    ]
+    assert [one["policy"] for one in document["ranked"]] == ["public"]
+    assert document["rounds"][1]["salt"] == SALT.digits
 
 
 BAD = RefusedBundle(file="<b>bad.duobench.zip", reason="It is <i>damaged</i>.")

@@ -23,6 +23,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "verify": runs.verify,
     "bundle": runs.bundle,
     "leaderboard": runs.leaderboard,
+    "salt": evaluate.salt,
     "record": episodes.record,
     "replay": episodes.replay,
     "view": tasks.view,

@@ -34,7 +34,7 @@ from duobench.evaluation.video import Overview, Picture, VideoRecorder
 from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
-from duobench.randomness import EVAL, episode_seed
+from duobench.randomness import EVAL, SALTED, episode_seed
 from duobench.results.journal import EpisodeTimes
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
@@ -201,7 +201,7 @@ class EpisodeRunner:
             control_rate_hz=metadata.control_rate_hz,
             image_size=metadata.image_size or IMAGE_SIZE,
             instructions=job.recording.instructions if job.recording else FIXED,
-            split=job.recording.split if job.recording else EVAL,
+            split=job.recording.split if job.recording else SALTED if job.suite.salt else EVAL,
             look=job.suite.look,
         )
         renderer = describe().renderer if config.cameras else None
@@ -254,6 +254,7 @@ class EpisodeRunner:
                     env,
                     policy,
                     seed=episode.seed,
+                    hashed=episode.policy_seed,
                     watchers=watchers,
                     busy=busy,
                     execution=self.run.suite.execution_of(episode.task.id, episode.shift),

@@ -62,6 +62,7 @@ def rollout(
     policy: Policy,
     *,
     seed: int,
+    hashed: int | None = None,
     watchers: Iterable[Watcher] = (),
     busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
     execution: ChunkExecution = WHOLE_CHUNKS,
@@ -89,6 +90,7 @@ def rollout(
         policy: The policy.
         seed: Seed of the reset. The policy gets a hash of it, `duobench.randomness.policy_seed`:
             an environment that is reset with that shows another layout.
+        hashed: What the policy gets in place of that hash.
         watchers: Called in this order.
         busy: Surrounds everything that the policy does, and the check of what it returned, which
             may wait for a lazy array.
@@ -111,7 +113,8 @@ def rollout(
         ending.callback(render, True)
         ending.enter_context(watched_by(watching))
         observation, info = env.reset(seed=seed)
-        hashed = policy_seed(base_of(env).task, seed, info.get(SPLIT) or EVAL)
+        if hashed is None:
+            hashed = policy_seed(base_of(env).task, seed, info.get(SPLIT) or EVAL)
         with busy():
             if expect := getattr(policy, "expect_latency", None):
                 expect(execution.latency)

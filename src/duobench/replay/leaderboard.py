@@ -27,6 +27,7 @@ from duobench.results.leaderboard import (
     write_site,
 )
 from duobench.results.records import Key
+from duobench.results.salt import ROUNDS, Round, Salt, read_rounds
 from duobench.tasks import catalog
 from duobench.versions import has_avx2, package_versions, source_hashes
 
@@ -68,8 +69,8 @@ def make_leaderboard(
     """Verify the bundles in a folder, and write the pages of a leaderboard.
 
     Args:
-        folder: Folder with bundles, files whose names end in `.duobench.zip`; no folder in it is
-            looked into.
+        folder: Folder with bundles, files whose names end in `.duobench.zip`, and the `ROUNDS` of
+            their organiser, if any; no folder in it is looked into.
         out: Folder of the leaderboard; an earlier one in it is replaced, and what it knows about
             bundles is used.
         workers: Processes that verify side by side; 0 verifies in this process.
@@ -82,6 +83,7 @@ def make_leaderboard(
         raise EvaluationError(
             f"There is no bundle in {folder}: no file whose name ends in {BUNDLE_SUFFIX}."
         )
+    rounds = read_rounds(folder / ROUNDS) if (folder / ROUNDS).exists() else ()
     begin_site(out)
     entries: dict[str, BoardEntry] = {}
     refused: list[RefusedBundle] = []
@@ -93,12 +95,12 @@ def make_leaderboard(
                 known.add(digest)
                 if twin := entries.get(digest):
                     raise _RefusedError(f"It is the same file as {twin.file}.")
-                entries[digest] = _entry(path, digest, out, workers, started)
+                entries[digest] = _entry(path, digest, out, workers, started, rounds)
             except (_RefusedError, DuoBenchError, OSError) as error:
                 refused.append(
                     RefusedBundle(file=escaped(path.name), reason=_line(str(error), path))
                 )
-        board = Board(entries=tuple(entries.values()), refused=tuple(refused))
+        board = Board(entries=tuple(entries.values()), refused=tuple(refused), rounds=rounds)
         page = write_site(board, out)
         for path in (out / VERDICTS).glob("*.json"):
             if path.stem not in known:
@@ -107,7 +109,9 @@ def make_leaderboard(
     return board, page
 
 
-def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -> BoardEntry:
+def _entry(
+    path: Path, digest: str, out: Path, workers: int, started: Started, rounds: Sequence[Round]
+) -> BoardEntry:
     """The entry of a bundle, or a `_RefusedError` if it counts for nothing."""
     bundle = Bundle(path)
     if _digest(path) != digest:
@@ -117,8 +121,13 @@ def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -
         raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
     if len(run.candidates) > 1:
         raise _RefusedError("It holds several policies; a bundle of a leaderboard holds one.")
+    hosted = next((each for each in rounds if digest in each.bundles), None)
+    if hosted and hosted.salt_sha256 != run.suite.salt:
+        raise _RefusedError(f"Round {hosted.name!r} names it, and has another salt.")
+    salts = (each.salt for each in rounds if each.salt_sha256 == run.suite.salt)
+    bundle.salt = Salt(salt) if (salt := next(salts, None)) else None
     kept = out / VERDICTS / f"{digest}.json"
-    judgement = _known(kept)
+    judgement = _known(kept, bundle.salt)
     if judgement is None:
         judgement = _judge(bundle, workers, started(escaped(path.name)))
         write(kept, encode(judgement, JUDGEMENT_SCHEMA))
@@ -140,10 +149,11 @@ def _entry(path: Path, digest: str, out: Path, workers: int, started: Started) -
         judgement.unverifiable,
         noted=bundle.attempts().keys(),
         commands=bundle.commands(),
+        hosted=hosted,
     )
 
 
-def _known(path: Path) -> Judgement | None:
+def _known(path: Path, salt: Salt | None) -> Judgement | None:
     """What was found out before in the same way; None if nothing was."""
     if not path.exists():
         return None
@@ -151,11 +161,12 @@ def _known(path: Path) -> Judgement | None:
         judgement = read(path, Judgement, JUDGEMENT_SCHEMA)
     except FileError:
         return None
-    return judgement if judgement.verified_by == _here() else None
+    return judgement if judgement.verified_by == _here(salt) else None
 
 
-def _here() -> dict[str, str]:
+def _here(salt: Salt | None) -> dict[str, str]:
     return {
+        "salt": salt.sha256 if salt else "",
         **package_versions(),
         "suite": SUITE_VERSION,
         "source": checksum(source_hashes()),
@@ -176,7 +187,7 @@ def _judge(bundle: Bundle, workers: int, progress: Progress) -> Judgement:
         reason = str(error)
     counts = Counter(each.verdict for each in findings)
     return Judgement(
-        verified_by=_here(),
+        verified_by=_here(bundle.salt),
         reason=_line(reason, bundle.path),
         verdicts={str(verdict): counts[verdict] for verdict in Verdict},
         unverifiable=tuple(each.key for each in findings if each.verdict is Verdict.UNVERIFIABLE),

@@ -149,6 +149,7 @@ class RecordPlayer(Player):
         if (targets := record.targets()) is None:
             raise EvaluationError("There are no joint targets.")
         episode = Episode(task=task, index=record.episode, split=config.split, shift=config.shift)
+        episode = replace(episode, salted=self._run.seeds(record))
         recorder = EpisodeRecorder(episode)
         env = self.environment_of(record, has_images=has_images)
         watching = (recorder, _Sendable(record, targets), *watchers)

@@ -10,6 +10,7 @@ import shutil
 from abc import ABC, abstractmethod
 from collections.abc import Container, Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 from duobench.errors import EvaluationError, FileError, LockedError, OtherRunError
@@ -29,6 +30,7 @@ from duobench.files import (
 from duobench.results.journal import Entry, Journal, Started, read_attempts, read_entries
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
 from duobench.results.run import RUN_SCHEMA, Run
+from duobench.results.salt import Salt
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode
 
@@ -55,6 +57,8 @@ class RunReader(ABC):
 
     advice = ""
     """What to do about a record that cannot be read."""
+    salt: Salt | None = None
+    """Where it is that of the run, seeds of records are checked against it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()
@@ -128,6 +132,7 @@ class RunReader(ABC):
         (task,) = (task for task in run.suite.tasks if task.id == key.task)
         split = run.of(condition.policy).config.split
         episode = Episode(task=task, index=key.episode, split=split, shift=condition.shift)
+        episode = replace(episode, salted=run.seeds(record, self.salt))
         objection = run.objection(record, episode)
         if record.run != digest:
             raise OtherRunError(

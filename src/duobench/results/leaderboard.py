@@ -8,10 +8,13 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from duobench.envs.config import EnvConfig
 from duobench.errors import escaped
 from duobench.files import make_folder, writing
 from duobench.looks.look import Look
+from duobench.randomness import EVAL, SALTED
 from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
 from duobench.results.entrants import WARNING, paper_results
@@ -25,6 +28,7 @@ from duobench.results.pages import (
 )
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
+from duobench.results.salt import Round
 from duobench.results.scores import Results, RunPart, group_by_condition, summarize
 from duobench.results.suite import find_tasks
 from duobench.shifts.shift import NO_SHIFT
@@ -78,6 +82,8 @@ class BoardEntry:
     """How many of its episodes were begun more than once, and why, in words; empty if none was."""
     lacks: tuple[str, ...]
     """Why it is not ranked, one phrase each; none if it is."""
+    hosted: Round | None = None
+    """The round in which an organiser has played it; None if its author did."""
 
     @property
     def results(self) -> Results:
@@ -106,20 +112,40 @@ class BoardEntry:
         return overall.success_rate or 0.0, overall.mean_final_progress or 0.0
 
 
+Ranked = list[tuple[int, BoardEntry]]
+"""Entries after their places."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Board:
     """All bundles of a folder."""
 
     entries: tuple[BoardEntry, ...]
     refused: tuple[RefusedBundle, ...]
+    rounds: tuple[Round, ...] = ()
 
-    def ranked(self, *, privileged: bool) -> list[tuple[int, BoardEntry]]:
+    @property
+    def groups(self) -> list[tuple[str, Round | None, bool, Ranked]]:
+        """Title, round, whether privileged, and entries of each group, twice for each round.
+
+        The last round comes first, and those without one, the self-reported, come last.
+        """
+        rounds = sorted(self.rounds, key=lambda each: each.date, reverse=True)
+        return [
+            (title + word, hosted, bool(word), self.ranked(privileged=bool(word), hosted=hosted))
+            for hosted in (*rounds, None)
+            for title in (f"Hosted, {hosted.name}" if hosted else "Self-reported",)
+            for word in ("", ", privileged")
+        ]
+
+    def ranked(self, *, privileged: bool, hosted: Round | None = None) -> Ranked:
         """Entries that have played the whole suite, best first, each after its place.
 
         The best one has the place 1; equal standings share a place.
         """
+        ours = (privileged, hosted)
         complete = sorted(
-            (each for each in self.entries if not each.lacks and each.privileged == privileged),
+            (one for one in self.entries if not one.lacks and (one.privileged, one.hosted) == ours),
             key=lambda entry: (*(-number for number in entry.standing), entry.digest),
         )
         standings = [entry.standing for entry in complete]
@@ -134,7 +160,7 @@ class Board:
         )
 
 
-def make_entry(
+def make_entry(  # noqa: PLR0913 - what is known of a bundle
     file: str,
     digest: str,
     run: Run,
@@ -144,6 +170,7 @@ def make_entry(
     *,
     noted: Container[str],
     commands: Iterable[str] = (),
+    hosted: Round | None = None,
 ) -> BoardEntry:
     """What a verified bundle, a file with its SHA-256, adds up to; see `BoardEntry`.
 
@@ -160,7 +187,7 @@ def make_entry(
     ]
     parts = group_by_condition(run, trusted)
     part = next((each for each in parts if each.condition.shift == NO_SHIFT), parts[0])
-    lacks = _deviations(run, records)
+    lacks = _deviations(run, records, SALTED if hosted else EVAL)
     if unknown := sum(record.key.path not in noted for record in records):
         lacks += (f"of {unknown:,} episodes no attempt is on record",)
     played = {task.id for task in run.suite.tasks}
@@ -178,18 +205,21 @@ def make_entry(
         verdicts=dict(verdicts),
         repeats=repeats,
         lacks=lacks,
+        hosted=hosted,
     )
 
 
-def _deviations(run: Run, records: Iterable[EpisodeRecord]) -> tuple[str, ...]:
+def _deviations(run: Run, records: Iterable[EpisodeRecord], split: str) -> tuple[str, ...]:
     """Why a run is not ranked, one phrase each; none if it has played the whole suite."""
-    default = EnvConfig()
+    default = EnvConfig(split=split)
     found = [
         f"{name.replace('_', ' ')} {_word(value)} instead of {expected}"
         for name in (field.name for field in fields(EnvConfig))
         if name not in CHOSEN_BY_POLICY
         and (value := getattr(run.candidate.config, name)) != (expected := getattr(default, name))
     ]
+    if run.suite.salt and split == EVAL:
+        found.append("self-reported: whoever played it may have chosen its salt")
     if run.suite.shifts != (NO_SHIFT,):
         found.append(f"{len(run.suite.shifts)} conditions, not that without a shift alone")
     tasks = catalog.names()
@@ -227,8 +257,10 @@ def write_site(board: Board, out: Path) -> Path:
 
 
 def _front_page(board: Board) -> str:
-    ranked, privileged = (board.ranked(privileged=which) for which in (False, True))
+    plain = board.groups[::2]
+    title, hosted, _, ranked = next((each for each in plain if each[-1]), plain[-1])
     shown = [(str(rank), entry) for rank, entry in ranked[:MOST]]
+    privileged = board.ranked(privileged=True, hosted=hosted)
     shown += [("P", entry) for _, entry in privileged[:1]]
     bars = [
         (row[0].task.title, [(word, one) for (word, _), one in zip(shown, row, strict=True)])
@@ -239,7 +271,7 @@ def _front_page(board: Board) -> str:
         "leaderboard.html.j2",
         {"leaderboard": figures.as_svg("leaderboard", make, bars)} if shown else {},
         board=board,
-        groups=(("Policies", ranked), ("Privileged policies", privileged)),
+        shown_title=title,
         categories=[str(category) for category in Category],
         paper=paper_results(),
         warning=WARNING,
@@ -252,7 +284,7 @@ def _front_page(board: Board) -> str:
 
 
 def _policy_page(board: Board, entry: BoardEntry) -> str:
-    ranked = board.ranked(privileged=entry.privileged)
+    ranked = board.ranked(privileged=entry.privileged, hosted=entry.hosted)
     return part_page(
         "leaderboard_policy.html.j2",
         figures.plots(entry.results),
@@ -266,6 +298,12 @@ def _policy_page(board: Board, entry: BoardEntry) -> str:
 def _document(board: Board) -> str:
     content = {
         "schema": SCHEMA,
+        "rounds": msgspec.to_builtins(board.rounds),
+        "hosted": [
+            {"rank": rank, **_entry(entry)}
+            for _, hosted, _, ranked in board.groups
+            for rank, entry in (ranked if hosted else ())
+        ],
         **{
             name: [
                 {"rank": rank, **_entry(entry)}
@@ -289,6 +327,7 @@ def _entry(entry: BoardEntry) -> dict[str, Any]:
         "sha256": entry.digest,
         "verdicts": dict(entry.verdicts),
         "attempts": entry.repeats,
+        "round": entry.hosted and entry.hosted.name,
         "overall": entry.results.overall.numbers(),
         "categories": {one.label: one.numbers() for one in entry.results.categories},
         "tasks": {one.task.id: one.score.numbers() for one in entry.results.tasks},

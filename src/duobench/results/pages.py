@@ -113,6 +113,7 @@ def identity(part: RunPart) -> Facts:
         "Rig": (run.rig or "")[:12],
         "Suite": f"{suite_text(suite)}, version {suite.version}, layouts of the split "
         f"{config.split}",
+        "Salt": f"SHA-256 {suite.salt}" if suite.salt else "",
         "Tasks": ", ".join(task.id for task in suite.tasks),
         "Episodes": f"{indices}, {suite.episodes} of each task",
         "Look": "" if run.is_real else suite.look,

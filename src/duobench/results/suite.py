@@ -9,11 +9,13 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
 from duobench.errors import EvaluationError, OptionError, check_known
 from duobench.looks import catalog as looks
 from duobench.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
+from duobench.results.salt import Seeds
 from duobench.shifts.levels import latency_steps
 from duobench.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
 from duobench.tasks import catalog
@@ -69,16 +71,18 @@ class Episode:
     """Which layouts it is one of."""
     shift: Shift = NO_SHIFT
     """What differs in it from the usual episode of this index."""
+    salted: Seeds | None = None
+    """Its seeds in the split "salted"; None in others, where they follow from the index."""
 
     @property
     def seed(self) -> int:
         """Seed of the reset: a pure function of (task, suite version, split, episode)."""
-        return episode_seed(self.task.id, self.index, self.split)
+        return self.salted[0] if self.salted else episode_seed(self.task.id, self.index, self.split)
 
     @property
     def policy_seed(self) -> int:
         """Seed of the policy: a hash of that of the reset."""
-        return policy_seed(self.task.id, self.seed, self.split)
+        return self.salted[1] if self.salted else policy_seed(self.task.id, self.seed, self.split)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -102,6 +106,8 @@ class Suite:
     overtime: float = 1.0
     """Horizons after which an episode without success ends. What happens after the first one is no
     part of its result; 1 plays none of it."""
+    salt: str | None = None
+    """SHA-256 of the salt that all seeds follow from; None where they are public."""
 
     def __post_init__(self) -> None:
         if self.episodes < 1 or self.first_episode < 0:
@@ -228,6 +234,8 @@ class SuiteChoice:
     overtime: float = 1.0
     """Play an episode without success on after its horizon, until it has had so many horizons in
     all, such as 1.5. Scores and records end at the horizon."""
+    salt: Path | None = None
+    """File of duobench salt, from which seeds follow that nobody knows before; docs/hosting.md."""
 
     def make(self, execution: ChunkExecution = WHOLE_CHUNKS) -> Suite:
         """The suite, its chunks executed as told; without a number of actions as the name says.
@@ -293,6 +301,7 @@ def deviations(suite: Suite) -> list[str]:
         f"{named.execution.execute}": suite.execution.execute != named.execution.execute,
         " and ".join(map(str, suite.shifts)): not {*suite.shifts} <= {*named.shifts},
         latency_text(suite): suite.execution.latency != named.execution.latency,
+        "seeds from a salt": suite.salt is not None,
     }
     return [phrase for phrase, differs in differing.items() if differs]
 

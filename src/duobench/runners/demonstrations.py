@@ -22,7 +22,8 @@ from duobench.randomness import TRAIN
 from duobench.results.limits import TimeLimits
 from duobench.results.run import RUN_SCHEMA, Run
 from duobench.results.suite import Episode, Suite, TaskInfo
-from duobench.runners.executor import Executor, check_played, executor_for
+from duobench.runners.executor import Executor, executor_for
+from duobench.runners.schedule import check_played
 from duobench.types import CONTROL_HZ
 
 RUN = "record.json"

@@ -20,12 +20,13 @@ from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.report import write_report
 from duobench.results.run import Run
+from duobench.results.salt import Salt
 from duobench.results.scores import Results, summarize
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
-from duobench.runners.executor import check_played, executor_for
+from duobench.runners.executor import executor_for
 from duobench.runners.ray_process import Cluster
-from duobench.runners.schedule import AttemptLog
+from duobench.runners.schedule import AttemptLog, check_played
 
 
 def evaluate(  # noqa: PLR0913
@@ -43,6 +44,7 @@ def evaluate(  # noqa: PLR0913
     command: str = "",
     shard: Shard = WHOLE,
     cluster: Cluster | None = None,
+    salt: Salt | None = None,
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
@@ -69,6 +71,8 @@ def evaluate(  # noqa: PLR0913
         shard: Which part of the episodes is played. All parts may be played into one folder, or
             into several that are copied into one. What finishes the run writes the report.
         cluster: The Ray cluster on which workers and policy are; None for this machine alone.
+        salt: The secret that seeds of episodes and policy follow from; it stays in this process.
+            None plays the public ones.
 
     Returns:
         What the records add up to: of the shard, under all shifts.
@@ -83,6 +87,8 @@ def evaluate(  # noqa: PLR0913
         DuoBenchError: If the environment cannot be made.
     """
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
+    suite = replace(suite, salt=salt and salt.sha256)
+    folder.salt = salt
     job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos)
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
@@ -90,7 +96,7 @@ def evaluate(  # noqa: PLR0913
         if fresh or folder.gives_way(run):
             folder.clear(run, shard)
             journal.clear()
-        episodes = run.episodes(shard, videos)
+        episodes = run.episodes(shard, videos, salt)
         if episodes and not folder.has_records:
             executor.rehearse(episodes[0])
         folder.begin(run, shard)

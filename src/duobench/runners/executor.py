@@ -444,14 +444,3 @@ def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Exec
         with suppress(RenderingError):
             rendering.choose(processes=workers)
     return ProcessExecutor(job, workers)
-
-
-def check_played(unplayed: Mapping[Episode, str], *, has_shifts: bool = False) -> None:
-    """Raise an `UnplayedError` that names episodes which could not be played, if there are any."""
-    if unplayed:
-        raise UnplayedError.of(
-            {
-                f"{each.task.id}, episode {each.index}" + f", {each.shift}" * has_shifts: why
-                for each, why in unplayed.items()
-            }
-        )

@@ -1,9 +1,9 @@
 """Which episode is played next, and which are not played any more."""
 
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
-from duobench.errors import MachineryError
+from duobench.errors import MachineryError, UnplayedError
 from duobench.results.attempts import POLICY
 from duobench.results.suite import Episode, TaskInfo
 
@@ -102,3 +102,14 @@ class Schedule:
                 f"{MAX_PLAYS} attempts something failed, the last time: {fault} What is "
                 "finished is kept, and the rest is still to be played."
             )
+
+
+def check_played(unplayed: Mapping[Episode, str], *, has_shifts: bool = False) -> None:
+    """Raise an `UnplayedError` that names episodes which could not be played, if there are any."""
+    if unplayed:
+        raise UnplayedError.of(
+            {
+                f"{each.task.id}, episode {each.index}" + f", {each.shift}" * has_shifts: why
+                for each, why in unplayed.items()
+            }
+        )

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, get_args, get_origin, get_type_hints
 
 from duobench.errors import DuoBenchError
 
-_ELSEWHERE: Mapping[str, str] = {"out": "DIR", "server": "URL", "key_file": "FILE"}
+_ELSEWHERE: Mapping[str, str] = {"out": "DIR", "server": "URL", "key_file": "FILE", "salt": "FILE"}
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
 _NO_MATTER = (
     *("workers", "retry_broken", "wait", "watch", "watch_port"),

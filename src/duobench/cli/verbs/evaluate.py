@@ -24,6 +24,7 @@ from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
+from duobench.results.salt import make_salt, read_salt
 from duobench.results.scores import Results
 from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import PAPER_EXECUTE, SuiteChoice
@@ -143,6 +144,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     part = WHOLE if shard is None else Shard.parse(shard)
     if workers == 0 and not choice.is_scripted:
         say("The policy plays in the process of the simulator, which it can see and move.")
+    secret = None if suite.salt is None else read_salt(suite.salt)
     folder = RunFolder(out)
     watched = followed(folder, watch_port) if watch else nullcontext()
     with (
@@ -165,6 +167,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             command=command,
             shard=part,
             cluster=cluster if executor == "ray" else None,
+            salt=secret,
         )
     _show(folder, part, results)
 
@@ -192,3 +195,14 @@ def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
             f"{changed}.",
         )
         sys.exit(1)
+
+
+def salt(file: tyro.conf.Positional[Path]) -> None:
+    """Make a salt: a secret from which duobench eval --salt takes seeds that nobody knows before.
+
+    Args:
+        file: The file, which its owner alone may read. One that holds a salt stays as it is.
+    """
+    word = "new" if make_salt(file) else "there before and not changed"
+    say(f"SHA-256 of the salt in {file}, {word}: {read_salt(file).sha256}")
+    say("Publish it before you play the first policy, and the file after the last: docs/hosting.md")

@@ -29,6 +29,7 @@ from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEME, read_named, split_name
 from duobench.results.folder import RunFolder
 from duobench.results.records import Condition
+from duobench.results.salt import read_salt
 from duobench.results.scores import RunPart, interval_percent, percent, rate_text
 from duobench.shifts.shift import NO_SHIFT
 
@@ -199,7 +200,10 @@ NAMED = 3
 
 
 def verify(
-    source: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool = False
+    source: tyro.conf.Positional[Path],
+    workers: int = 1,
+    import_tasks: bool = False,
+    salt: Path | None = None,
 ) -> None:
     """Play the joint targets in the records of a run again, without its policy, and compare.
 
@@ -210,14 +214,21 @@ def verify(
         workers: Processes that verify side by side.
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the run names.
+        salt: File with the salt that the seeds of the run must follow from.
     """
     find_run(source)
     load_engine()
     from duobench.replay.verify import verify as verify_run
 
     opened = open_source(source)
+    opened.salt = None if salt is None else read_salt(salt)
     with display("episode") as shown:
         found = verify_run(opened, workers=workers, import_tasks=import_tasks, progress=shown.tell)
+    if found.run.suite.salt and salt is None:
+        say(
+            "The seeds are not verified: they follow from a salt that is not given (--salt), and "
+            "may have been chosen by whoever played the run."
+        )
     _show_verification(found, import_tasks)
     if not found.is_verified:
         sys.exit(1)
@@ -306,8 +317,8 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
 
     with shown, advising(OTHER_RUN):
         board, page = make_leaderboard(folder, out, workers=workers, started=started)
-    for title, privileged in (("Ranked", False), ("Privileged", True)):
-        for rank, entry in board.ranked(privileged=privileged):
+    for title, _, _, ranked in board.groups:
+        for rank, entry in ranked:
             say(f"{title} {rank}: {_result(entry)}")
     for entry in board.partial:
         say(f"Not ranked: {_result(entry)}; {'; '.join(entry.lacks)}")
