@@ -9,7 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from duobench.data import ActorKind, DataSet
+from duobench.data import Actor, ActorKind, DataSet
 from duobench.spatial import SE3
 from tests.teleop.operator import hand, message
 from tests.web.pages import TIMEOUT_S, open_page
@@ -24,7 +24,7 @@ def lead(url: str) -> None:
         page.hear_of("role", role="driver")
         for number in range(STEPS + 1):
             one = hand(SE3.at(z=0.002 * number), squeeze=float(number > 0))
-            page.say(**json.loads(message(number, one, one)))
+            page.say(**json.loads(message(number, one, one, devices=["gamepad"])))
         page.hear_of("status", step=STEPS)
     with open_page(url) as page:
         assert page.hear_of("status", state="paused")["task"] == "carry_pot"
@@ -48,7 +48,8 @@ def test_ctrl_c_leaves_what_was_recorded_and_says_how_much(tmp_path: Path) -> No
     assert "0 episodes of carry_pot in" in said
     (recording,) = DataSet.open(out).recordings()
     info = recording.info
-    assert (info.actor.kind, info.actor.name) == (ActorKind.SCRIPTED_OPERATOR, "P07")
+    expected = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="P07", device="gamepad")
+    assert info.actor == expected
     assert info.instruction == "Lift it."
     assert info.task_instruction.startswith("Lift the pot")
     assert len(recording) == STEPS

@@ -107,12 +107,16 @@ def test_decisions_are_told_once_by_buttons_and_by_the_page() -> None:
     leader.arms.receive(said(b'{"kind": "discard"}'), 1.0)
     leader.arms.advance(1.0)
     assert leader.arms.take_decision() == "discard"
+    leader.step(buttons={"restore": True})
+    assert leader.arms.take_decision() is None
 
 
 def test_what_is_no_message_is_refused() -> None:
     arms = HandArms()
     with pytest.raises(MessageError, match="instruction is said where"):
         arms.receive(said(b'{"kind": "instruction", "text": "Lift the pot."}'), 0.0)
+    with pytest.raises(MessageError, match="cannot be restored"):
+        arms.receive(said(b'{"kind": "restore"}'), 0.0)
     with pytest.raises(MessageError, match="refused"):
         arms.receive(said(b'{"kind": "hands"}'), 0.0)
     assert arms.advance(0.0) is OPEN_HOME

@@ -83,7 +83,7 @@ def test_a_viewer_sends_nothing(page: Operated, canvas: tuple[float, float]) -> 
     page.page.wait_for_timeout(100)
     count = len(page.messages)
     page.page.mouse.click(*canvas)
-    page.page.keyboard.press("k")
+    page.page.keyboard.press("y")
     page.page.wait_for_timeout(200)
     assert len(page.messages) == count
 
@@ -262,17 +262,70 @@ def test_keys_move_by_a_step_and_go_on_while_held(
     assert -0.3 < shift[1] < -0.05
 
 
-def test_keep_and_discard_are_said_once(page: Operated, canvas: tuple[float, float]) -> None:
+WORDS = ("keep", "discard", "restore")
+KEYS = "1234567890-=qwertuiop[]asdfghjkl;'zxcvbnm,./ ".replace("p", "")
+"""What types a character, without the two that decide."""
+OTHERS = ("Tab", "Home", "End", "Insert", "Delete", "PageUp", "PageDown", "ArrowUp", "Enter")
+
+
+def said(page: Operated) -> list[int]:
+    return [page.said(word) for word in WORDS]
+
+
+def test_keep_discard_and_restore_are_said_once(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
     page.page.mouse.click(*canvas)
-    before = page.said("keep"), page.said("discard")
-    page.page.keyboard.press("k")
-    page.page.keyboard.press("d")
-    for button in (9, 8):
+    before = said(page)
+    for key in ("y", "Backspace", "p"):
+        page.page.keyboard.press(key)
+    for button in (9, 8, 3):
         page.page.evaluate(f"push({button}, 1)")
         page.settle()
         page.page.evaluate(f"push({button}, 0)")
         page.settle()
-    assert (page.said("keep"), page.said("discard")) == (before[0] + 2, before[1] + 2)
+    assert said(page) == [count + 2 for count in before]
+
+
+def test_no_other_key_and_no_other_button_decides(
+    page: Operated, canvas: tuple[float, float]
+) -> None:
+    page.page.mouse.click(*canvas)
+    before = said(page)
+    for key in (*KEYS, *KEYS.upper(), *OTHERS):
+        page.page.keyboard.press(key)
+    page.page.mouse.click(*canvas)
+    for button in sorted(set(range(17)) - {3, 8, 9}):
+        page.page.evaluate(f"push({button}, 1)")
+        page.settle()
+        page.page.evaluate(f"push({button}, 0)")
+    page.settle()
+    assert said(page) == before
+
+
+def led_by(page: Operated, start: int) -> set[str]:
+    page.settle()
+    return {device for message in page.hands()[start:] for device in message["devices"]}
+
+
+def test_messages_say_what_led(page: Operated, canvas: tuple[float, float]) -> None:
+    page.page.mouse.click(*canvas)
+    page.settle()
+    start = len(page.hands())
+    assert led_by(page, start) == set()
+    start = drag(page, canvas, 20, 0)
+    assert led_by(page, start) == {"mouse"}
+    for key in ("ArrowUp", "f", "f"):
+        start = len(page.hands())
+        page.page.keyboard.press(key)
+        assert led_by(page, start) == {"mouse"}
+    for act in ("pad.axes = [0, -1, 0, 0]", "pad.axes = [0, 0, 0, 0]; push(7, 0.4)", "push(7, 0)"):
+        start = len(page.hands())
+        page.page.evaluate(act)
+        assert led_by(page, start) == {"gamepad"}
+    page.settle()
+    start = len(page.hands())
+    assert led_by(page, start) == set()
 
 
 def test_keys_are_no_trap_and_other_parts_of_the_page_keep_theirs(
@@ -283,7 +336,7 @@ def test_keys_are_no_trap_and_other_parts_of_the_page_keep_theirs(
     page.page.keyboard.press("Tab")
     assert page.page.evaluate("document.activeElement.tagName") == "BUTTON"
     before = page.said("keep")
-    page.page.keyboard.press("k")
+    page.page.keyboard.press("y")
     page.settle()
     assert page.said("keep") == before
 
@@ -326,3 +379,20 @@ def test_a_gamepad_moves_the_arm_that_its_bumpers_choose(page: Operated) -> None
 def test_no_rule_of_accessibility_is_broken(page: Operated) -> None:
     page.page.evaluate("document.querySelector('details').open = true")
     assert broken_rules(page.page) == []
+
+
+def test_the_board_says_a_latency_that_was_measured_and_no_other(page: Operated) -> None:
+    status = {"kind": "status", "state": "recording", "latency_ms": 18.0, "discarded": 1}
+    page.tell(**status)
+    page.wait(lambda: page.page.evaluate("parts.headset.lines").count("recording") == 1)
+    assert "Y puts the last one back" in " ".join(page.page.evaluate("parts.headset.lines"))
+    page.page.evaluate(
+        """() => { const { latency } = parts.hands; const sent = performance.now() - 250;
+          latency.arrived(sent); latency.drawn((call) => call());  // of another page: none
+          latency.sent(sent); latency.arrived(sent); latency.drawn((call) => call()); }"""
+    )
+    page.tell(**status, note="again")
+    pattern = "/hand to picture 2[5-9]\\d ms/.test(parts.headset.lines.join(' '))"
+    page.wait(lambda: page.page.evaluate(pattern))
+    page.tell(kind="role", role="viewer", drivers=0, viewers=1)
+    page.wait(lambda: page.page.evaluate("parts.hands.latency.ms") is None)

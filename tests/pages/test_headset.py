@@ -125,11 +125,15 @@ def test_buttons_are_those_of_the_standard_mapping(page: Operated) -> None:
     enter(page)
     assert press(page, "left", "squeeze", 1)["left"]["squeeze"] == 1
     assert press(page, "left", "trigger", 0.3)["left"]["trigger"] == pytest.approx(0.3)
+    assert press(page, "left", "squeeze", 0)["left"]["squeeze"] == 0
+    assert page.hands()[-3]["devices"] == ["headset"]  # the trigger
+    press(page, "left", "trigger", 0)
+    assert page.settle()["devices"] == []
     for side, button, name in (
-        *(("left", "x-button", "keep"), ("left", "y-button", "discard")),
+        *(("left", "x-button", "keep"), ("left", "y-button", "restore")),
         *(("right", "a-button", "keep"), ("right", "b-button", "discard")),
     ):
-        expected = {"keep": False, "discard": False, "recentre": False}
+        expected = {"keep": False, "discard": False, "restore": False, "recentre": False}
         assert press(page, side, button, 1)[side]["buttons"] == expected | {name: True}
         assert press(page, side, button, 0)[side]["buttons"] == expected
 

@@ -14,7 +14,7 @@ from duobench.rig_sessions.teleoperation import AWAY
 from duobench.sim import placement
 from duobench.sim.simulation import Simulation
 from duobench.tasks import get
-from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message
+from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, Restore
 from duobench.web.geometry import Geometry
 from duobench.web.messages import PageMessage, pack_frame
 from duobench.web.page import assets
@@ -171,7 +171,8 @@ def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) ->
 
 
 _MODULE = "text/javascript"
-_INPUTS = "export const startInputs = () => ({ headset: { isWorn: false } });"
+_INPUTS = """export const startInputs = () => ({
+  headset: { isWorn: false }, hands: { latency: { ms: null, arrived() {}, drawn() {} } } });"""
 
 
 def test_somebody_drives_the_page_of_a_server(page: Page, shown: Shown) -> None:
@@ -208,6 +209,19 @@ def test_a_recording_that_waits_says_so_and_may_be_discarded(page: Page, shown: 
     assert broken_rules(page) == []
     page.get_by_role("button", name="Discard").click()
     wait_for(page, shown, Discard())
+
+
+def test_what_was_discarded_is_restored_by_a_button(page: Page, shown: Shown) -> None:
+    shown.server.publish_status(DRIVEN)
+    page.get_by_role("button", name="Drive").click()
+    button = page.get_by_role("button", name="Restore the last discarded")
+    until(page, "document.querySelector('.role').textContent == 'You drive'")
+    assert button.is_hidden()
+    shown.server.publish_status(DRIVEN | {"discarded": 2})
+    button.click()
+    wait_for(page, shown, Restore())
+    assert "Discarded2" in str(page.locator(".facts").text_content())
+    assert broken_rules(page) == []
 
 
 def test_frames_move_what_is_seen(page: Page, shown: Shown) -> None:

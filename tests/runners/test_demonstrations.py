@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from duobench.data import ActorKind, DataSet, Outcome, Recording
+from duobench.data.attempts import ATTEMPTS
 from duobench.data.stream import INTERRUPTED
 from duobench.errors import DataError, EvaluationError, OtherRunError, OutputError
 from duobench.files import locked
 from duobench.policy import HoldPolicy, PolicyMetadata
 from duobench.randomness import instruction_number
 from duobench.results.suite import find_tasks
-from duobench.runners.demonstrations import ATTEMPTS, record
+from duobench.runners.demonstrations import record
 from duobench.tasks import catalog
 from tests.data.tools import room
 from tests.evaluation import toy_tasks

@@ -43,10 +43,11 @@ def hand(pose: SE3, *, squeeze: float = 0.0, trigger: float = 0.0, **more: Any) 
     return {"pose": numbers, "sure": True, "squeeze": squeeze, "trigger": trigger, **more}
 
 
-def message(number: int, left: Any, right: Any, sent: float | None = None) -> bytes:
+def message(number: int, left: Any, right: Any, sent: float | None = None, **more: Any) -> bytes:
     """A message, by default one of thirty a second."""
     when = 1000.0 * number / CONTROL_HZ if sent is None else sent
     said = {"kind": "hands", "sent": when, "seq": number, "left": left, "right": right}
+    said |= more
     return json.dumps(said).encode()
 
 

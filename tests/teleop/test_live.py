@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import struct
 import threading
 import time
 from collections.abc import Iterator
@@ -55,10 +57,13 @@ class Driver:
         page.say(kind="drive")
         page.hear_of("role", role="driver")
 
-    def send(self, *, squeeze: float, height: float = 0.0) -> None:
+    def send(self, *, squeeze: float, height: float = 0.0) -> float:
+        """When it was sent, by the page's clock."""
         self._number += 1
         both = (hand(SE3.at(0.3, y, height), squeeze=squeeze) for y in (0.2, -0.2))
-        self._page.say(**json.loads(message(self._number, *both)))
+        sample = json.loads(message(self._number, *both))
+        self._page.say(**sample)
+        return sample["sent"]
 
 
 def tool_heights(session: Teleoperation) -> np.ndarray:
@@ -90,6 +95,21 @@ def test_frames_show_where_the_bodies_are(session: Teleoperation) -> None:
         poses, step, _ = unpack_frame(page.frame())
         np.testing.assert_allclose(poses, geometry.poses(simulation.data), rtol=0, atol=1e-6)
         assert step == 0
+
+
+def test_a_frame_says_which_sample_it_shows(session: Teleoperation) -> None:
+    with running(session) as server, open_page(server.url) as page:
+        assert math.isnan(shown_ms(page.frame()))
+        driver = Driver(page)
+        driver.send(squeeze=0)
+        sent = driver.send(squeeze=1)
+        while math.isnan(shown := shown_ms(page.frame())):
+            pass
+        assert shown == sent
+
+
+def shown_ms(frame: bytes) -> float:
+    return struct.unpack_from("<d", frame, 16)[0]
 
 
 def test_a_driver_who_leaves_lets_go_and_frees_the_place(session: Teleoperation) -> None:

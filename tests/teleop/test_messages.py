@@ -8,7 +8,7 @@ import pytest
 
 from duobench.errors import MessageError
 from duobench.spatial import SE3
-from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Recentre
+from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Recentre, Restore
 from tests.teleop.operator import hand, message, said
 
 HERE = SE3.at(0.1, 0.2, 0.3, yaw=0.4)
@@ -30,6 +30,7 @@ def test_a_message_says_where_both_hands_are() -> None:
     [
         ('{"kind": "keep"}', Keep()),
         ('{"kind": "discard"}', Discard()),
+        ('{"kind": "restore"}', Restore()),
         ('{"kind": "recentre"}', Recentre()),
         ('{"kind": "instruction", "text": "Würfel!"}', Instruction("Würfel!")),
     ],
@@ -68,6 +69,7 @@ def changed(**fields: Any) -> bytes:
         (changed(sure=1), "bool"),
         (changed(extra=1), "extra"),
         (changed(buttons={"eject": True}), "eject"),
+        (message(0, None, None, devices=["spacemouse"]), "spacemouse"),
         (b'{"kind": "instruction", "text": "two\\nlines"}', "one line"),
         (b'{"kind": "instruction", "text": "\\u202eb"}', "one line"),
         (json.dumps({"kind": "instruction", "text": "x" * 301}).encode(), "301|300"),

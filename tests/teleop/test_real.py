@@ -113,6 +113,25 @@ def test_rows_begin_when_the_operator_does(tmp_path: Path) -> None:
     assert not episode.info.outcome.kept
 
 
+def test_a_discarded_episode_comes_back_with_its_videos(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.lead(10)
+    bench.say("discard")
+    data = DataSet(tmp_path)
+    assert data.episodes() == []
+    assert len(data.discarded.videos()) == len(POLICY_CAMERAS)
+    bench.lead(5)
+    bench.say("restore")
+    assert bench.session.state is TeleopState.RECORDING
+    (path,) = data.episodes()
+    assert {video.name for video in data.videos()} >= {
+        f"{path.stem}.{camera}.mp4" for camera in POLICY_CAMERAS
+    }
+    bench.session.close()
+    assert find_problems(data) == []
+    assert not data.discarded.path.exists()
+
+
 def test_arms_go_home_at_the_operators_word_alone(tmp_path: Path) -> None:
     with pytest.raises(EndedError):
         Bench(tmp_path, "q")

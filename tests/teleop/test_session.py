@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +59,13 @@ class Desk:
         return self.session.status()[name]
 
     def send(
-        self, left: float = 0.0, right: float = 0.0, shift: Any = 0.0, turns: int = 1, **more: Any
+        self,
+        left: float = 0.0,
+        right: float = 0.0,
+        shift: Any = 0.0,
+        turns: int = 1,
+        devices: tuple[str, ...] = (),
+        **more: Any,
     ) -> None:
         """In each of some turns, both hands at their homes and a shift, squeezed as far as said."""
         squeezes = {Side.LEFT: left, Side.RIGHT: right}
@@ -66,7 +74,7 @@ class Desk:
                 hand(HOMES[side].moved(*(shift * np.ones(3))), squeeze=squeezes[side], **more)
                 for side in SIDES
             ]
-            self.session.receive(said(message(self.turn, *hands)), self.now)
+            self.session.receive(said(message(self.turn, *hands, devices=devices)), self.now)
             self.wait()
 
     def wait(self, turns: int = 1) -> None:
@@ -283,7 +291,7 @@ def test_an_episode_is_solved_kept_and_followed_by_the_next(tmp_path: Path) -> N
     again.session.close()
 
 
-def test_a_discarded_episode_leaves_nothing_and_the_next_begins(desk: Desk) -> None:
+def test_a_discarded_episode_is_no_episode_and_the_next_begins(desk: Desk) -> None:
     desk.begin()
     desk.say("keep")
     assert "not solved" in desk.session.note
@@ -291,7 +299,7 @@ def test_a_discarded_episode_leaves_nothing_and_the_next_begins(desk: Desk) -> N
     assert (desk.state, desk.status("count")) == (TeleopState.WAITING, 1)
     assert not desk.recordings()
     desk.say("discard")
-    assert (desk.status("count"), desk.session.kept) == (2, 0)
+    assert (desk.status("count"), desk.session.kept, desk.status("discarded")) == (2, 0, 1)
 
 
 def test_what_is_kept_at_success_is_kept_at_the_end(tmp_path: Path) -> None:
@@ -310,7 +318,7 @@ def test_what_is_kept_at_success_is_kept_at_the_end(tmp_path: Path) -> None:
 
 
 def test_a_button_counts_once_for_each_press(desk: Desk) -> None:
-    pressed = {"keep": False, "discard": True, "recentre": False}
+    pressed = {"keep": False, "discard": True, "restore": False, "recentre": False}
     desk.send(buttons=pressed, turns=5)
     assert desk.status("count") == 0  # it was pressed when the session began
     desk.send()
@@ -352,6 +360,64 @@ def test_an_instruction_that_is_typed_is_that_of_the_episode_that_waits(desk: De
     assert (recording.info.instruction, recording.info.task_instruction) == (typed, own)
     desk.say("discard")
     assert desk.status("instruction") == own
+
+
+@pytest.mark.parametrize(
+    ("said_by_page", "expected"),
+    [
+        ([("mouse",)], "mouse"),
+        ([("gamepad",)], "gamepad"),
+        ([("headset",)], "headset"),
+        ([("gamepad",), (), ("mouse", "gamepad")], "mouse and gamepad"),
+        ([()], "mouse"),  # a page that does not say it: who leads has
+    ],
+)
+def test_the_device_is_what_the_page_led_with(
+    desk: Desk, said_by_page: list[tuple[str, ...]], expected: str
+) -> None:
+    desk.send(left=1, devices=("headset",))  # before the episode, nothing follows
+    desk.send(devices=("headset",) if expected == "headset" else ())
+    desk.send(left=1, right=1, devices=said_by_page[0])
+    for devices in said_by_page[1:]:
+        desk.send(left=1, right=1, devices=devices)
+    desk.say("discard")
+    desk.send(left=1, devices=("headset",))
+    desk.say("restore")
+    (recording,) = desk.recordings()
+    assert recording.info.actor == replace(PERSON, device=expected)
+
+
+def test_a_device_that_led_before_is_not_that_of_the_next_episode(desk: Desk) -> None:
+    for devices in (("headset",), ("gamepad",)):
+        desk.send()
+        desk.send(left=1, right=1, devices=devices)
+        desk.say("discard")
+        desk.say("restore")
+    assert [each.info.actor.device for each in desk.recordings()] == ["headset", "gamepad"]
+
+
+def test_a_killed_write_of_an_episode_is_recovered_whatever_led_it(
+    desk: Desk, tmp_path: Path
+) -> None:
+    desk.send()
+    desk.send(left=1, devices=("gamepad",), turns=20)
+    data = DataSet(tmp_path)
+    (partial,) = data.partials()
+    left = partial.read_bytes()
+    desk.session.close()
+    partial.write_bytes(left)  # killed after the episode was written
+    assert Recording.read(data.recover(partial)).info.actor.device == "gamepad"
+    assert data.partials() == []
+
+
+def test_the_newest_executed_sample_is_named(desk: Desk) -> None:
+    device = desk.session.device
+    desk.send()
+    assert math.isnan(device.executed_ms)
+    desk.send(left=1)
+    assert device.executed_ms == pytest.approx(1000.0 / CONTROL_HZ)
+    desk.say("discard")
+    assert math.isnan(device.executed_ms)
 
 
 def test_in_lockstep_a_message_is_a_step_however_late_it_comes() -> None:

@@ -154,9 +154,15 @@ class DataSet:
         return sum(outcome is not None and outcome.kept for outcome in outcomes)
 
     def next_number(self, task: str) -> int:
-        """The first number after those of all episodes of a task, finished or not."""
-        names = (path.name.partition(".")[0] for path in (self.path / EPISODES / task).glob("*"))
+        """The first number after those of all episodes of a task, finished, discarded or not."""
+        folders = (data.episode(task, "0").parent for data in (self, self.discarded))
+        names = (path.name.partition(".")[0] for each in folders for path in each.glob("*"))
         return max((int(name) for name in names if re.fullmatch(r"[0-9]+", name)), default=-1) + 1
+
+    @property
+    def discarded(self) -> DataSet:
+        """What operators have discarded in sessions that go on, where no other reader looks."""
+        return DataSet(self.path / "discarded")
 
     def add(self, task: str, name: str, content: bytes) -> Path:
         """Add the content of an episode's file that was recorded elsewhere, in one atomic step.
@@ -182,7 +188,7 @@ class DataSet:
             lock(file.fileno(), partial)
             if not path.exists():
                 stream.recover(partial).write(path)
-            elif stream.read_left(partial)[0] != Recording.read_info(path).begun:
+            elif stream.read_left(partial)[0].begun != Recording.read_info(path).begun:
                 raise DataError(
                     f"{path} is another episode than the one that {partial.name} was to become. "
                     "Rename one of them."

@@ -103,6 +103,8 @@ class Recorder(DuoWrapper):
         """Name of the next episode's file; without one it is the next free number."""
         self.clutch: tuple[bool, bool] = (False, False)
         """Whether each hand, left then right, leads its arm in the next action."""
+        self.device: str | None = None
+        """What led in this episode, where that shows only while it runs; else the actor's."""
         if rig is not None and self.data is None:
             raise DataError("What cameras of a rig see is recorded in a data set; name one.")
         self._rig, self._keep, self._is_reviewed = rig, keep, is_reviewed
@@ -152,7 +154,7 @@ class Recorder(DuoWrapper):
             self._episode = stream = self.data.new_stream(described, sizes, self.next_name)
             if self._rig is not None:
                 self._rig.begin(stream)
-        self.next_name, self._intended, self._steps_left = None, None, 0
+        self.next_name, self._intended, self._steps_left, self.device = None, None, 0, None
         self._episode.append(self._seen(self._episode, observation, info))
         return observation, info
 
@@ -225,7 +227,8 @@ class Recorder(DuoWrapper):
         # A step that was broken off has left another state than that of the last row.
         is_last = np.array_equal(self._physics(), rows[-1]["state"])
         last_hash = self.state_hash() if self._sim is not None and is_last else None
-        episode.info = replace(episode.info, outcome=outcome, last_hash=last_hash)
+        actor = replace(episode.info.actor, device=self.device or episode.info.actor.device)
+        episode.info = replace(episode.info, outcome=outcome, last_hash=last_hash, actor=actor)
         if self._is_reviewed:
             episode.flush()
         else:
@@ -240,6 +243,15 @@ class Recorder(DuoWrapper):
         """Write the episode that waits for it, if one does."""
         if self.pending is not None:
             self._write()
+
+    def set_aside(self, reason: str) -> None:
+        """Write the running episode, which ends for a reason, or the one that waits.
+
+        It is written as if it were kept, into the `discarded` ones of the data set.
+        """
+        self.finish(reason=reason)
+        if self.pending is not None and self.data is not None:
+            self._write(self.data.discarded.episode(self.task, "0").parent)
 
     def discard(self) -> None:
         """Forget the running episode, or the one that waits; nothing of it is kept."""
@@ -272,11 +284,11 @@ class Recorder(DuoWrapper):
         }
         return row if self._rig is None else row | self._rig.seen(episode, row["time"])
 
-    def _write(self) -> None:
+    def _write(self, folder: Path | None = None) -> None:
         """Write the episode that has ended; where that fails, it is left to `recover`."""
         episode, self._episode = self._episode, None
         if episode is not None:
-            recording = episode.finish()
+            recording = episode.finish(folder)
             if self.data is None:
                 self.content = recording.to_bytes()
 

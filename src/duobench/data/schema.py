@@ -146,7 +146,7 @@ class Actor:
     """Name of the policy, or a person's pseudonym."""
     version: str | None = None
     device: str | None = None
-    """What a person used, or a scripted operator imitated."""
+    """What a person used, or a scripted operator imitated; "mouse and gamepad" if several."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -244,7 +244,7 @@ class EpisodeInfo:
 
     @property
     def begun(self) -> EpisodeInfo:
-        """What was known when it began."""
-        return replace(
-            self, outcome=None, last_hash=None, videos=dict.fromkeys(self.videos, VideoFacts())
-        )
+        """What was known when it began; the device may be known later."""
+        actor = replace(self.actor, device=None)
+        videos = dict.fromkeys(self.videos, VideoFacts())
+        return replace(self, outcome=None, last_hash=None, videos=videos, actor=actor)

@@ -86,7 +86,7 @@ class EpisodeRows:
         for name, value in row.items():
             self._rows[name][self._count - 1] = value
 
-    def finish(self) -> Recording:
+    def finish(self, folder: Path | None = None) -> Recording:  # noqa: ARG002 - it has no file
         """The whole episode, which ends here as `info` says."""
         return _recording(self.info, self.rows)
 
@@ -116,7 +116,7 @@ class EpisodeStream(EpisodeRows):
                     "its recording was killed. Recover or delete it first."
                 ) from error
         try:  # only now, when nobody else can begin one of that name
-            _check_free(path, *(video_path(path, camera) for camera in info.videos))
+            check_free(path, *(video_path(path, camera) for camera in info.videos))
             with writing(self._partial):
                 lock(self._file.fileno(), self._partial)
                 self._file.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
@@ -138,14 +138,18 @@ class EpisodeStream(EpisodeRows):
             self.videos.close()
         self._flush(self._count)
 
-    def finish(self) -> Recording:
-        """Write the whole episode as Parquet and remove the stream."""
+    def finish(self, folder: Path | None = None) -> Recording:
+        """Write the whole episode as Parquet, by default beside the stream, and remove that."""
+        place = self.path if folder is None else folder / self.path.name
         try:
             if self.videos is not None:
                 self.info = replace(self.info, videos=self.videos.finish())
             recording = super().finish()
-            _check_free(self.path)
-            recording.write(self.path)
+            check_free(place)
+            recording.write(place)
+            for camera in self.info.videos if folder is not None else ():
+                with writing(place), suppress(FileNotFoundError):  # one without a frame
+                    video_path(self.path, camera).rename(video_path(place, camera))
         except DuoBenchError:
             self.close()
             raise
@@ -182,7 +186,8 @@ class EpisodeStream(EpisodeRows):
         self._written = end
 
 
-def _check_free(*paths: Path) -> None:
+def check_free(*paths: Path) -> None:
+    """Raise a `DataError` where one of some files is there."""
     for path in paths:
         if path.exists():
             raise DataError(f"{path} exists already; an episode is never overwritten.")

@@ -7,6 +7,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.data.attempts import SKIPPED, Attempt, of_task
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
@@ -27,6 +28,8 @@ radians. A policy that averages over them learns neither."""
 JUMP = 0.05
 """A step longer or shorter than the one before by more than this is a jump, in radians: 45 rad/s²,
 where an FR3 allows 10 rad/s²."""
+MOST_NAMED = 20
+"""Layouts that are named of those that were given up: a line or two."""
 _JOINTS = [place for place in range(FLAT_SIZE) if place not in OPENING_SLOTS]
 """Places of the joints among the 16 numbers of a command."""
 _RANGES = np.tile(JOINT_RANGES, (len(SIDES), 1))
@@ -79,6 +82,20 @@ class TaskSummary:
     """Names of the rigs; one without hardware has "simulated drivers" behind its name."""
     left_out: int = 0
     """Frames that are missing in videos, because the encoder was too far behind."""
+
+    attempts: tuple[Attempt, ...] = ()
+    """Episodes that were begun for the data set, as far as that was noted."""
+
+    @property
+    def attempted(self) -> str:
+        """What is known of attempts, in words; empty where nothing is."""
+        if not self.attempts:
+            return ""
+        begun = sum(each.error != SKIPPED for each in self.attempts)
+        lost = [str(each.episode) for each in self.attempts if not each.kept]
+        words = f"{begun} begun, {len(self.attempts) - len(lost)} of them kept"
+        named = ", ".join(lost[:MOST_NAMED] + ["…"] * (len(lost) > MOST_NAMED))
+        return f"{words}; given up: layouts {named}" if lost else words
 
     @property
     def median_length(self) -> float:
@@ -161,7 +178,8 @@ def summarize(data: DataSet) -> Summary:
             names = recording.info.observation_names
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
-        tasks.append(_summarize_task(task, recordings))
+        begun = tuple(of_task(data, task))
+        tasks.append(replace(_summarize_task(task, recordings), attempts=begun))
     if not tasks:
         raise DataError(f"{data.path} holds no episode.")
     sent = np.concatenate(commands)

@@ -143,7 +143,9 @@ class TeleopPage:
             self._server.publish_scene(self._geometry.name, self._geometry.data)
         if self._server.has_viewers:
             poses = self._geometry.poses(self._data())
-            self._server.publish_frame(pack_frame(poses, status["step"], time.monotonic()))
+            shows_ms = self._session.device.executed_ms
+            frame = pack_frame(poses, status["step"], time.monotonic(), shows_ms)
+            self._server.publish_frame(frame)
             self._tell(status)
         for pulse in self._session.haptics.take():
             self._server.pulse(*pulse)

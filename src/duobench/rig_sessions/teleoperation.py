@@ -8,20 +8,23 @@ from pathlib import Path
 from typing import Any, cast
 
 from duobench.data import Actor, DataSet, Recorder
+from duobench.data.attempts import SKIPPED, Attempt
+from duobench.data.recorder import UNDECIDED
 from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import BackendError, OptionError
+from duobench.errors import BackendError, DuoBenchError, OptionError
 from duobench.looks.catalog import DEFAULT
 from duobench.looks.look import Look
 from duobench.randomness import TRAIN, episode_seed
+from duobench.rig_sessions.takes import Takes
 from duobench.tasks.task import Task
-from duobench.teleop.hands import KEEP, ButtonPresses
+from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
 from duobench.teleop.intent import Device, Intent
-from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message
+from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message, Restore
 from duobench.types import CONTROL_HZ, SIDES, DuoState, Side
 
 TIME_LIMIT_S = 180.0
@@ -32,6 +35,8 @@ TOUCH, LIMIT, LOSS = (0.4, 40), (0.8, 80), (1.0, 200)
 from where its hand wants it, and when a hand lets go, or is lost."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
+DISCARDED = "Discarded."
+"""Why an attempt is not kept."""
 AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
 
 
@@ -100,7 +105,8 @@ class Teleoperation:
         data = env.data
         self.kept = 0 if data is None else data.kept(env.task)
         """Episodes that were kept, those of earlier sessions counted."""
-        self._number = 0 if data is None else data.next_number(env.task)
+        self._takes = None if data is None else Takes(env, data)
+        self._number = 0 if self._takes is None else self._takes.next_number
         self._reset()
 
     # --- from any thread ---------------------------------------------------------------------
@@ -143,6 +149,7 @@ class Teleoperation:
                 self.note = prompt
                 return False
             self._state, self.note = TeleopState.RECORDING, ""
+            self._note_attempt(UNDECIDED)  # a kill leaves this
         if self._state not in _RUNNING:
             return False
         self._step(now_s)
@@ -152,11 +159,15 @@ class Teleoperation:
         """End the session.
 
         An episode that has begun is written as one that is not meant to be used; one that waits
-        for the operator is forgotten.
+        for the operator is forgotten, and what was discarded is removed.
         """
         if self._state is TeleopState.WAITING:
             self.env.discard()
+        elif self._state is not TeleopState.OVER:
+            self._note_attempt(UNDECIDED)
         self.env.close()
+        if self._takes is not None:
+            self._takes.close()
 
     @property
     def state(self) -> TeleopState:
@@ -180,6 +191,7 @@ class Teleoperation:
             "success": bool(info["success"]),
             "count": self._number,
             "kept": self.kept,
+            "discarded": 0 if self._takes is None else len(self._takes.discarded),
             "wanted": self._wanted,
             "lost": self.device.dropped,
             "clutch": dict(zip(map(str, SIDES), self.device.clutch, strict=True)),
@@ -203,13 +215,16 @@ class Teleoperation:
                     self._keep()
                 case Discard():
                     self._discard()
+                case Restore():
+                    self._restore()
                 case Instruction(text=text):
                     self._instruct(text.strip())
         return False
 
     def _press(self, hands: Hands) -> None:
+        asked = {KEEP: self._keep, DISCARD: self._discard}
         for name in self._presses.new(hands):
-            self._keep() if name == KEEP else self._discard()
+            asked.get(name, self._restore)()
 
     def _step(self, now_s: float) -> None:
         backend = self.env.base.backend
@@ -224,6 +239,7 @@ class Teleoperation:
         if info["stage"] != self._info["stage"]:
             self._stage_changes.append([self._steps, int(info["stage"])])
         self._info, self._seen = info, backend.read()
+        self.env.device = self.device.led_by or None
         self.haptics.update(intent)
         if terminated or truncated:
             self._end(self._why_over(info))
@@ -246,12 +262,50 @@ class Teleoperation:
         elif self._state is TeleopState.DECIDE:
             self.env.keep()
             self.kept += 1
+            self._note_attempt(None)
             self._next()
 
     def _discard(self) -> None:
-        if self._state is not TeleopState.OVER:
+        if self._state is TeleopState.OVER:
+            return
+        has_begun = self._state is not TeleopState.WAITING
+        if has_begun and self._takes is not None:
+            self._takes.set_aside()
+        else:
             self.env.discard()
-            self._next()
+        self._note_attempt(DISCARDED if has_begun else SKIPPED)
+        self._next()
+
+    def _restore(self) -> None:
+        """Keep after all what was discarded last; what is going on goes on."""
+        if self._takes is None:
+            return
+        try:
+            name = self._takes.restore()
+        except DuoBenchError as error:
+            self.note = str(error)
+            return
+        self.kept += 1
+        self.note = f"Episode {name} is restored, and kept."
+        if self._state is TeleopState.WAITING and self.kept >= self._wanted:
+            self.env.discard()
+            self._end_session()
+
+    def _note_attempt(self, reason: str | None) -> None:
+        """Note how the episode goes: why it is not kept, or None where it is."""
+        if self._takes is None:
+            return
+        success = bool(self._info["success"])
+        attempt = Attempt(
+            task=self.env.task,
+            episode=self._number,
+            success=success,
+            stage=int(self._info["stage"]),
+            steps=self._stage_changes[-1][0] if success else self._steps,
+            kept=reason is None,
+            error=reason,
+        )
+        self._takes.note(attempt)
 
     def _instruct(self, text: str) -> None:
         self._instruction = text
@@ -264,9 +318,12 @@ class Teleoperation:
     def _next(self) -> None:
         self._number += 1
         if self.kept >= self._wanted:
-            self._state, self.note = TeleopState.OVER, "All episodes are recorded."
+            self._end_session()
         else:
             self._reset()
+
+    def _end_session(self) -> None:
+        self._state, self.note = TeleopState.OVER, "All episodes are recorded."
 
     def _reset(self) -> None:
         env, task = self.env, self.env.task

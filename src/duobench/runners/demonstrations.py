@@ -6,10 +6,10 @@ ones, by index, that succeed.
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 
 from duobench.data import DataSet, Recording
+from duobench.data.attempts import ATTEMPTS, ATTEMPTS_SCHEMA, Attempt, Attempts
 from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
@@ -26,35 +26,10 @@ from duobench.runners.executor import Executor, executor_for
 from duobench.runners.schedule import check_played
 from duobench.types import CONTROL_HZ
 
-RUN, ATTEMPTS = "record.json", "attempts.json"
-"""What is recorded, and how the episodes went that were played for it."""
-ATTEMPTS_SCHEMA = 1
+RUN = "record.json"
+"""What is recorded."""
 MAX_EPISODES_PER_SUCCESS = 10
 """Episodes that are played for one that succeeds, on average, before a task is given up."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, order=True)
-class Attempt:
-    """An episode that was played for a data set; sorted by task and index."""
-
-    task: str
-    episode: int
-    success: bool
-    stage: int
-    steps: int
-    """Control steps until it succeeded or ended."""
-    kept: bool
-    error: str | None
-    """The last line of the error that it failed with."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Attempts:
-    """All of them, by task and index."""
-
-    attempts: tuple[Attempt, ...] = ()
-    command: str = ""
-    """The command that played the last of them; empty if there was none."""
 
 
 def record(  # noqa: PLR0913

@@ -1,7 +1,7 @@
 """Hands as the device: samples become tool poses, and buttons presses."""
 
 import math
-from typing import cast
+from typing import cast, get_args
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from duobench.envs.action_modes import CARTESIAN
 from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3, product
 from duobench.teleop.intent import Intent
-from duobench.teleop.messages import Hand, Hands, Message, Recentre
+from duobench.teleop.messages import Hand, Hands, Message, PageDevice, Recentre
 from duobench.teleop.shaping import Shaper
 from duobench.types import SIDES, DuoCommand, DuoState, Side
 
@@ -27,7 +27,7 @@ AWAY_S = 1.0
 """Seconds without a fresh sample after which the operator is taken to be away."""
 MEANT = 0.05
 """Change of a trigger from which on its gripper follows it."""
-KEEP, DISCARD = "keep", "discard"
+KEEP, DISCARD, RESTORE = "keep", "discard", "restore"
 """Buttons that decide about an episode."""
 
 
@@ -197,6 +197,8 @@ class HandDevice:
         self.sampled_s: float | None = None
         """When the newest sample arrived, in seconds."""
         self._has_seen_open = False
+        self._acting, self._led = set[str](), set[str]()  # since the last step, since the first one
+        self.led_by, self.executed_ms = "", math.nan
 
     @property
     def clutch(self) -> tuple[bool, bool]:
@@ -213,7 +215,8 @@ class HandDevice:
         """A new episode waits: both hands have to be open first."""
         for side, arm in self._arms.items():
             arm.begin(float(command.openings[side.index]))
-        self._has_seen_open = False
+        self._has_seen_open, self._led = False, set()
+        self.led_by, self.executed_ms = "", math.nan
 
     def take(self, message: Message, arrival_s: float) -> None:
         """Take over a fresh sample; `recentre` lets both hands go."""
@@ -227,12 +230,16 @@ class HandDevice:
             if is_moving or self.is_lost(arrival_s):
                 self._let_go()
             self._hands, self.sampled_s = message, arrival_s
+            if self._has_seen_open:
+                self._acting.update(message.devices)
 
     def lose(self) -> None:
         """The operator has gone; the next one has another clock."""
         self._dropped += self._freshness.dropped
         self._freshness = Freshness()
         self._hands = self.sampled_s = None
+        self.executed_ms = math.nan
+        self._acting.clear()
         self._let_go()
 
     def is_lost(self, now_s: float, for_s: float = MAX_AGE_S) -> bool:
@@ -259,10 +266,18 @@ class HandDevice:
         if not self._has_seen_open:
             return "Open both hands: release the clutches and the grippers."
         squeezes = [self._arms[side].clutch.wants(hand) for side, hand in hands.items()]
-        return None if any(squeezes) else "Squeeze a clutch to begin."
+        if any(squeezes):
+            return None
+        self._acting.clear()
+        return "Squeeze a clutch to begin."
 
     def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
         """Where the hands lead the tools."""
+        self._led |= self._acting
+        self._acting.clear()
+        self.led_by = " and ".join(name for name in get_args(PageDevice) if name in self._led)
+        if self._hands is not None:
+            self.executed_ms = self._hands.sent
         hands, commanded = self._now(now_s), self._kinematics.forward(command.joints)
         rows, limited = [], []
         for side, arm in self._arms.items():
@@ -290,7 +305,7 @@ class ButtonPresses:
     """Tells a press from holding on. A button that is held at first counts after a release."""
 
     def __init__(self) -> None:
-        self._was_pressed = {KEEP: True, DISCARD: True}
+        self._was_pressed = {KEEP: True, DISCARD: True, RESTORE: True}
 
     def new(self, hands: Hands) -> list[str]:
         """The buttons that were not pressed in the message before, keep first."""

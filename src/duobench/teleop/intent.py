@@ -24,6 +24,10 @@ class Device(Protocol):
 
     action_mode: str
     """Name of what the numbers of its actions mean."""
+    led_by: str
+    """What has led since the episode began: "mouse and gamepad"; empty where that is not known."""
+    executed_ms: float
+    """When the newest executed sample was sent, in ms of the page's clock; NaN without."""
 
     def begin(self, command: DuoCommand) -> None:
         """A new episode waits for the operator, with the arms where they are commanded to be."""

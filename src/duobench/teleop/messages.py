@@ -4,7 +4,7 @@ import math
 import threading
 from collections import deque
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -21,6 +21,8 @@ LONGEST_INSTRUCTION = 300
 LONGEST_QUEUE = 1024
 """Messages that may wait; beyond, the oldest are forgotten."""
 
+PageDevice = Literal["mouse", "gamepad", "headset"]
+"""What a page is driven with; keys go with the mouse."""
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 """How far something is pressed, 0 to 1."""
 Pose = tuple[float, float, float, float, float, float, float]
@@ -32,6 +34,7 @@ class Buttons(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     keep: bool = False
     discard: bool = False
+    restore: bool = False
     recentre: bool = False
     """The operator moves to another place: both hands let go."""
 
@@ -72,6 +75,8 @@ class Hands(PageMessage, frozen=True):
     left: Hand | None
     """The left hand; None where the device has none."""
     right: Hand | None
+    devices: tuple[PageDevice, ...] = ()
+    """What has moved, squeezed or pressed since the message before."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sent) and self.sent >= 0.0):
@@ -84,6 +89,10 @@ class Keep(PageMessage, frozen=True):
 
 class Discard(PageMessage, frozen=True):
     """Discard the episode, and begin the next one."""
+
+
+class Restore(PageMessage, frozen=True):
+    """Keep the episode that was discarded last after all."""
 
 
 class Recentre(PageMessage, frozen=True):
@@ -101,7 +110,7 @@ class Instruction(PageMessage, frozen=True):
             raise ValueError("an instruction is one line that can be printed")
 
 
-Message = Hands | Keep | Discard | Recentre | Instruction
+Message = Hands | Keep | Discard | Restore | Recentre | Instruction
 """Everything that an operator may send."""
 
 

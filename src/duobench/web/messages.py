@@ -2,10 +2,12 @@
 
 Text is JSON with a `kind`. Nothing that a page sends is trusted: a message that is not exactly of
 its kind is refused with a sentence, and changes nothing. A frame is binary, little-endian: float64
-time of the server in seconds, uint32 control step, uint32 number of bodies, then seven float32 a
-body.
+time of the server in seconds, uint32 control step, uint32 number of bodies, float64 when the newest
+message of hands was sent that it shows, in ms of the clock of who sent it, or NaN, then seven
+float32 a body.
 """
 
+import math
 import re
 import struct
 from collections.abc import Callable
@@ -21,7 +23,7 @@ MAX_MESSAGE = 4096
 """Bytes of a message from a page."""
 FRAMES_HZ = 30.0
 """Most frames a second that a page is sent."""
-_FRAME = struct.Struct("<dII")
+_FRAME = struct.Struct("<dIId")
 
 
 def _kind(name: str) -> str:
@@ -72,12 +74,14 @@ def reader(kinds: Any) -> Callable[[str | bytes], Any]:
     return read
 
 
-def pack_frame(poses: NDArray[np.float32], step: int, time_s: float) -> bytes:
+def pack_frame(
+    poses: NDArray[np.float32], step: int, time_s: float, shows_ms: float = math.nan
+) -> bytes:
     """A frame of poses (bodies, 7), as `Geometry.poses` gives them, after so many control steps.
 
-    The time is that of a clock of the server that never goes back.
+    The time is that of a clock of the server that never goes back; `shows_ms` as said above.
     """
-    return _FRAME.pack(time_s, step, len(poses)) + poses.astype("<f4").tobytes()
+    return _FRAME.pack(time_s, step, len(poses), shows_ms) + poses.astype("<f4").tobytes()
 
 
 def encode(**fields: Any) -> str:

@@ -8,12 +8,13 @@ from duobench.errors import MessageError
 from duobench.kinematics.inverse import Kinematics
 from duobench.robot.joints import HOME_JOINTS
 from duobench.spatial import SE3
-from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses, HandDevice
-from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message
+from duobench.teleop.hands import DISCARD, KEEP, RESTORE, ButtonPresses, HandDevice
+from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message, Restore
 from duobench.types import ARM_JOINTS, SIDE_SIZE, SIDES, DuoCommand, DuoState
 
 OPEN_HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(len(SIDES)))
 """Where the arms are at first: at home, both grippers open."""
+NO_RESTORING = "LeRobot records here, and what it has discarded cannot be restored."
 NO_WORDING = "The instruction is said where the recording was started."
 
 
@@ -55,6 +56,8 @@ class HandArms:
         """
         if isinstance(message, Instruction):
             raise MessageError(NO_WORDING)
+        if isinstance(message, Restore):
+            raise MessageError(NO_RESTORING)
         self._inbox.put(message, now_s)
 
     def leave(self, now_s: float) -> None:
@@ -129,7 +132,7 @@ class HandArms:
             match message:
                 case Hands():
                     for name in self._presses.new(message):
-                        self._decision = name
+                        self._decision = self._decision if name == RESTORE else name
                     if self._lockstep:
                         return True
                 case Keep():

@@ -76,6 +76,8 @@ def _actors(summary: Summary) -> Iterator[str]:
         where = "" if len(tasks) == len(summary.tasks) else f" ({', '.join(t.task for t in tasks)})"
         yield f"Recorded by {actor}{where}"
     for task in summary.tasks:
+        if task.attempted:
+            yield f"{task.task}: {task.attempted}"
         if task.led is not None:
             yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
 

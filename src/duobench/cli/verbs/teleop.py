@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import tyro
 
@@ -29,8 +29,6 @@ class LeadingOptions:
 
     operator: str = ""
     """Pseudonym of who leads; it is recorded."""
-    device: Literal["mouse", "gamepad", "headset"] = "mouse"
-    """What the operator leads with; it is recorded, and the page takes all of them."""
     leader: str | None = None
     """Leader arms in place of the page's hands: gello:FILE, a configuration of two GELLO arms, or
     lerobot:KIND, a teleoperator of LeRobot with our 16 numbers."""
@@ -50,14 +48,14 @@ class LeadingOptions:
         from duobench.teleop.leaders.device import LeaderDevice
 
         if self.leader is None:
-            led_by, name = HandDevice(lockstep=self.lockstep), str(self.device)
+            led_by = HandDevice(lockstep=self.lockstep)
         else:
             source = _joint_source(self.leader)
             source.connect()
             ending.callback(source.close)
-            led_by, name = LeaderDevice(source), source.device
+            led_by = LeaderDevice(source)
         kind = ActorKind.SCRIPTED_OPERATOR if self.scripted else ActorKind.PERSON
-        return led_by, Actor(kind=kind, name=self.operator, device=name)
+        return led_by, Actor(kind=kind, name=self.operator, device=led_by.led_by or None)
 
     def asked(self) -> dict[str, Any]:
         """What a session takes of them."""

@@ -1,5 +1,6 @@
 """Leader arms as the device: their joints are those of the robot."""
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -65,6 +66,7 @@ class LeaderDevice:
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
         """When they were read last, in seconds."""
+        self.led_by, self.executed_ms = source.device, math.nan  # no page has sent what they do
 
     @property
     def clutch(self) -> tuple[bool, bool]:

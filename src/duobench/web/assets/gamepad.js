@@ -6,7 +6,7 @@ const SPEED = 0.25; // m/s, of a stick pushed to its end
 const TURN = 1.0; // rad/s
 const DEAD = 0.15; // what a stick at rest may show
 const BUTTON = {
-  ...{ turn: 0, left: 4, right: 5, leftTrigger: 6, rightTrigger: 7, discard: 8, keep: 9 },
+  ...{ turn: 0, left: 4, right: 5, leftTrigger: 6, rightTrigger: 7, restore: 3, discard: 8, keep: 9 },
 };
 
 const pushed = (value) => {
@@ -39,7 +39,7 @@ export class Gamepads {
       if (isNew(side)) hands.active = side;
       hands[side].press("gamepad", pad.buttons[BUTTON[`${side}Trigger`]]?.value ?? 0);
     }
-    for (const word of ["keep", "discard"]) if (isNew(word)) hands.say(word);
+    for (const word of ["keep", "discard", "restore"]) if (isNew(word)) hands.say(word);
     this.#steer(pad, seconds);
   }
 

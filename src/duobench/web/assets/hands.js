@@ -3,8 +3,11 @@
 // Metres, radians, the world frame (z up), quaternions (w, x, y, z). Poses are relative: only what
 // changes while a hand is squeezed moves a tool.
 
+import { Latency } from "./latency.js";
+
 const PERIOD_MS = 1000 / 60; // between two messages
 const STALL_MS = 250; // a page that stood still for longer lets go: nobody steered meanwhile
+const MEANT = 0.05; // a squeeze or trigger of a controller that is no rest
 const BACKLOG_BYTES = 1024; // what may wait in the socket; more would arrive stale
 
 const multiply = ([a, b, c, d], [w, x, y, z]) => [
@@ -22,11 +25,13 @@ export class Hand {
   #triggers = new Map(); // device → 0..1
   #start = null; // the pose at which the hand was squeezed, until a message has said it
   #moved = false; // since the last message
+  #acting = new Set(); // devices that did something since the last message
 
   /** Squeeze the hand, until the device releases it or the clock shows `until`, in ms. */
   hold(device, until = Infinity) {
     if (!this.#holders.size) this.#start ??= [...this.#position, ...this.#rotation];
     this.#holders.set(device, until);
+    this.#acting.add(device);
   }
 
   release(device) {
@@ -40,6 +45,7 @@ export class Hand {
   /** Release the hand at once, and forget what no message has said. */
   letGo() {
     this.#holders.clear();
+    this.#acting.clear();
     this.#start = null;
     this.#moved = false;
   }
@@ -65,6 +71,7 @@ export class Hand {
 
   /** Close the gripper by a device's share, 0 open to 1 closed; the device that says most wins. */
   press(device, value) {
+    if (value !== (this.#triggers.get(device) ?? 0)) this.#acting.add(device);
     this.#triggers.set(device, value);
   }
 
@@ -72,6 +79,13 @@ export class Hand {
   open() {
     this.letGo();
     this.#triggers.clear();
+  }
+
+  /** Devices that have moved or pressed since the last message: "gamepad", or "mouse" with keys. */
+  takeActing() {
+    const acting = [...this.#acting, ...this.#holders.keys()];
+    this.#acting.clear();
+    return acting.map((device) => (device === "gamepad" ? "gamepad" : "mouse"));
   }
 
   /**
@@ -87,10 +101,13 @@ export class Hand {
     const squeeze = start || this.#holders.size || this.#moved ? 1 : 0;
     if (!start) this.#moved = false;
     const pose = start ?? [...this.#position, ...this.#rotation];
-    const buttons = { keep: false, discard: false, recentre: false };
+    const buttons = { keep: false, discard: false, restore: false, recentre: false };
     return { pose, sure: true, squeeze, trigger: this.trigger, buttons };
   }
 }
+
+/** Whether a tracked hand does anything. */
+const isActing = (hand) => hand !== null && (hand.squeeze > MEANT || hand.trigger > MEANT);
 
 /** Collects what the devices do, and sends it while this page drives. */
 export class Hands {
@@ -100,6 +117,8 @@ export class Hands {
   devices = [];
   /** Called with "left" or "right" when another arm becomes the active one. */
   onActive = () => {};
+  /** How long it takes from a message to the picture that shows what it did. */
+  latency = new Latency();
   #virtual = { left: new Hand(), right: new Hand() };
   #socket;
   #active = "right";
@@ -148,6 +167,7 @@ export class Hands {
   set isDriving(value) {
     if (value === this.#isDriving) return;
     this.#isDriving = value;
+    this.latency.forget();
     this.letGo();
   }
 
@@ -177,11 +197,15 @@ export class Hands {
     for (const device of this.devices) device.update(seconds, now);
     if (now < this.#due || this.#socket.bufferedAmount > BACKLOG_BYTES) return;
     this.#due = Math.max(this.#due + PERIOD_MS, now);
+    const isWorn = this.tracked && Object.values(this.tracked).some(isActing);
+    const virtual = this.tracked ? [] : [...this.left.takeActing(), ...this.right.takeActing()];
+    const devices = [...new Set(isWorn ? ["headset"] : virtual)];
     const { left, right } = this.tracked ?? {
       left: this.left.sample(now),
       right: this.right.sample(now),
     };
-    const message = { kind: "hands", sent: now, seq: this.#seq++, left, right };
+    const message = { kind: "hands", sent: now, seq: this.#seq++, left, right, devices };
     this.#socket.send(JSON.stringify(message));
+    this.latency.sent(now);
   }
 }

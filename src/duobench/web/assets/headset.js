@@ -8,7 +8,7 @@ const LIFT = 0.1; // m/s, of a real table's height by a stick
 const LEAST_TURN = 0.05; // metres to point away before that turns the table
 const PRESSED = 0.5;
 const RELEASED = 0.3; // a grip, before it may squeeze again
-const BUTTON = { trigger: 0, squeeze: 1, stick: 3, keep: 4, discard: 5 }; // mapping xr-standard
+const BUTTON = { trigger: 0, squeeze: 1, stick: 3, keep: 4, other: 5 }; // mapping xr-standard
 const PLACING = [
   "Place the table",
   "Point at where the robot stands on it and press the trigger.",
@@ -238,7 +238,12 @@ export class Headset {
       sure: !pose.emulatedPosition,
       squeeze: this.#mustRelease[side] ? 0 : squeeze,
       trigger: buttons[BUTTON.trigger]?.value ?? 0,
-      buttons: { keep: isPressed("keep"), discard: isPressed("discard"), recentre },
+      buttons: {
+        keep: isPressed("keep"),
+        discard: side === "right" && isPressed("other"),
+        restore: side === "left" && isPressed("other"),
+        recentre,
+      },
     };
   }
 
@@ -258,5 +263,6 @@ export class Headset {
       this.#scene.draw(view, eye.projectionMatrix, [x, y, width, height]);
       this.#board.draw(view, eye.projectionMatrix, [x, y, width, height]);
     }
+    this.#hands.latency.drawn((call) => frame.session.requestAnimationFrame(call));
   }
 }

@@ -19,7 +19,8 @@ const CONTROLS = {
     ["Q, E", "turn it about the vertical"],
     ["Space, held", "a quarter of every motion, by mouse or keys"],
     ["F, J", "left, right gripper: tap to close or open, hold for as long as you hold"],
-    ["K, D", "keep or discard the episode"],
+    ["Y", "keep the episode"],
+    ["Backspace, P", "discard it; put the last discarded one back"],
     ["+, -, 0", "camera nearer, farther, or as at first"],
     ["Escape, or Shift and Tab", "leave the scene, to reach the rest of the page"],
   ],
@@ -30,11 +31,13 @@ const CONTROLS = {
     ["Bumpers", "left arm, right arm"],
     ["Triggers", "left, right gripper"],
     ["Start, Back", "keep or discard the episode"],
+    ["Y", "put the last discarded one back"],
   ],
   Headset: [
     ["Grip", "hold it to move the tool with your hand; let go to reach further"],
     ["Index trigger", "close the gripper, as far as you press"],
-    ["A or X, B or Y", "keep or discard the episode"],
+    ["A or X", "keep the episode"],
+    ["B, Y", "discard it; put the last discarded one back"],
     ["Click a stick", "put the view, or the table, anew"],
   ],
 };
@@ -66,20 +69,21 @@ function help() {
 
 const HINTS = {
   waiting: "Hold a grip: its arm follows your hand. The trigger closes the gripper.",
-  decide: "A or X keeps the episode, B or Y discards it.",
+  decide: "A or X keeps the episode, B discards it.",
 };
 
 /** What the board in the scene says of a status of the server. */
-function lines({ instruction, next, stage, max_stage, state, kept, wanted, latency_ms }) {
+function lines({ instruction, next, stage, max_stage, state, kept, wanted, discarded }, ms) {
   const said = (value) => value !== undefined && value !== null;
   const facts = [
     said(stage) && said(max_stage) && `stage ${stage} of ${max_stage}`,
     state,
     said(kept) && (said(wanted) ? `${kept} of ${wanted} kept` : `${kept} kept`),
-    said(latency_ms) && `${Math.round(latency_ms)} ms`,
+    said(ms) && `hand to picture ${Math.round(ms)} ms`,
   ];
   const line = facts.filter(Boolean).join(" · ");
-  return [instruction, next && `Next: ${next}`, line, HINTS[state]].filter(Boolean);
+  const bin = discarded > 0 && `${discarded} discarded; Y puts the last one back.`;
+  return [instruction, next && `Next: ${next}`, line, HINTS[state], bin].filter(Boolean);
 }
 
 /**
@@ -109,7 +113,7 @@ export function startInputs({ scene, orbit, socket, status, element }) {
     role: (message) => drive(message.role === "driver"),
     status(message) {
       mouse.tools = message.tools ?? mouse.tools;
-      headset.lines = lines(message);
+      headset.lines = lines(message, hands.latency.ms);
       if (message.state === "waiting" && state !== "waiting") hands.open();
       state = message.state ?? state;
     },

@@ -6,7 +6,7 @@ import { Status } from "./status.js";
 import { View } from "./view.js";
 
 const PING_MS = 2000;
-const FRAME_HEAD = 16; // bytes of a frame before its poses
+const FRAME_HEAD = 24; // bytes of a frame before its poses
 
 /** What comes from the server, on the page. */
 class Live {
@@ -17,6 +17,7 @@ class Live {
   #scene = null; // name of the one that is shown
   #waiting = null; // poses that came before their scene
   #inputs = null; // what drives, once it was loaded
+  #latency = null; // of what drives
   #run = null; // what shows a run that goes on, once it was loaded
 
   constructor() {
@@ -76,13 +77,15 @@ class Live {
     const poses = new Float32Array(frame, FRAME_HEAD);
     this.#waiting = poses;
     this.#view.scene.setPoses(poses);
-    this.#status.showStep(new DataView(frame).getUint32(8, true));
+    const head = new DataView(frame);
+    this.#status.showStep(head.getUint32(8, true));
+    this.#latency?.arrived(head.getFloat64(16, true));
   }
 
   /** What drives is loaded only where the server takes hands. */
   async #loadInputs() {
     const { startInputs } = await import("./inputs.js");
-    const { headset } = startInputs({
+    const { hands, headset } = startInputs({
       scene: this.#view.scene,
       orbit: this.#view.orbit,
       socket: this.#connection,
@@ -90,6 +93,9 @@ class Live {
       element: document.querySelector("canvas"),
     });
     this.#view.isCovered = () => headset.isWorn;
+    this.#latency = hands.latency;
+    this.#view.onDraw = () => hands.latency.drawn((call) => requestAnimationFrame(call));
+    this.#status.latency = () => hands.latency.ms;
     this.#status.canBeDriven();
   }
 

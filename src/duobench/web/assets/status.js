@@ -18,6 +18,8 @@ const CLOSING = {
 
 /** Fills the page; `tell` sends a message to the server. */
 export class Status {
+  /** Gives the ms from a hand to the picture that shows it; null where nothing was measured. */
+  latency = () => null;
   #page;
   #tell;
   #chips;
@@ -35,7 +37,7 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of Object.keys(CLOSING)) {
+    for (const kind of [...Object.keys(CLOSING), "restore"]) {
       this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
     }
     this.#part("#drive").addEventListener("click", () => {
@@ -109,12 +111,16 @@ export class Status {
     this.#chips.show(words, stage, ever);
   }
 
-  #showFacts({ count, kept, wanted, latency_ms: latency, lost, clutch }) {
+  #showFacts({ count, kept, wanted, discarded, latency_ms: served, lost, clutch }) {
+    const seen = this.latency();
+    const said = (ms) => (ms === null || ms === undefined ? null : `${Math.round(ms)} ms`);
     const held = clutch && ["left", "right"].filter((side) => clutch[side]);
     const facts = {
       Episode: count,
       Kept: kept === undefined ? undefined : wanted ? `${kept} of ${wanted}` : kept,
-      "Hand to arm": latency === undefined ? undefined : `${Math.round(latency)} ms`,
+      Discarded: discarded || null,
+      "Hand to picture": said(seen),
+      "Of it on the server": seen === null ? null : said(served),
       "Samples lost": lost,
       Clutch: held && (held.length ? `${held.join(" and ")} closed` : "open"),
     };
@@ -167,7 +173,8 @@ export class Status {
     const isTaken = !this.#isDriver && this.#role?.drivers > 0;
     drive.hidden = this.#isDriver;
     drive.textContent = isTaken ? "Take over" : "Drive";
-    const { state, instruction } = this.#last;
+    const { state, instruction, discarded = 0 } = this.#last;
+    this.#part("#restore").hidden = !this.#isDriver || !discarded;
     for (const [kind, states] of Object.entries(CLOSING)) {
       this.#part(`#${kind}`).hidden = !this.#isDriver || !states.includes(state);
     }

@@ -10,6 +10,8 @@ const SLOW_MS = 70; // an image that takes longer, again and again, gets fewer p
 export class View {
   /** While this is true, something else draws, as a headset does. */
   isCovered = () => false;
+  /** Called when an image was drawn. */
+  onDraw = () => {};
   #canvas;
   #gl;
   #isAsked = false;
@@ -43,6 +45,7 @@ export class View {
       if (this.isCovered()) return;
       const began = performance.now();
       this.#paint();
+      this.onDraw();
       this.#adapt(performance.now() - Math.min(began, time));
     });
   }
