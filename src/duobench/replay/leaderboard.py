@@ -27,12 +27,8 @@ from duobench.results.leaderboard import (
     make_entry,
     write_site,
 )
-<<<<<<< HEAD
-from duobench.results.records import Key
-from duobench.results.salt import ROUNDS, Round, Salt, read_rounds
-=======
 from duobench.results.records import RECORD_SCHEMA, Key
->>>>>>> wt-verify
+from duobench.results.salt import ROUNDS, Round, Salt, read_rounds
 from duobench.tasks import catalog
 from duobench.versions import has_avx2, package_versions, source_hashes
 
@@ -99,13 +95,7 @@ def make_leaderboard(
             try:
                 digest = _digest(path)
                 known.add(digest)
-<<<<<<< HEAD
-                if twin := entries.get(digest):
-                    raise _RefusedError(f"It is the same file as {twin.file}.")
-                entries[digest] = _entry(path, digest, out, workers, started, rounds)
-=======
-                entries[digest] = _entry(path, digest, runs, out, workers, started)
->>>>>>> wt-verify
+                entries[digest] = _entry(path, digest, runs, out, workers, started, rounds)
             except (_RefusedError, DuoBenchError, OSError) as error:
                 refused.append(
                     RefusedBundle(file=escaped(path.name), reason=_line(str(error), path))
@@ -120,18 +110,18 @@ def make_leaderboard(
 
 
 def _entry(
-<<<<<<< HEAD
-    path: Path, digest: str, out: Path, workers: int, started: Started, rounds: Sequence[Round]
-) -> BoardEntry:
-    """The entry of a bundle, or a `_RefusedError` if it counts for nothing."""
-=======
-    path: Path, digest: str, runs: dict[str, str], out: Path, workers: int, started: Started
+    path: Path,
+    digest: str,
+    runs: dict[str, str],
+    out: Path,
+    workers: int,
+    started: Started,
+    rounds: Sequence[Round],
 ) -> BoardEntry:
     """The entry of a bundle, or a `_RefusedError` if it counts for nothing.
 
     The file of a run is noted by the SHA-256 of the records that count.
     """
->>>>>>> wt-verify
     bundle = Bundle(path)
     if _digest(path) != digest:
         raise _RefusedError("It was changed while it was read.")
@@ -140,20 +130,17 @@ def _entry(
         raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
     if len(run.candidates) > 1:
         raise _RefusedError("It holds several policies; a bundle of a leaderboard holds one.")
-<<<<<<< HEAD
     hosted = next((each for each in rounds if digest in each.bundles), None)
     if hosted and hosted.salt_sha256 != run.suite.salt:
         raise _RefusedError(f"Round {hosted.name!r} names it, and has another salt.")
     salts = (each.salt for each in rounds if each.salt_sha256 == run.suite.salt)
     bundle.salt = Salt(salt) if (salt := next(salts, None)) else None
-=======
     counts = counting(run)
     records = bundle.read_records(run, counts)
     texts = "".join(encode(record, RECORD_SCHEMA) for record in records)
     content = hashlib.sha256(texts.encode()).hexdigest()
     if twin := runs.get(content):
         raise _RefusedError(f"It holds the same run as {twin}.")
->>>>>>> wt-verify
     kept = out / VERDICTS / f"{digest}.json"
     judgement = _known(kept, bundle.salt)
     if judgement is None:

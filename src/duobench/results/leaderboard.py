@@ -160,9 +160,6 @@ class Board:
         )
 
 
-<<<<<<< HEAD
-def make_entry(  # noqa: PLR0913 - what is known of a bundle
-=======
 def counting(run: Run) -> set[Key]:
     """The episodes of a run that count: the first `EPISODES` of each task, without a shift if any.
 
@@ -174,8 +171,7 @@ def counting(run: Run) -> set[Key]:
     return {Key(task.id, name, index) for task in run.suite.tasks for index in indices}
 
 
-def make_entry(
->>>>>>> wt-verify
+def make_entry(  # noqa: PLR0913 - what is known of a bundle
     file: str,
     digest: str,
     run: Run,
@@ -200,15 +196,9 @@ def make_entry(
         if record.key in counts
     ]
     parts = group_by_condition(run, trusted)
-<<<<<<< HEAD
-    part = next((each for each in parts if each.condition.shift == NO_SHIFT), parts[0])
-    lacks = _deviations(run, records, SALTED if hosted else EVAL)
-    if unknown := sum(record.key.path not in noted for record in records):
-=======
     part = next((each for each in parts if each.records), parts[0])
-    lacks = _deviations(run, records)
+    lacks = _deviations(run, records, SALTED if hosted else EVAL)
     if unknown := sum(record.key.path not in noted for record in trusted):
->>>>>>> wt-verify
         lacks += (f"of {unknown:,} episodes no attempt is on record",)
     played = {task.id for task in run.suite.tasks}
     tasks = [task for task in find_tasks(()) if task.id in played]
