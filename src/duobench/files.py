@@ -167,6 +167,21 @@ def remove_temporary(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
+def remove_abandoned(folder: Path, suffix: str) -> None:
+    """Remove what killed processes left of files with an ending, in the folders of a folder.
+
+    Others may write into these at the same time, and all other files in them stay.
+    """
+    for path in folder.glob(f"*/.*{suffix}.*{TEMPORARY_SUFFIX}"):
+        # A process of somebody else lives; a file without a number of a process is not ours.
+        with suppress(PermissionError, OverflowError, ValueError):
+            try:
+                os.kill(int(path.suffixes[-2][1:]), 0)
+            except ProcessLookupError:
+                with writing(path):
+                    path.unlink(missing_ok=True)
+
+
 def checksum(document: Mapping[str, Any]) -> str:
     """SHA-256 of a JSON object but for its checksum; order of keys and spaces make no difference.
 

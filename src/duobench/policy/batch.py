@@ -233,7 +233,6 @@ class PolicyPool:
     def __init__(self, first: Policy, make: Callable[[], Policy], size: int = 1) -> None:
         self._make = make
         self.size = size
-        """Most episodes at a time, each of which has an object for itself."""
         self._all = [first]
         self._idle = [first]
         self.metadata = first.metadata

@@ -5,6 +5,7 @@ certificate without a signature protects from listeners; a browser still asks on
 trust it.
 """
 
+import hashlib
 import hmac
 import secrets
 import socket
@@ -34,6 +35,8 @@ class Certificate:
     """How connections are encrypted."""
     hosts: tuple[str, ...]
     """Names and addresses that it holds for; the first one goes into the address of the page."""
+    fingerprint: str
+    """SHA-256 of it, as browsers show it: 32 numbers in hexadecimal, such as `1F:0A:...`."""
 
 
 def own_hosts() -> tuple[str, ...]:
@@ -63,11 +66,15 @@ def make_certificate(hosts: Collection[str] = ()) -> Certificate:
     names = tuple(hosts) or own_hosts()
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
-        trustme.CA(organization_name="DuoBench").issue_cert(*names).configure_cert(context)
+        made = trustme.CA(organization_name="DuoBench").issue_cert(*names)
     except ValueError as error:
         raise ServingError(f"There is no certificate for {', '.join(names)}: {error}.") from error
+    made.configure_cert(context)
+    content = ssl.PEM_cert_to_DER_cert(made.cert_chain_pems[0].bytes().decode())
+    fingerprint = hashlib.sha256(content).digest().hex(":").upper()
     others = [name for name in names if not is_loopback(name)]
-    return Certificate(context=context, hosts=tuple(dict.fromkeys([*others, *names])))
+    hosts = tuple(dict.fromkeys([*others, *names]))
+    return Certificate(context=context, hosts=hosts, fingerprint=fingerprint)
 
 
 def check_address(host: str, certificate: Certificate | None) -> None:

@@ -297,6 +297,10 @@ class PageServer:
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer what asks for a file, and turn away who may not connect."""
+        if request.method != "GET":
+            answer = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "Use GET.\n")
+            answer.headers["Allow"] = "GET"
+            return answer
         url = urlsplit(request.path)
         if url.path in self._files and url.path != "/":  # code of ours, which is no secret
             return _found(*self._files[url.path], request)

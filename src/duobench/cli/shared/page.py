@@ -35,7 +35,10 @@ class PageOptions:
         from duobench.web.server import PageServer
 
         network = {"host": "0.0.0.0", "certificate": make_certificate()} if self.lan else {}
-        return PageServer(assets(page), port=self.port, **network)
+        server = PageServer(assets(page), port=self.port, **network)
+        if server.fingerprint:
+            say("SHA-256 of the certificate:", server.fingerprint, soft_wrap=True)
+        return server
 
 
 @contextmanager

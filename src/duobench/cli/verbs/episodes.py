@@ -20,7 +20,7 @@ from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import EpisodesKept, display
 from duobench.cli.verbs.data import opened
 from duobench.errors import DataError
-from duobench.files import replacing
+from duobench.files import remove_abandoned, replacing
 from duobench.results.folder import VIDEO_SUFFIX
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import find_tasks
@@ -184,6 +184,7 @@ def _by_states(
 
     if not cameras:
         raise DataError("A video shows at least one camera; --cameras names none.")
+    remove_abandoned(out, VIDEO_SUFFIX)
     for task in tasks or data.tasks:
         paths = data.episodes_of([catalog.get(task).id])
         with closing(ImageSource(task, cameras=cameras, size=size, look=look)) as source:

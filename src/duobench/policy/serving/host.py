@@ -41,8 +41,6 @@ _RESET_STATUS = "reset successful"
 """Answer to a reset, as other servers of the protocol give it."""
 _ENDPOINTS = ("infer", "reset")
 _MILLI = 1e3
-_LOOK_S = 0.1
-"""How often is looked for a free place, in seconds."""
 
 
 class PolicyHost:
@@ -119,10 +117,7 @@ class PolicyHost:
         return None
 
     def _dismiss_one(self, *, playing: bool = False) -> bool:
-        """Let the client go that has been silent longest; whether there was one that may go.
-
-        One that plays an episode may go after `SILENT_S`, or must be the one that goes.
-        """
+        """Let the client go that has been silent longest, one that plays for `SILENT_S`, if any."""
         now = time.monotonic()
         silent = [
             (session.is_playing, session.silent_since, connection)
@@ -139,23 +134,16 @@ class PolicyHost:
         closing.add_done_callback(self._closing.discard)
         return True
 
-    async def _find_place(self) -> None:
-        """Wait until one more episode can be played, for the end of a silent one if need be."""
+    async def _reply(self, session: ClientSession, frame: str | bytes) -> bytes:
+        """The answer of a session, which may have to wait for the place of a silent one first."""
         until = time.monotonic() + limits.SILENT_S
-        while sum(each.is_playing for each in self._clients.values()) >= self._places:
+        sessions = self._clients.values()
+        while not session.is_playing and sum(one.is_playing for one in sessions) >= self._places:
             if not self._dismiss_one(playing=True):
                 if time.monotonic() > until:
                     raise BusyError(f"All {self._places} places are taken; begin again later.")
-                await asyncio.sleep(_LOOK_S)
-
-    async def _reply(self, session: ClientSession, frame: str | bytes) -> bytes:
-        session.silent_since = math.inf
-        try:
-            if not session.is_playing:
-                await self._find_place()
-            return await session.reply(frame)
-        finally:
-            session.silent_since = time.monotonic()
+                await asyncio.sleep(limits.SILENT_S / 50)
+        return await session.reply(frame)
 
     async def _serve_client(self, connection: ServerConnection) -> None:
         """Answer one client until it leaves; its mistakes end its own connection only."""
@@ -168,7 +156,9 @@ class PolicyHost:
                     frame = await connection.recv()
                 if connection not in self._clients:
                     return  # it was dismissed meanwhile
+                session.silent_since = math.inf
                 reply = await _unless_gone(connection, self._reply(session, frame))
+                session.silent_since = time.monotonic()
                 if reply is None:
                     return
                 await _send(connection, reply)
@@ -317,11 +307,10 @@ async def _unless_gone(
 
 async def _close(connection: ServerConnection, code: int, reason: str) -> None:
     """Say goodbye; a client that reads nothing does not get it."""
-    try:
+    with suppress(TimeoutError):
         async with asyncio.timeout(limits.CLOSE_S):
             await connection.close(code, reason)
-    except TimeoutError:
-        connection.transport.abort()
+    connection.transport.abort()
 
 
 async def _send(connection: ServerConnection, message: str | bytes) -> None:

@@ -40,12 +40,10 @@ MAX_QUEUED_MESSAGES = 1
 HANDSHAKE_S = 10.0
 """Seconds for opening a connection."""
 IDLE_S = 600.0
-"""Seconds that a client may be silent between its requests, or may not read an answer, while
-nobody needs its place."""
+"""Seconds that a client may be silent between its requests while nobody needs its place."""
 SILENT_S = 5.0
-"""Seconds that a client may be silent while another one needs the place of its episode, and that
-this one waits for it. One that plays no episode has to leave at once. A simulator that takes longer
-between two requests is rare, and begins its episode again."""
+"""The same while another one needs the place, and waits as long for it: more than simulators take.
+A client that plays no episode has to leave at once."""
 SEND_S = 60.0
 """Seconds that a client may take to read an answer."""
 INFERENCE_S = 600.0
