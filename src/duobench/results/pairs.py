@@ -53,7 +53,7 @@ class Test:
     any_time_adjusted: float = 1.0
     """The same after Holm, over the rows of this kind."""
     any_time_episodes: int = 0
-    """Episodes that it counts: from the first on, without a gap."""
+    """Episodes that it counts, up to a gap."""
     progress: float
     """Difference of mean final progress."""
     progress_p: float
@@ -225,10 +225,7 @@ def _planned(a: Entrant, b: Entrant) -> list[TaskInfo]:
 
 
 def _adjusted(tests: Sequence[Test], planned: Sequence[TaskInfo]) -> tuple[Test, ...]:
-    """The tests with p-values after Holm, and with the number of episodes that would tell.
-
-    Of any-time p-values, the family is that of the finished runs at every look.
-    """
+    """The tests with p-values after Holm (any-time: planned tasks), and episodes that would tell."""
     several = [n for n in Counter(task.category for task in planned).values() if n > 1]
     sizes = {RowKind.TASK: len(planned), RowKind.CATEGORY: len(several), RowKind.OVERALL: 1}
     done: dict[TableRow, Test] = {}

@@ -31,9 +31,8 @@ RESAMPLES = 9_999
 PRIOR = 14.0, 6.0
 """Beta prior of the any-time test: the better policy's share of the episodes that only one solves.
 
-As if it had solved 14 of 20 of them. Tuned once, at 40 against 20 % of 100 independent episodes:
-it finds that difference in 67 %, no symmetric prior in more than 63 %; sharper ones are slow to
-believe in a policy that always wins (this one after 10 episodes, McNemar after 6).
+As if it had solved 14 of 20. Tuned once, at 40 against 20 % of 100 episodes: it finds that in 67 %, a
+symmetric prior in 63; a sharper one needs more than its 10 wins in a row (McNemar: 6).
 """
 
 
@@ -67,8 +66,7 @@ def any_time(wins: Iterable[tuple[int, int]]) -> float:
     collectif" (1939).
 
     Args:
-        wins: Episodes that only the first, and only the second policy solved, index by index; more
-            episodes are appended.
+        wins: Episodes that only the first, and only the second policy solved, index by index.
     """
     betaln = _scipy("special").betaln
     first, second = np.cumsum([(0, 0), *wins], axis=0).T
