@@ -225,7 +225,7 @@ def _planned(a: Entrant, b: Entrant) -> list[TaskInfo]:
 
 
 def _adjusted(tests: Sequence[Test], planned: Sequence[TaskInfo]) -> tuple[Test, ...]:
-    """The tests with p-values after Holm (any-time: planned tasks), and episodes that would tell."""
+    """The tests with p-values after Holm (any-time: planned tasks), and how many would tell."""
     several = [n for n in Counter(task.category for task in planned).values() if n > 1]
     sizes = {RowKind.TASK: len(planned), RowKind.CATEGORY: len(several), RowKind.OVERALL: 1}
     done: dict[TableRow, Test] = {}

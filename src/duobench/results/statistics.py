@@ -31,8 +31,8 @@ RESAMPLES = 9_999
 PRIOR = 14.0, 6.0
 """Beta prior of the any-time test: the better policy's share of the episodes that only one solves.
 
-As if it had solved 14 of 20. Tuned once, at 40 against 20 % of 100 episodes: it finds that in 67 %, a
-symmetric prior in 63; a sharper one needs more than its 10 wins in a row (McNemar: 6).
+As if it had solved 14 of 20. Tuned once, at 40 against 20 % of 100 episodes: it finds that in
+67 %, a symmetric prior in 63; a sharper one needs more than its 10 wins in a row (McNemar: 6).
 """
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urlsplit
+from urllib.parse import SplitResult, unquote, urlsplit
 
 import websockets
 from websockets.asyncio.server import ServerConnection
@@ -306,6 +306,12 @@ class PageServer:
             return _found(*self._files[url.path], request)
         if url.path == "/favicon.ico":  # browsers ask for one, unless a page says that it has none
             return connection.respond(http.HTTPStatus.NO_CONTENT, "")
+        return self._answer_owner(connection, request, url)
+
+    def _answer_owner(
+        self, connection: ServerConnection, request: Request, url: SplitResult
+    ) -> Response | None:
+        """Answer who has the token of this run's pages."""
         in_folder = re.match(r"/folder/([^/]+)/", url.path)  # where links are relative
         if not self._admission.has_token(f"token={in_folder[1]}" if in_folder else url.query):
             return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
