@@ -39,6 +39,9 @@ class EnvConfig:
     """Height and width of their images in pixels; at most 720 x 1280."""
     object_state: bool = False
     """Whether the observation holds `environment_state`, the privileged numbers of the objects."""
+    flat_obs: bool = False
+    """Whether the observation is a `Dict` of one level, with `head_image` instead of `pixels`, as
+    libraries of reinforcement learning take it; policies of the benchmark take the nested one."""
     action_mode: str = action_modes.JOINT.name
     """One of `ACTION_MODES`."""
     binary_gripper: bool = False
@@ -152,7 +155,7 @@ def _shift(value: Any) -> Any:
     return Shift.parse(value) if isinstance(value, str) else value
 
 
-_FLAGS = ("object_state", "binary_gripper")
+_FLAGS = ("object_state", "flat_obs", "binary_gripper")
 _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "cameras": _cameras,
     "image_size": _size,
