@@ -89,8 +89,8 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"camera": "head"}, UnknownNameError, "option 'camera'.*Did you mean 'cameras'"),
-        ({"seed": 3}, UnknownNameError, "option 'seed'.*Known: action_mode, binary_gripper,"),
+        ({"camera": "head"}, UnknownNameError, "argument 'camera'.*Did you mean 'cameras'"),
+        ({"seed": 3}, TypeError, "unexpected keyword argument 'seed'.*Known: action_mode,"),
         ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),
         ({"cameras": 3}, OptionError, "cameras is True, False.*3"),

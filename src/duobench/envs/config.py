@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from duobench.envs import action_modes
-from duobench.errors import OptionError, check_known, escaped
+from duobench.errors import OptionError, UnknownOptionError, check_known, escaped
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
@@ -111,12 +111,14 @@ class EnvConfig:
                 NumPy's, and a size a list.
 
         Raises:
-            UnknownNameError: There is no such option, camera, mode, split or look.
+            UnknownOptionError: There is no such option.
+            UnknownNameError: There is no such camera, mode, split or look.
             OptionError: A value is invalid.
         """
         known = [field.name for field in fields(EnvConfig)]
         for name in options:
-            check_known("option", name, known)
+            if name not in known:
+                raise UnknownOptionError("option: unexpected keyword argument", name, known)
         values = dict(options)
         for name in _FORMS.keys() & values.keys():
             values[name] = _FORMS[name](values[name])
