@@ -115,7 +115,9 @@ def verified_table(parts: Sequence[RunPart]) -> Table:
     rows = rows if len(parts) > 1 else results_table(parts[0])
     said = "Without what is contradicted; what is not verifiable reaches no stage."
     notes = [f"{part.condition.shift}: {part.repeats}" for part in parts if part.repeats]
-    rows.caption = "\n".join([said, *(notes if len(parts) > 1 else [str(rows.caption or "")])]).rstrip()
+    rows.caption = "\n".join(
+        [said, *(notes if len(parts) > 1 else [str(rows.caption or "")])]
+    ).rstrip()
     return rows
 
 
