@@ -157,6 +157,9 @@ def test_keys_filter_episodes_by_task_stage_and_constraint(window: Browser, repo
         assert len(titles) > 1
         page.get_by_role("combobox", name="Task").press("ArrowDown")
         assert set(column(page, "details.episodes", 0)) < titles
+        page.evaluate("location.hash = 'bin_sort-3'")
+        page.wait_for_function("document.querySelector('output').value == '44 of 44 episodes'")
+        page.get_by_role("combobox", name="Last stage").select_option("1")
         page.get_by_role("button", name="show all").press("Enter")
         page.wait_for_function("document.querySelector('output').value == '44 of 44 episodes'")
         page.get_by_role("combobox", name="Did not hold").select_option("failed with an error")
@@ -186,3 +189,7 @@ def test_without_scripts_everything_is_there(window: Browser, report: str, compa
         cells.nth(4).locator("summary").press("Enter")
         assert words.is_visible()
         assert "Policy5" in words.inner_text()
+        tests = page.locator("#tests-A-F")
+        assert not tests.is_visible()
+        cells.nth(4).get_by_text("Tests, task by task").press("Enter")
+        assert tests.is_visible()
