@@ -83,7 +83,8 @@ function makeFilter(form) {
     const found = new Map();
     for (const each of rows.filter((one) => isShown(one, select))) {
       for (const value of new Set(each[select.name])) {
-        found.set(value, [...(found.get(value) ?? []), each]);
+        if (!found.has(value)) found.set(value, []);
+        found.get(value).push(each);
       }
     }
     const names = [...found.keys()];
