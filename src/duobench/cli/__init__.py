@@ -8,6 +8,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
+from duobench.cli.shared.names import check_names
 from duobench.cli.shared.process import leave, leaving_at_once
 from duobench.errors import DuoBenchError, escaped
 
@@ -22,7 +23,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _print_anything()
     with leaving_at_once():
         try:
-            import_module("duobench.cli.program").run(arguments)
+            words = sys.argv[1:] if arguments is None else list(arguments)
+            check_names(words)
+            import_module("duobench.cli.program").run(words)
             sys.stdout.flush()
         except DuoBenchError as error:
             sys.exit(f"error: {escaped(str(error))}")

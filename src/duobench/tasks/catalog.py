@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from duobench.errors import check_known
+from duobench.errors import UnknownNameError, check_known
 from duobench.references import load
 
 if TYPE_CHECKING:
@@ -47,6 +47,22 @@ def plain(name: str) -> str:
     return found[1] if found else name
 
 
+def check(name: str) -> None:
+    """Reject a name that is no task's id, without loading a task; import paths are not checked.
+
+    Raises:
+        UnknownNameError: There is no such task.
+    """
+    name = plain(name)
+    if "," in name:
+        raise UnknownNameError(
+            f"{name!r} names several tasks in one word; separate them by spaces: "
+            f"{' '.join(filter(None, re.split('[, ]+', name)))}."
+        )
+    if ":" not in name:
+        check_known("task", name, HORIZONS)
+
+
 def get(task: Task | str) -> Task:
     """A task.
 
@@ -61,8 +77,7 @@ def get(task: Task | str) -> Task:
     if not isinstance(task, str):
         return task
     task = plain(task)
-    if ":" not in task:
-        check_known("task", task, HORIZONS)
+    check(task)
 
     from duobench.tasks.task import Task
 
