@@ -54,11 +54,13 @@ def check(name: str) -> None:
         UnknownNameError: There is no such task.
     """
     name = plain(name)
-    if "," in name:
+    if name == "all":
         raise UnknownNameError(
-            f"{name!r} names several tasks in one word; separate them by spaces: "
-            f"{' '.join(filter(None, re.split('[, ]+', name)))}."
+            "No task is named 'all'. Where several can be given, none means all."
         )
+    if "," in name:
+        separate = " ".join(re.split(r"[,\s]+", name))
+        raise UnknownNameError(f"{name!r} is one word; separate names by spaces: {separate}.")
     if ":" not in name:
         check_known("task", name, HORIZONS)
 

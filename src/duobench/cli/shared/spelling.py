@@ -16,61 +16,38 @@ REST = "--"
 SYNONYMS = {"evaluate": "eval", "test": "eval", "teleoperate": "record", "visualize": "replay"}
 """What people type who know other programs."""
 INSTEAD = {
-    "camera": "A policy names its cameras in its metadata: PolicyMetadata(cameras=(...)).",
-    "device": "A policy chooses its device itself; with --executor ray, --policy-gpus reserves.",
-    "headless": "Nothing opens a window: images are rendered offscreen; duobench view shows tasks.",
-    "seed": "Seeds follow from task and episode; duobench eval has --first-episode.",
-    "checkpoint": "A checkpoint of LeRobot is a policy: --policy lerobot:PATH.",
-    "env": "What is played is a task: --tasks bin_sort.",
-    "resume": "The same command in the same folder goes on where it was stopped.",
-    "horizon": "The task fixes its horizon; --overtime 1.5 plays on after it.",
+    "camera cameras image-size obs obs-mode": "A policy names its cameras: its metadata is "
+    "PolicyMetadata(cameras=(...)).",
+    "gpu gpus device cuda": "A policy chooses its device itself; with --executor ray there is "
+    "--policy-gpus.",
+    "headless render render-mode gui viewer": "No window is opened; duobench view shows tasks and "
+    "runs.",
+    "seed seeds": "Seeds follow from task and episode; duobench eval has --first-episode.",
+    "model checkpoint ckpt weights pretrained": "A checkpoint of LeRobot is a policy: --policy "
+    "lerobot:PATH.",
+    "env environment env-id": "What is played is a task: --tasks bin_sort.",
+    "resume continue": "The same command in the same folder goes on where it was stopped.",
+    "horizon max-steps max-episode-steps": "The task fixes its horizon; --overtime 1.5 plays on.",
 }
-"""What to do in place of an option that people know from other programs."""
-ALIKE = {
-    **dict.fromkeys(("cameras", "image-size", "obs", "obs-mode"), "camera"),
-    **dict.fromkeys(("gpu", "gpus", "cuda", "gpu-id"), "device"),
-    **dict.fromkeys(("render", "render-mode", "gui", "viewer", "render-backend"), "headless"),
-    **dict.fromkeys(("seeds", "random-seed", "start-seed"), "seed"),
-    **dict.fromkeys(("model", "ckpt", "policy-path", "pretrained", "weights"), "checkpoint"),
-    **dict.fromkeys(("environment", "env-id", "task-name"), "env"),
-    **dict.fromkeys(("continue", "restart"), "resume"),
-    **dict.fromkeys(("max-steps", "max-episode-steps", "steps"), "horizon"),
-}
-"""Other names of the same."""
+"""What to do in place of options that people know from other programs."""
+_DEMOS, _RUN = "demos", "runs/expert"
 EXAMPLES = {
-    "duobench eval": "--policy expert --out runs/expert",
-    "duobench report": "runs/expert",
-    "duobench compare": "runs/act runs/diffusion --out compared",
-    "duobench verify": "runs/expert",
-    "duobench bundle": "runs/expert",
-    "duobench leaderboard": "bundles --out leaderboard",
-    "duobench salt": "salt.txt",
-    "duobench record": "--tasks bin_sort --out demos",
-    "duobench replay": "demos",
-    "duobench view": "bin_sort",
-    "duobench teleop": "carry_pot --out demos",
-    "duobench render": "bin_sort",
-    "duobench serve": "--policy my_policy:MyPolicy",
-    "duobench train": "act --data demos-lerobot --tasks bin_sort --out trained",
-    "duobench print": "bin_sort",
-    "duobench data info": "demos",
-    "duobench data check": "demos",
-    "duobench data recover": "demos",
-    "duobench data merge": "demos more --out merged",
-    "duobench data split": "demos --fraction 0.8 --out train test",
-    "duobench export lerobot": "demos --out demos-lerobot",
-    "duobench real doctor": "--rig rig.json --out runs/doctor",
-    "duobench real home": "--rig rig.json",
-    "duobench real record": "--policy mine:Mine --rig rig.json --task bin_sort --out real",
-    "duobench real eval": "--rig rig.json --task bin_sort --policy mine:Mine --out trials",
-    "duobench real teleop": "bin_sort --rig rig.json --out real",
-    "duobench real calibrate board": "--out board.pdf",
-    "duobench real calibrate lens": "head --rig rig.json --views views",
-    "duobench real calibrate head": "--rig rig.json --views views --ruler 200",
-    "duobench real calibrate wrist": "left --rig rig.json --views views --ruler 200",
-    "duobench real calibrate gripper": "left --rig rig.json",
+    **dict.fromkeys(("view", "render", "print"), "bin_sort"),
+    **dict.fromkeys(("report", "verify", "bundle"), _RUN),
+    **dict.fromkeys(("replay", "data info", "data check", "data recover"), _DEMOS),
+    "eval": f"--policy expert --out {_RUN}",
+    "compare": f"{_RUN} runs/mine --out compared",
+    "leaderboard": "bundles --out leaderboard",
+    "salt": "salt.txt",
+    "record": f"--tasks bin_sort --out {_DEMOS}",
+    "teleop": f"carry_pot --out {_DEMOS}",
+    "serve": "--policy my_policy:MyPolicy",
+    "train": f"act --data {_DEMOS}-lerobot --out trained",
+    "data merge": f"{_DEMOS} more --out merged",
+    "data split": f"{_DEMOS} --fraction 0.8 --out train test",
+    "export lerobot": f"{_DEMOS} --out {_DEMOS}-lerobot",
 }
-"""Arguments with which each verb works that needs some."""
+"""Arguments with which verbs work that need some; those of real arms have pages of their own."""
 MANY = 12
 """Options of which not all are named in a message."""
 NUMBERS = {int: "a whole number", float: "a number"}
@@ -117,9 +94,9 @@ def _check_needed(words: Sequence[str], verb: Callable[..., None], program: str)
         and not (has_first if option.is_first else option.flag in flags)
     ]
     if missing:
-        raise SpellingError(
-            f"{program} needs {' and '.join(missing)}, such as: {program} {EXAMPLES[program]}"
-        )
+        example = EXAMPLES.get(program.removeprefix("duobench "))
+        shown = f"{program} {example}" if example else f"{program} --help"
+        raise SpellingError(f"{program} needs {' and '.join(missing)}; see: {shown}")
 
 
 def _check_options(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
@@ -141,11 +118,10 @@ def _check_options(words: Sequence[str], verb: Callable[..., None], program: str
 
 def _instead(name: str, flags: Collection[str], help_of: str) -> str:
     """What to do in place of an option that there is not."""
-    if longer := [flag for flag in flags if flag.startswith(name)]:
-        return f"Did you mean {longer[0]}?"
     plain = name.removeprefix("--").replace("_", "-")
-    if known := INSTEAD.get(ALIKE.get(plain, plain)):
-        return known
+    known = [text for others, text in INSTEAD.items() if plain in others.split()]
+    if known and not any(flag.startswith(name) for flag in flags):
+        return known[0]
     if near := _near(name, flags):
         return f"Did you mean {near}?"
     return f"There are: {', '.join(flags)}." if len(flags) < MANY else f"{help_of} lists them."
