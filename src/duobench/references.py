@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 from duobench.errors import ImportPathError, UnknownNameError, traceback_text
 
@@ -64,6 +64,10 @@ class _LazyPackage(ModuleType):
         value = getattr(import_module(self.origins[name]), name)
         setattr(self, name, value)
         return value
+
+    def __call__(self, *_: Any, **__: Any) -> NoReturn:
+        hint = f"; {self.__name__}.names() lists them" if "names" in self.origins else ""
+        raise TypeError(f"{self.__name__} is a package{hint}.")
 
     def __setattr__(self, name: str, value: Any) -> None:
         if not (isinstance(value, ModuleType) and name in self.origins):

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from duobench.envs import action_modes
-from duobench.errors import OptionError, check_known, escaped
+from duobench.errors import OptionError, UnknownNameError, check_known, escaped
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
@@ -24,6 +24,17 @@ IMAGE_SIZE = (224, 224)
 """Default height and width of an image in an observation, in pixels."""
 RENDER_SIZE = (480, 640)
 """Default height and width of the image that `render` gives, in pixels."""
+
+
+ELSEWHERE = {
+    "num_envs": 'duobench.make_vec("bin_sort", num_envs=4) makes several environments.',
+    "seed": "A seed is given to reset: env.reset(seed=0).",
+    "layout": 'A layout is given to reset: env.reset(options={"layout": ...}).',
+    "headless": "No window is opened; images are rendered offscreen.",
+    "device": "The simulation runs on the processor, and images are rendered where OpenGL is.",
+    "max_steps": "The number of steps is horizon, such as horizon=300.",
+}
+"""What options of other environments are here."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,8 +82,11 @@ class EnvConfig:
         action_modes.get(self.action_mode)
         check_known("split", self.split, SPLITS)
         check_known("kind of instructions", self.instructions, INSTRUCTIONS)
-        if self.render_mode is not None:
-            check_known("render mode", self.render_mode, RENDER_MODES)
+        if self.render_mode is not None and self.render_mode not in RENDER_MODES:
+            raise UnknownNameError(
+                f"Unknown render mode {self.render_mode!r}. With 'rgb_array' env.render() gives "
+                "images; duobench view TASK shows a task in the browser."
+            )
         for name in _FLAGS:
             if not isinstance(value := getattr(self, name), bool):
                 raise OptionError(f"{name} is True or False, got {value!r}.")
@@ -113,6 +127,8 @@ class EnvConfig:
         """
         known = [field.name for field in fields(EnvConfig)]
         for name in options:
+            if name in ELSEWHERE:
+                raise UnknownNameError(f"Unknown option {name!r}. {ELSEWHERE[name]}")
             check_known("option", name, known)
         values = dict(options)
         for name in _FORMS.keys() & values.keys():
