@@ -1,6 +1,7 @@
 """The command line, `duobench <verb>`: thin, one file a verb, loaded when it is needed."""
 
 import io
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -11,6 +12,8 @@ from pathlib import Path
 from duobench.cli.shared.names import check_names
 from duobench.cli.shared.process import leave, leaving_at_once
 from duobench.errors import DuoBenchError, escaped
+
+VERBOSE = "--verbose"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -24,6 +27,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with leaving_at_once():
         try:
             words = sys.argv[1:] if arguments is None else list(arguments)
+            if VERBOSE in words:
+                words.remove(VERBOSE)
+                logging.basicConfig(format="%(message)s")
+                logging.getLogger("duobench").setLevel(logging.INFO)
             check_names(words)
             import_module("duobench.cli.program").run(words)
             sys.stdout.flush()

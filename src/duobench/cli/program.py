@@ -12,7 +12,8 @@ from duobench.versions import __version__
 
 DESCRIPTION = (
     "A benchmark for two-armed manipulation on the Franka FR3 Duo. "
-    "duobench --version shows the version."
+    "duobench --version shows the version; with --verbose a verb also says what it finds, such as "
+    "what renders."
 )
 
 VERBS: Mapping[str, Callable[..., None]] = {

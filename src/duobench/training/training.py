@@ -37,6 +37,8 @@ from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 PROGRAM = "lerobot-train"
 FORMAT = "v3.0"
+EXPORT_OBJECTS = "--per-task --cameras none --object-state"
+"""Options of an export from which the recipes for object states learn."""
 ALL = "all"
 """Stands for every task of a data set."""
 PLUGIN = "lerobot_env_duobench"
@@ -195,6 +197,11 @@ def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
         check_known("recipe for object states", kind, OBJECT_STATES)
         return OBJECT_STATES[kind]
     recipes = SMALL if small else RECIPES
+    if kind in OBJECT_STATES and kind not in RECIPES:
+        raise DataError(
+            f"{kind} learns from object states without images, which {source.path} has not: "
+            f"duobench export lerobot DATA --out OUT {EXPORT_OBJECTS} writes them."
+        )
     check_known("small recipe" if small else "recipe", kind, recipes)
     return recipes[kind]
 

@@ -72,10 +72,11 @@ def results_table(part: RunPart) -> Table:
         title_justify="left",
         caption_justify="left",
     )
-    notes = [part.repeats] if part.repeats else []
+    notes = ["Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."]
+    notes += [part.repeats] if part.repeats else []
     if late:
         notes.append(f"Within {overtime:g} horizons is no score: scores end at the horizon.")
-    rows.caption = "\n".join(notes) or None
+    rows.caption = "\n".join(notes)
 
     def cells(name: str, score: Score, wanted: int) -> list[str]:
         """What every row has; a run that is not finished says how far it is."""

@@ -67,6 +67,8 @@ def train(  # noqa: PLR0913 - each is an argument of the command line
         if not (data / DESCRIPTION).exists():
             raise
         export = f"duobench export lerobot {data} --out {data}-lerobot"
+        if policy not in training.RECIPES:
+            export += f" {training.EXPORT_OBJECTS}"
         raise AdvisedError(f"{error} The command: {export}") from error
     missing = [each for each in trainings if not each.is_finished(more)]
     _show_commands(trainings, missing, more)

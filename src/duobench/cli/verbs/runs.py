@@ -109,6 +109,9 @@ def _make_chosen(
     ):
         if words:
             chosen = pick(run, records, words)
+            if not chosen:
+                say(f"No {what} is made: of {counted(len(records), 'episode')} none is such.")
+                continue
             todo = partial(make, folder, run, chosen, import_tasks=import_tasks)
             impossible += _make(what, todo, import_tasks)
     return impossible
