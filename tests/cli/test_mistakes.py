@@ -95,7 +95,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("view file.zip", "file.zip"),
         ("view carry_pot --look drak", "Did you mean 'dark'"),
         ("view carry_pot --port 70000", "Cannot listen at 127.0.0.1:70000"),
-        ("view carry_pot --lan", "pip install 'duobench-fr3[teleop]'"),
+        ("view carry_pot --lan", "pip install '.[teleop]'"),
         ("view --prot 3", "Did you mean --port"),
         ("verify nowhere", "There is no folder"),
         ("bundle nowhere", "There is no folder"),

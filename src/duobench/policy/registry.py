@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -22,6 +23,13 @@ BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
     {"hold": HoldPolicy, "random": RandomPolicy, "zero": ZeroPolicy}
 )
 """Factories of the policies that come with the package."""
+
+
+A_POLICY = (
+    "A policy is made without arguments, and has `metadata` (a duobench.policy.PolicyMetadata), "
+    "`reset(instruction, seed)` and `act(observation)`, or `begin(instruction, seed)` and "
+    "`act_batch(sessions, observations)` for many episodes at a time."
+)
 
 
 class PolicyKind(StrEnum):
@@ -45,6 +53,8 @@ SCRIPTED: Mapping[str, PolicyKind] = MappingProxyType(
     {kind.value: kind for kind in (PolicyKind.EXPERT, PolicyKind.BLIND)}
 )
 """Words that name a policy which reads the simulation."""
+TRAINED = ("act", "diffusion", "pi0", "pi05", "smolvla", "xvla")
+"""Kinds of policies that people take for names of one."""
 _FORMS = ("lerobot:PATH_OR_ID", "module:attribute")
 
 
@@ -78,6 +88,13 @@ class PolicyName:
             kind, reference = PolicyKind.LEROBOT, rest
         elif is_divided:
             kind = PolicyKind.MODULE
+        if kind is None and text in TRAINED:
+            raise PolicyError(
+                f"{text!r} is a kind of policy, which duobench train trains; a trained one is "
+                "lerobot:PATH."
+            )
+        if kind is None and "/" in text and not text.endswith(".py"):
+            raise PolicyError(f"A checkpoint of LeRobot is lerobot:{text}, not {text!r}.")
         if kind is None and "." in text:
             path = Path(text)
             module, attribute = path.stem, path.suffix.removeprefix(".")
@@ -119,6 +136,12 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
     """Make a policy of either kind that is not scripted; errors are those of `make`."""
     factory = _factory(name)
     try:
+        inspect.signature(factory).bind()
+    except ValueError:
+        pass  # nobody knows what it takes
+    except TypeError as error:
+        raise PolicyError(f"{name.text} has {error}. {A_POLICY}") from None
+    try:
         policy = factory()
     except KeyboardInterrupt:
         raise
@@ -131,10 +154,7 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
     is_policy = isinstance(policy, Policy | BatchPolicy)
     if not (is_policy and isinstance(policy.metadata, PolicyMetadata)):
         raise PolicyError(
-            f"{name.text} gave a {type(policy).__name__}, which is no policy. A policy has "
-            "`metadata` (a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
-            "`act(observation)`, or `begin(instruction, seed)` and "
-            "`act_batch(sessions, observations)` for many episodes at a time."
+            f"{name.text} gave a {type(policy).__name__}, which is no policy. {A_POLICY}"
         )
     return policy
 

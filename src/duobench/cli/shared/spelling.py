@@ -16,7 +16,7 @@ REST = "--"
 SYNONYMS = {"evaluate": "eval", "test": "eval", "teleoperate": "record", "visualize": "replay"}
 """What people type who know other programs."""
 INSTEAD = {
-    "camera cameras image-size obs obs-mode": "A policy names its cameras: its metadata is "
+    "camera cameras obs obs-mode": "A policy names its cameras: its metadata is "
     "PolicyMetadata(cameras=(...)).",
     "gpu gpus device cuda": "A policy chooses its device itself; with --executor ray there is "
     "--policy-gpus.",

@@ -155,7 +155,7 @@ def merge(data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool 
     with advising({NamesTakenError: "With --rename they get the next free numbers."}):
         count = merge_into(sources, out, rename=rename)
     again = sum(len(source.episodes()) for source in sources) - count
-    same = f"; {again} more are the same as one of these, and left out" if again else ""
+    same = f"; left out, as equal to one of these: {again}" if again else ""
     say(f"{counted(count, 'episode')} in {out}{same}")
 
 

@@ -78,9 +78,7 @@ def _graphics() -> dict[str, str]:
         "renderer": info.renderer,
         "vendor": info.vendor,
         "OpenGL": info.version,
-        "rendered by": "the processor, for want of a graphics card"
-        if info.software
-        else "a graphics card",
+        "rendered by": "the processor, as no card does" if info.software else "a graphics card",
         "one image": f"{one:.1f} ms at {width}x{height}, shadows included",
         "three cameras": f"{three:.1f} ms",
     }

@@ -98,8 +98,8 @@ def _kept_and_failed(attempts: Sequence[Attempt]) -> str:
     steps = sum(attempt.steps for attempt in attempts if attempt.kept)
     failed = [attempt for attempt in attempts if not attempt.success]
     lines = [
-        f"{counted(kept, 'episode')}, {steps} steps until success, without the frames that are "
-        f"recorded after it; {len(failed)} more did not succeed."
+        f"{counted(kept, 'episode')}, {steps} steps until success, after which frames are still "
+        f"recorded (--after-success); {len(failed)} more did not succeed."
     ]
     lines += [
         f"{attempt.task}, episode {attempt.episode} ended at stage {attempt.stage}"
