@@ -46,7 +46,7 @@ def test_what_a_path_names_is_imported() -> None:
             is_text,
             r"loaded has no colour 'RDE'. Did you mean 'RED'\?.*BLUE, RED",
         ),
-        ("loaded:SIZE", "colour", is_text, "whose SIZE is a int, has no colour.*: BLUE, RED"),
+        ("loaded:SIZE", "colour", is_text, "whose SIZE is of type int, has no colour.*: BLUE, RED"),
         ("loaded:Yours", "class", callable, r"Known: Mine\.$"),  # the others are only imported
     ],
 )

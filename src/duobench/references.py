@@ -34,7 +34,7 @@ def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
             for name, value in vars(module).items()
             if fits(value) and not name.startswith("_") and not _is_foreign(value, module_name)
         ]
-        but = "" if value is None else f", whose {attribute} is a {type(value).__name__},"
+        but = "" if value is None else f", whose {attribute} is of type {type(value).__name__},"
         raise UnknownNameError(kind, attribute, known, f"Module {module_name}{but}")
     return value
 

@@ -1,5 +1,7 @@
 """What the verbs print."""
 
+import os
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,6 +20,8 @@ from duobench.results.scores import (
     rate_text,
 )
 
+NOTEBOOK = {"JPY_PARENT_PID", "JPY_SESSION_NAME", "COLAB_RELEASE_TAG"}
+"""Environment variables that Jupyter sets for what runs in its notebooks, one or the other."""
 PLAIN_WIDTH = 130
 """Columns when the output goes to a file or another program, which never wraps."""
 
@@ -26,9 +30,17 @@ def console() -> Console:
     """Standard output: coloured and as wide as the terminal, or plain and of one width.
 
     Text is printed as it is: `[name]` and `:name:` come from people, not from us, and only a
-    terminal breaks its lines.
+    terminal breaks its lines. Notebooks run programs in what passes for a terminal, ask all of them
+    for colours, and show what moves a cursor as signs: there, output is plain.
     """
-    out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+    plain = NOTEBOOK & os.environ.keys() or not sys.stdout.isatty()
+    out = Console(
+        highlight=False,
+        markup=False,
+        emoji=False,
+        soft_wrap=True,
+        force_terminal=False if plain else None,
+    )
     if not out.is_terminal:
         out.width = PLAIN_WIDTH
     return out
