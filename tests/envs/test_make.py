@@ -28,8 +28,8 @@ from duobench.envs import (
     TimeLimit,
 )
 from duobench.envs.config import EnvConfig
-from duobench.envs.options import EnvOptions
 from duobench.envs.protocol import make_env
+from duobench.envs.registration import EnvOptions
 from duobench.errors import (
     DuoBenchError,
     LayoutError,
@@ -99,9 +99,7 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
         ({"sead": 3}, UnknownNameError, "option 'sead'.*Known: action_mode, binary_gripper,"),
         ({"seed": 3}, UnknownNameError, r"option 'seed'.*env\.reset\(seed=0\)"),
         ({"num_envs": 4}, UnknownNameError, r'duobench\.make_vec\("bin_sort", num_envs=4\)'),
-        ({"layout": {}}, UnknownNameError, "given to reset.*options="),
         ({"headless": True}, UnknownNameError, "rendered offscreen"),
-        ({"device": "cuda"}, UnknownNameError, "runs on the processor"),
         ({"max_steps": 9}, UnknownNameError, "horizon=300"),
         ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),

@@ -29,12 +29,10 @@ RENDER_SIZE = (480, 640)
 ELSEWHERE = {
     "num_envs": 'duobench.make_vec("bin_sort", num_envs=4) makes several environments.',
     "seed": "A seed is given to reset: env.reset(seed=0).",
-    "layout": 'A layout is given to reset: env.reset(options={"layout": ...}).',
     "headless": "No window is opened; images are rendered offscreen.",
-    "device": "The simulation runs on the processor, and images are rendered where OpenGL is.",
     "max_steps": "The number of steps is horizon, such as horizon=300.",
 }
-"""What options of other environments are here."""
+"""What is here in place of options of other environments."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec, WrapperSpec
 
-from duobench.envs.options import EnvOptions
 from duobench.errors import DuoBenchError, OptionError
 from duobench.tasks import catalog
 
 if TYPE_CHECKING:
+    from duobench.looks.look import Look
+    from duobench.shifts.shift import Shift
     from duobench.tasks.task import Task
 
 NAMESPACE = "duobench"
@@ -20,6 +21,27 @@ VERSION = 1
 """Version of the environments' interface; that of the episodes is `randomness.SUITE_VERSION`."""
 ENTRY_POINT = "duobench.envs.protocol:make_base"
 WRAPPERS = WrapperSpec("protocol", "duobench.envs.protocol:with_wrappers", {})
+
+
+class EnvOptions(TypedDict, total=False):
+    """What `EnvConfig.from_options` takes, which says more of each, and Gymnasium's time limit."""
+
+    cameras: bool | str | Iterable[str]
+    image_size: int | Sequence[int]
+    object_state: bool
+    action_mode: str
+    binary_gripper: bool
+    chunk: int | None
+    horizon: int | None
+    instructions: str
+    split: str
+    speed_fraction: float
+    control_rate_hz: float
+    render_mode: str | None
+    render_size: int | Sequence[int]
+    look: str | Look | Mapping[str, Any]
+    shift: str | Shift | Mapping[str, Any]
+    max_episode_steps: int
 
 
 def env_id(task_id: str) -> str:

@@ -93,6 +93,8 @@ class PolicyName:
                 f"{text!r} is a kind of policy, which duobench train trains; a trained one is "
                 "lerobot:PATH."
             )
+        if kind is None and Path(f"{text}.py").exists():
+            raise PolicyError(f"{text!r} is a module; name a class in it, such as {text}:MyPolicy.")
         if kind is None and "/" in text and not text.endswith(".py"):
             raise PolicyError(f"A checkpoint of LeRobot is lerobot:{text}, not {text!r}.")
         if kind is None and "." in text:

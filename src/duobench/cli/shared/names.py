@@ -1,6 +1,6 @@
 """Names of tasks, policies, suites and looks, checked before anything large is loaded."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from duobench.errors import check_known
@@ -27,24 +27,17 @@ def check_names(words: Sequence[str]) -> None:
     Raises:
         DuoBenchError: There is no task, policy, suite or look of a name.
     """
-    verb, *rest = [*words, ""]
-    kinds = NAMED.get(verb, {})
+    verb, *rest = words or [""]
+    kinds, option = NAMED.get(verb, {}), FIRST
     if "--follow" in rest:  # a run that may not be there yet
         return
-    for option, word in _pairs(rest):
-        if word and option in kinds:
-            _check(kinds[option], word)
-
-
-def _pairs(words: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Every word with the option that it follows; an option takes one or several."""
-    option = FIRST
-    for word in words:
+    for word in rest:
         if word.startswith("--"):
-            option, _, value = word.partition("=")
-            yield option.replace("_", "-"), value
-        else:
-            yield option, word
+            option, _, word = word.replace("_", "-").partition("=")
+        kind = kinds.get(option, "")
+        if word:
+            _check(kind, word)
+            option = option if kind == "task" else None  # of tasks there may be several
 
 
 def _check(kind: str, word: str) -> None:

@@ -13,41 +13,38 @@ Verbs = Mapping[str, Callable[..., None]]
 HELP = ("--help", "-h", "--version")
 REST = "--"
 """What follows it is another program's."""
-SYNONYMS = {"evaluate": "eval", "test": "eval", "teleoperate": "record", "visualize": "replay"}
+SYNONYMS = {
+    **dict.fromkeys(("evaluate", "test", "run", "rollout", "benchmark"), "eval"),
+    **dict.fromkeys(("teleoperate", "collect", "generate"), "record"),
+    **{"visualize": "replay", "help": "--help", "version": "--version", "-v": "--version"},
+}
 """What people type who know other programs."""
 INSTEAD = {
-    "camera cameras obs obs-mode": "A policy names its cameras: its metadata is "
-    "PolicyMetadata(cameras=(...)).",
-    "gpu gpus device cuda": "A policy chooses its device itself; with --executor ray there is "
-    "--policy-gpus.",
-    "headless render render-mode gui viewer": "No window is opened; duobench view shows tasks and "
-    "runs.",
+    "camera cameras obs": "Cameras are named by a policy's metadata, PolicyMetadata(cameras=(...)).",
+    "gpu gpus device cuda": "A policy chooses its device itself; on Ray, --policy-gpus reserves it.",
+    "headless render gui viewer": "No window is opened; duobench view shows tasks and runs.",
     "seed seeds": "Seeds follow from task and episode; duobench eval has --first-episode.",
-    "model checkpoint ckpt weights pretrained": "A checkpoint of LeRobot is a policy: --policy "
-    "lerobot:PATH.",
-    "env environment env-id": "What is played is a task: --tasks bin_sort.",
+    "model checkpoint ckpt": "A checkpoint of LeRobot is a policy: --policy lerobot:PATH.",
+    "env environment": "What is played is a task: --tasks bin_sort.",
     "resume continue": "The same command in the same folder goes on where it was stopped.",
-    "horizon max-steps max-episode-steps": "The task fixes its horizon; --overtime 1.5 plays on.",
+    "horizon max-steps": "The task fixes its horizon; duobench eval --overtime 1.5 plays on.",
+    "batch-size lr": "Options of lerobot-train come last, after --: -- --batch_size=8.",
+    "format": "duobench export lerobot writes LeRobot's format.",
 }
 """What to do in place of options that people know from other programs."""
-_DEMOS, _RUN = "demos", "runs/expert"
 EXAMPLES = {
     **dict.fromkeys(("view", "render", "print"), "bin_sort"),
-    **dict.fromkeys(("report", "verify", "bundle"), _RUN),
-    **dict.fromkeys(("replay", "data info", "data check", "data recover"), _DEMOS),
-    "eval": f"--policy expert --out {_RUN}",
-    "compare": f"{_RUN} runs/mine --out compared",
-    "leaderboard": "bundles --out leaderboard",
-    "salt": "salt.txt",
-    "record": f"--tasks bin_sort --out {_DEMOS}",
-    "teleop": f"carry_pot --out {_DEMOS}",
+    **dict.fromkeys(("report", "verify", "bundle"), "runs/expert"),
+    **dict.fromkeys(("replay", "data info", "data check", "data recover"), "demos"),
+    "eval": "--policy expert --out runs/expert",
+    "compare": "runs/expert runs/mine --out compared",
+    "record": "--tasks bin_sort --out demos",
+    "teleop": "carry_pot --out demos",
     "serve": "--policy my_policy:MyPolicy",
-    "train": f"act --data {_DEMOS}-lerobot --out trained",
-    "data merge": f"{_DEMOS} more --out merged",
-    "data split": f"{_DEMOS} --fraction 0.8 --out train test",
-    "export lerobot": f"{_DEMOS} --out {_DEMOS}-lerobot",
+    "export lerobot": "demos --out demos-lerobot",
+    "train": "act --data demos-lerobot --out trained",
 }
-"""Arguments with which verbs work that need some; those of real arms have pages of their own."""
+"""Arguments with which verbs of the first hours work."""
 MANY = 12
 """Options of which not all are named in a message."""
 NUMBERS = {int: "a whole number", float: "a number"}
@@ -72,7 +69,7 @@ def check_spelling(words: Sequence[str], verbs: Verbs, program: str, default: st
     verb, *rest = words
     if verb not in verbs:
         near = SYNONYMS.get(verb, "") or _near(verb, verbs)
-        near = near if near in verbs else ""
+        near = near if near in verbs or near in HELP else ""
         meant = f"{program} {near}" if near else f"{program} {default} {verb}" if default else ""
         hint = f"Did you mean `{meant}`?" if meant else f"There are: {', '.join(verbs)}."
         raise SpellingError(f"{program} has no verb {verb!r}. {hint}")
@@ -100,17 +97,23 @@ def _check_needed(words: Sequence[str], verb: Callable[..., None], program: str)
 
 
 def _check_options(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
-    flags = _flags(verb)
+    flags, room = _flags(verb), 0
+    if any(option.is_first for option in options_of(verb)):
+        room = len(words)
     for at, word in enumerate(words):
         if word == REST:
             return
         name, _, joined = word.partition("=")
+        if not name.startswith("-") and (room := room - 1) < 0:
+            hint = f" Did you mean --tasks {word}?" if "--tasks" in flags else ""
+            raise SpellingError(f"{program} takes no {word!r} without an option.{hint}")
         if not name.startswith("--") or name in HELP:
             continue
         if name.replace("_", "-") not in flags:
             hint = _instead(name, flags, f"{program} --help")
             raise SpellingError(f"{program} has no option {name}. {hint}")
         kind = _number_of(flags[name.replace("_", "-")])
+        room += len(words) if "tuple" in str(kind) else not joined
         value = joined or (words[at + 1] if at + 1 < len(words) else "")
         if kind in NUMBERS and not _is_a(kind, value):
             raise SpellingError(f"{name} takes {NUMBERS[kind]}, not {value!r}.")
@@ -124,7 +127,7 @@ def _instead(name: str, flags: Collection[str], help_of: str) -> str:
         return known[0]
     if near := _near(name, flags):
         return f"Did you mean {near}?"
-    return f"There are: {', '.join(flags)}." if len(flags) < MANY else f"{help_of} lists them."
+    return f"There are: {', '.join(flags)}." if 0 < len(flags) < MANY else f"{help_of} lists them."
 
 
 def _flags(verb: Callable[..., None]) -> dict[str, object]:
