@@ -141,6 +141,10 @@ class NamesTakenError(DataError):
     """Different episodes have the same name."""
 
 
+class NoObjectStatesError(DataError):
+    """A policy learns from where objects are, and from nothing else."""
+
+
 class SeveralTasksError(DataError):
     """What holds for one task is asked of several."""
 

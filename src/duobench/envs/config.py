@@ -18,6 +18,7 @@ from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_size, as_whole
 
 RENDER_MODES = ("rgb_array",)
+RENDERED = "rgb_array gives images; duobench view bin_sort shows the task in a browser."
 FIXED, VARIED = "fixed", "varied"
 INSTRUCTIONS = (FIXED, VARIED)
 IMAGE_SIZE = (224, 224)
@@ -81,10 +82,7 @@ class EnvConfig:
         check_known("split", self.split, SPLITS)
         check_known("kind of instructions", self.instructions, INSTRUCTIONS)
         if self.render_mode is not None and self.render_mode not in RENDER_MODES:
-            raise UnknownNameError(
-                f"Unknown render mode {self.render_mode!r}. With 'rgb_array' env.render() gives "
-                "images; duobench view TASK shows a task in the browser."
-            )
+            raise UnknownNameError(f"Unknown render mode {self.render_mode!r}. {RENDERED}")
         for name in _FLAGS:
             if not isinstance(value := getattr(self, name), bool):
                 raise OptionError(f"{name} is True or False, got {value!r}.")

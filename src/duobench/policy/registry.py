@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -53,8 +52,6 @@ SCRIPTED: Mapping[str, PolicyKind] = MappingProxyType(
     {kind.value: kind for kind in (PolicyKind.EXPERT, PolicyKind.BLIND)}
 )
 """Words that name a policy which reads the simulation."""
-TRAINED = ("act", "diffusion", "pi0", "pi05", "smolvla", "xvla")
-"""Kinds of policies that people take for names of one."""
 _FORMS = ("lerobot:PATH_OR_ID", "module:attribute")
 
 
@@ -88,11 +85,6 @@ class PolicyName:
             kind, reference = PolicyKind.LEROBOT, rest
         elif is_divided:
             kind = PolicyKind.MODULE
-        if kind is None and text in TRAINED:
-            raise PolicyError(
-                f"{text!r} is a kind of policy, which duobench train trains; a trained one is "
-                "lerobot:PATH."
-            )
         if kind is None and Path(f"{text}.py").exists():
             raise PolicyError(f"{text!r} is a module; name a class in it, such as {text}:MyPolicy.")
         if kind is None and "/" in text and not text.endswith(".py"):
@@ -138,12 +130,6 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
     """Make a policy of either kind that is not scripted; errors are those of `make`."""
     factory = _factory(name)
     try:
-        inspect.signature(factory).bind()
-    except ValueError:
-        pass  # nobody knows what it takes
-    except TypeError as error:
-        raise PolicyError(f"{name.text} has {error}. {A_POLICY}") from None
-    try:
         policy = factory()
     except KeyboardInterrupt:
         raise
@@ -152,6 +138,8 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
         if is_ours and isinstance(error, DuoBenchError):
             raise
         trace = traceback_text(error, skip=1).strip()
+        if isinstance(error, TypeError) and "\n" not in trace:  # the call itself
+            raise PolicyError(f"Policy {name.text!r}: {error}. {A_POLICY}") from error
         raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
     is_policy = isinstance(policy, Policy | BatchPolicy)
     if not (is_policy and isinstance(policy.metadata, PolicyMetadata)):

@@ -48,11 +48,7 @@ def plain(name: str) -> str:
 
 
 def check(name: str) -> None:
-    """Reject a name that is no task's id, without loading a task; import paths are not checked.
-
-    Raises:
-        UnknownNameError: There is no such task.
-    """
+    """Reject a name that is neither a task's id nor an import path, without loading anything."""
     name = plain(name)
     if name == "all":
         raise UnknownNameError(

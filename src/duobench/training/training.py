@@ -15,7 +15,7 @@ from typing import Any
 
 from duobench.envs import action_labels
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import DataError, OtherRunError, PolicyError, check_known
+from duobench.errors import DataError, NoObjectStatesError, OtherRunError, PolicyError, check_known
 from duobench.files import write
 from duobench.lerobot_keys import (
     ACTION,
@@ -37,8 +37,6 @@ from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 PROGRAM = "lerobot-train"
 FORMAT = "v3.0"
-EXPORT_OBJECTS = "--per-task --cameras none --object-state"
-"""Options of an export from which the recipes for object states learn."""
 ALL = "all"
 """Stands for every task of a data set."""
 PLUGIN = "lerobot_env_duobench"
@@ -198,9 +196,8 @@ def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
         return OBJECT_STATES[kind]
     recipes = SMALL if small else RECIPES
     if kind in OBJECT_STATES and kind not in RECIPES:
-        raise DataError(
-            f"{kind} learns from object states without images, which {source.path} has not: "
-            f"duobench export lerobot DATA --out OUT {EXPORT_OBJECTS} writes them."
+        raise NoObjectStatesError(
+            f"{kind} learns from object states without images; {source.path} has no such export."
         )
     check_known("small recipe" if small else "recipe", kind, recipes)
     return recipes[kind]

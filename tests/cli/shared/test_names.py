@@ -5,9 +5,10 @@ import inspect
 import pytest
 
 from duobench.cli.program import GROUPS, VERBS
-from duobench.cli.shared.names import FIRST, NAMED
+from duobench.cli.shared.names import FIRST, NAMED, TRAINED
 from duobench.cli.shared.options import options_of
 from duobench.cli.shared.spelling import EXAMPLES, check_spelling
+from duobench.training.recipes import OBJECT_STATES, RECIPES
 from tests.children import ran
 from tests.cli.conftest import refusal
 
@@ -61,7 +62,11 @@ def test_a_verb_that_needs_arguments_shows_some_that_are_enough(program: str) ->
     verb, words = EVERY[program], program.split()[1:]
     needed = [one for one in options_of(verb) if one.default is inspect.Parameter.empty]
     short = program.removeprefix("duobench ")
-    assert (short in EXAMPLES) == (bool(needed) and words[0] != "real")
+    assert needed or short not in EXAMPLES
     if needed:
         assert f"; see: {program} {EXAMPLES.get(short, '--help')}" in refusal(*words)
         check_spelling([words[-1], *EXAMPLES.get(short, "--help").split()], {words[-1]: verb}, "")
+
+
+def test_kinds_of_policies_that_are_trained_are_those_of_the_recipes() -> None:
+    assert sorted(TRAINED) == sorted({*RECIPES, *OBJECT_STATES})

@@ -3,9 +3,11 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from duobench.errors import check_known
+from duobench.errors import PolicyError, check_known
 from duobench.tasks import catalog
 
+TRAINED = ("act", "diffusion", "pi05", "xvla")
+"""Kinds of policies, which people take for the name of one."""
 FIRST = ""
 """Stands for the first argument of a verb, where that is no option."""
 _OF_SCENE = {FIRST: "task", "--look": "look"}
@@ -32,17 +34,20 @@ def check_names(words: Sequence[str]) -> None:
     if "--follow" in rest:  # a run that may not be there yet
         return
     for word in rest:
+        value = word
         if word.startswith("--"):
-            option, _, word = word.replace("_", "-").partition("=")
+            option, _, value = word.partition("=")
         kind = kinds.get(option, "")
-        if word:
-            _check(kind, word)
+        if value:
+            _check(kind, value)
             option = option if kind == "task" else None  # of tasks there may be several
 
 
 def _check(kind: str, word: str) -> None:
     if kind == "task" and not Path(word).exists():  # which `view` shows
         catalog.check(word)
+    elif kind == "policy" and word in TRAINED:
+        raise PolicyError(f"A trained {word} is lerobot:PATH; duobench train {word} trains one.")
     elif kind == "policy":
         from duobench.policy.registry import PolicyName
         from duobench.policy.serving.address import WORDS

@@ -20,8 +20,8 @@ SYNONYMS = {
 }
 """What people type who know other programs."""
 INSTEAD = {
-    "camera cameras obs": "Cameras are named by a policy's metadata, PolicyMetadata(cameras=(...)).",
-    "gpu gpus device cuda": "A policy chooses its device itself; on Ray, --policy-gpus reserves it.",
+    "camera cameras obs": "Cameras are named by the policy: PolicyMetadata(cameras=(...)).",
+    "gpu gpus device cuda": "A policy chooses its device itself; on Ray there is --policy-gpus.",
     "headless render gui viewer": "No window is opened; duobench view shows tasks and runs.",
     "seed seeds": "Seeds follow from task and episode; duobench eval has --first-episode.",
     "model checkpoint ckpt": "A checkpoint of LeRobot is a policy: --policy lerobot:PATH.",
