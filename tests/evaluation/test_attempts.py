@@ -54,6 +54,8 @@ def test_an_attempt_that_was_not_the_first_is_told_by_everything(
     assert said.search(folder.page.read_text())
     main(["report", str(folder.path)])
     assert said.search(capsys.readouterr().out)
+    main(["verify", str(folder.path), "--import-tasks"])
+    assert said.search(capsys.readouterr().out)
     bundle = tmp_path / "run.duobench.zip"
     main(["bundle", str(folder.path), "--out", str(bundle)])
     assert said.search(capsys.readouterr().out)
