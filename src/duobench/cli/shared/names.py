@@ -40,7 +40,7 @@ def check_names(words: Sequence[str]) -> None:
         kind = kinds.get(option, "")
         if value:
             _check(kind, value)
-            option = option if kind == "task" else None  # of tasks there may be several
+            option = option if kind == "task" else "-"  # of tasks there may be several
 
 
 def _check(kind: str, word: str) -> None:
