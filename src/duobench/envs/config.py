@@ -25,8 +25,6 @@ IMAGE_SIZE = (224, 224)
 """Default height and width of an image in an observation, in pixels."""
 RENDER_SIZE = (480, 640)
 """Default height and width of the image that `render` gives, in pixels."""
-
-
 ELSEWHERE = {
     "num_envs": 'duobench.make_vec("bin_sort", num_envs=4) makes several environments.',
     "seed": "A seed is given to reset: env.reset(seed=0).",

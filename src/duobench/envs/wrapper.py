@@ -63,6 +63,7 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         raise AttributeError(f"A wrapper has no attribute {name!r}; try env.{place}.")
 
     def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         cls.reset = _by_name(cls.reset)
 
     @property
