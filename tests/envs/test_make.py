@@ -212,7 +212,11 @@ def choosing() -> gym.Env:
 @pytest.mark.parametrize(
     ("wrap", "error", "words"),
     [
-        (lambda: RandomizedReset(bare(), "test"), UnknownNameError, "split 'test'.*eval, salted, train"),
+        (
+            lambda: RandomizedReset(bare(), "test"),
+            UnknownNameError,
+            "split 'test'.*eval, salted, train",
+        ),
         (lambda: RandomizedReset(DuoEnv(NumberArms(), catalog.get(TASK))), TypeError, "simulated"),
         (lambda: TaskStages(DuoEnv(NumberArms(), catalog.get(TASK))), TypeError, "simulated"),
         (lambda: TaskStages(gym.make("CartPole-v1")), TypeError, "DuoEnv"),

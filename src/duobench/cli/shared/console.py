@@ -72,7 +72,7 @@ def results_table(part: RunPart) -> Table:
         title_justify="left",
         caption_justify="left",
     )
-    notes = [part.repeats] if part.repeats else []
+    notes = [note for note in (part.excess, part.repeats) if note]
     if late:
         notes.append(f"Within {overtime:g} horizons is no score: scores end at the horizon.")
     rows.caption = "\n".join(notes) or None
