@@ -1,13 +1,16 @@
 from __future__ import annotations
 
+import os
 import signal
+import subprocess
+import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
 from duobench.errors import FileError, OtherRunError
-from duobench.files import begin_or_continue, differences, remove_temporary, write
+from duobench.files import begin_or_continue, differences, remove_abandoned, remove_temporary, write
 from tests.children import ran
 
 
@@ -62,6 +65,19 @@ class Plan:
 
 def begin(folder: Path, plan: Plan, **options: bool) -> None:
     begin_or_continue(folder, folder / "meta" / "plan.json", plan, 1, what="plan", **options)
+
+
+def test_what_a_killed_process_left_goes_and_what_a_living_one_writes_stays(tmp_path: Path) -> None:
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    films = tmp_path / "bin_sort"
+    films.mkdir()
+    names = {f".0.webm.{who}.tmp" for who in (dead.pid, os.getpid(), "x", 10**30)}
+    for name in names | {"0.webm", f".0.json.{dead.pid}.tmp"}:
+        (films / name).touch()
+    before = {path.name for path in films.iterdir()}
+    remove_abandoned(tmp_path, ".webm")
+    assert {path.name for path in films.iterdir()} == before - {f".0.webm.{dead.pid}.tmp"}
 
 
 def test_folder_is_begun_once_and_then_holds_nothing_else(tmp_path: Path) -> None:

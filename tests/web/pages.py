@@ -20,10 +20,10 @@ TIMEOUT_S = 120
 Answer = tuple[int, dict[str, str], bytes]
 
 
-def get(url: str, path: str, headers: dict[str, str] | None = None) -> Answer:
+def get(url: str, path: str, headers: dict[str, str] | None = None, method: str = "GET") -> Answer:
     """Status, headers and content of a path at the server of a page."""
     connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=TIMEOUT_S)
-    connection.request("GET", path, headers=headers or {})
+    connection.request(method, path, headers=headers or {})
     response = connection.getresponse()
     content = response.read()
     connection.close()

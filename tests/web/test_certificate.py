@@ -1,11 +1,14 @@
 """A page for other machines: encrypted, by a certificate made for it."""
 
+import hashlib
 import ssl
 import sys
+from contextlib import closing
 from urllib.parse import urlsplit
 
 import pytest
 
+from duobench.cli.shared.page import PageOptions
 from duobench.errors import ServingError
 from duobench.web.access import make_certificate, own_hosts
 from duobench.web.server import PageServer
@@ -40,6 +43,16 @@ def test_a_page_is_encrypted_for_every_host_of_its_certificate() -> None:
         )
         assert shown.startswith("-----BEGIN CERTIFICATE")
     server.close()
+
+
+def test_the_fingerprint_that_is_printed_is_the_one_that_a_browser_shows(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("trustme", reason="trustme is not installed here: make setup-test")
+    with closing(PageOptions(lan=True).serve()) as server:
+        shown = ssl.get_server_certificate(("127.0.0.1", urlsplit(server.url).port or 0))
+    digest = hashlib.sha256(ssl.PEM_cert_to_DER_cert(shown)).hexdigest().upper()
+    assert capsys.readouterr().out.split()[-1].replace(":", "") == digest
 
 
 def test_a_host_that_is_none() -> None:

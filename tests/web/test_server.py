@@ -60,6 +60,12 @@ def test_page_and_its_files(server: PageServer) -> None:
     assert get(server.url, f"/absent?{token_of(server)}")[0] == 404
 
 
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "TRACE", "HEAD"])
+def test_a_page_is_only_read(server: PageServer, method: str) -> None:
+    status, headers, _ = get(server.url, f"/?{token_of(server)}", method=method)
+    assert (status, headers["Allow"]) == (405, "GET")
+
+
 @pytest.mark.parametrize(
     "query", ["", "token=wrong", "token=", "token=%ff", "&".join(["a=1"] * 99)]
 )

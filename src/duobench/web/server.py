@@ -166,6 +166,8 @@ class PageServer:
         name = f"[{name}]" if ":" in name else name
         self.url = f"{scheme}://{name}:{self._server.port}/?token={self._admission.token}"
         """Address of the page, with the token."""
+        self.fingerprint = "" if certificate is None else certificate.fingerprint
+        """SHA-256 of the certificate as browsers show it, to compare with; empty without one."""
 
     def listen(
         self,
@@ -297,7 +299,7 @@ class PageServer:
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer what asks for a file, and turn away who may not connect."""
-        if request.method != "GET":
+        if getattr(request, "method", "GET") != "GET":  # websockets 16 takes no other
             answer = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "Use GET.\n")
             answer.headers["Allow"] = "GET"
             return answer

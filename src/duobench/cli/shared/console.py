@@ -113,7 +113,11 @@ def verified_table(parts: Sequence[RunPart]) -> Table:
         numbers = (percent(one.success_rate), interval_percent(one), progress_text(one))
         rows.add_row(name, f"{one.successes} of {one.episodes}", *numbers)
     rows = rows if len(parts) > 1 else results_table(parts[0])
-    rows.caption = "Without what is contradicted; what is not verifiable reaches no stage."
+    said = "Without what is contradicted; what is not verifiable reaches no stage."
+    notes = [f"{part.condition.shift}: {part.repeats}" for part in parts if part.repeats]
+    rows.caption = "\n".join(
+        [said, *(notes if len(parts) > 1 else [str(rows.caption or "")])]
+    ).rstrip()
     return rows
 
 
