@@ -28,7 +28,7 @@ from tests.teleop.paging import lockstep_session
 SECTION = text_of(DOCS / "teleoperation.md").partition("## In two minutes")[2].partition("\n## ")[0]
 LEFT, UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 RIGHT_OR_AWAY = np.array([1.0, -1.0, 0.0])
-LAYOUTS = range(6)
+LAYOUTS = [0, *(pytest.param(number, marks=pytest.mark.slow) for number in (1, 2, 3))]
 LONGEST = 2 * 60 * CONTROL_HZ
 """Control steps of the two minutes that the page promises."""
 
