@@ -90,6 +90,7 @@ def test_targets_out_of_range_are_clipped_and_reported(running: SimEnv) -> None:
     for _ in range(60):
         *_, info = running.step(action)
         assert np.flatnonzero(info["clipped"]).tolist() == [1, 7]
+        assert running.requested.tolist() == action.tolist()
     ends = [JOINT_RANGES[1, 1], 0.0]
     assert running.simulation.duo.command().flat[[1, 7]].tolist() == ends
     action[[1, 7]] = ends

@@ -11,10 +11,12 @@ from duobench.envs.config import EnvConfig
 from duobench.envs.execution import WHOLE_CHUNKS
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION, episode_seed, policy_seed
+from duobench.results.excess import Excess
 from duobench.results.folder import RunFolder
 from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Candidate, Run
+from duobench.results.scores import RunPart, summarize
 from duobench.results.suite import CUSTOM, Suite, TaskInfo
 
 VERSIONS: dict[str, Any] = {"duobench": "0", "mujoco": "4.0.0", "numpy": "2.4.6"}
@@ -47,6 +49,10 @@ def sample_run(**changes: Any) -> Run:
     run: dict[str, Any] = {"limits": TimeLimits(), "versions": VERSIONS}
     run |= {"suite": Suite(**suite), "candidates": (Candidate(**policy),)}
     return Run(**run | changes)
+
+
+DEGREES = Excess(joint=(90.0, 2.9), opening=(1.0, 1.0), change=87.0, first=(89.5, 90.5))
+"""Of a policy that answers in degrees."""
 
 
 def _taken(changes: dict[str, Any], kind: type) -> dict[str, Any]:
@@ -95,7 +101,7 @@ def sample_record(
         "error": error,
         "layout": {"poses": {"cube": [0.5, 0.1, 0.0, 0.0, 0.0, 0.0, 1.0]}, "variants": {}},
         "state_hash": None if error else "ab" * 32,
-        **dict.fromkeys(("unmet", "start", "end", "sent", "clipped")),
+        **dict.fromkeys(("unmet", "start", "end", "sent", "clipped", "excess")),
         "versions": {**VERSIONS, "python": "3.11", "platform": "Linux", "renderer": None},
     }
     return EpisodeRecord(**fields | changes)
@@ -120,6 +126,12 @@ def sample_records(run: Run, seed: int = 0) -> list[EpisodeRecord]:
         )
         records.append(record)
     return records
+
+
+def part_of(run: Run, records: list[EpisodeRecord]) -> RunPart:
+    """The one part of a run."""
+    (condition,) = run.conditions.values()
+    return RunPart(run=run, condition=condition, results=summarize(TASKS, records))
 
 
 def sample_folder(path: Path, run: Run, records: list[EpisodeRecord]) -> RunFolder:

@@ -17,6 +17,7 @@ from duobench.results.report import write_report
 from duobench.results.run import Run
 from duobench.results.shard import Shard
 from tests.results.samples import (
+    DEGREES,
     LIFT,
     SORT,
     TASKS,
@@ -246,6 +247,14 @@ UNMET = ("left does not grasp cube", "cube touches table")
                 "Limits of the arms": 1,
             },
             id="clipped",
+        ),
+        pytest.param(
+            [sample_record(SORT, 0, (5,), clipped=80, excess=DEGREES), sample_record(SORT, 1)],
+            {
+                "changed what was to be sent in 80 of 90 control steps of 1 of 2 episodes: joint "
+                "targets went to 90 where 2.9 is the limit (are these degrees?).": 1
+            },
+            id="in degrees",
         ),
         pytest.param([sample_record(SORT, 0, ())], {"Limits of the arms": 0}, id="not clipped"),
         pytest.param(

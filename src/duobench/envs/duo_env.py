@@ -83,6 +83,8 @@ class DuoEnv(gym.Env[Observation, Any]):
         self._running = False
         self._limits = backend.limits
         self._sent = backend.last_command.flat
+        self.requested = self._sent
+        """The command (16,) of the last step before limits changed it."""
         self.action_space = spaces.joint_actions(self._limits)
         self.observation_space = spaces.observations(self._limits)
 
@@ -124,7 +126,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         super().reset(seed=checked_seed(seed))
         self._running = False
         more = self._begin(options)
-        self._sent = self.backend.last_command.flat
+        self._sent = self.requested = self.backend.last_command.flat
         self._running = True
         return self._observation(), {**self._info(), **more}
 
@@ -155,6 +157,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         if not self._running:
             raise ResetNeededError("No episode is running; call reset first.")
         targets = self.check_action(action)
+        self.requested = targets
         within = self._limits.clip(targets, self._sent)
         reason = self._truncation_reason()
         if reason is None:

@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import gymnasium as gym
 
+from duobench.envs.duo_env import base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.execution import Step
 from duobench.errors import escaped
 from duobench.evaluation.rollout import Info, Observation
 from duobench.randomness import SUITE_VERSION
+from duobench.results.excess import Excess
 from duobench.results.records import EpisodeRecord, StateHashes, pack_targets
 from duobench.results.run import Run
 from duobench.results.suite import Episode
@@ -32,6 +34,7 @@ class EpisodeRecorder:
         self._info: Info = {}
         self._stage_changes: list[tuple[int, int]] = []
         self._last: Step | None = None
+        self._requested: list[Array] = []  # at the start, then step by step
         self._sent: list[Array] = []
         self._clipped = 0
         self._unmet: Words | None = None
@@ -40,7 +43,7 @@ class EpisodeRecorder:
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Note what the reset sampled, and the state that it led to."""
-        self._env, self._info = env, info
+        self._env, self._info, self._requested = env, info, [base_of(env).requested]
         self._start = _state(env)
         if stage := info["stage"]:
             self._stage_changes.append((0, stage))
@@ -56,6 +59,7 @@ class EpisodeRecorder:
             return
         self._last = step
         self._sent.append(step.info["sent"])
+        self._requested += [base_of(self._env).requested] if self._env else []
         self._clipped += bool(step.info["clipped"].any())
         if (stage := step.info["stage"]) > self.stage:
             self._stage_changes.append((step.number, stage))
@@ -121,6 +125,9 @@ class EpisodeRecorder:
             end=_hashes(self._end),
             sent=pack_targets(self._sent),
             clipped=self._clipped,
+            excess=Excess.of(self._requested, self._sent, base_of(self._env).backend.limits)
+            if self._env and self._clipped
+            else None,
             versions=dict(versions),
             software=run.software,
         )

@@ -27,10 +27,11 @@ from duobench.errors import (
 )
 from duobench.hardware.judge import StageLabel
 from duobench.results.attempts import ENDS
+from duobench.results.excess import Excess
 from duobench.shifts.shift import Shift
 from duobench.types import FLAT_SIZE, Array
 
-RECORD_SCHEMA = 8
+RECORD_SCHEMA = 9
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 SIM, REAL, MIXED = "sim", "real", "mixed"
 """Where something was played or recorded: in simulation, on real arms, or both."""
@@ -189,6 +190,8 @@ class EpisodeRecord:
     """Joint targets, one command a step, see `targets`; None where a policy took too long."""
     clipped: int | None
     """Control steps at which limits of the arms changed what was to be sent; None as `sent` is."""
+    excess: Excess | None
+    """How far requests went beyond them; None where they changed nothing, and as `sent` is."""
     versions: dict[str, str | None]
     """Of everything that the result may depend on."""
     software: Software = Software()
@@ -287,6 +290,7 @@ class EpisodeRecord:
             error=text,
             sent=None if is_late else self.sent,
             clipped=None if is_late else self.clipped,
+            excess=None if is_late else self.excess,
         )
 
 

@@ -12,6 +12,7 @@ from statistics import NormalDist
 from typing import Any
 
 from duobench.results.attempts import MARK, MARKED, repeats_text
+from duobench.results.excess import MOST, NOTABLE
 from duobench.results.records import Condition, EpisodeRecord
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite, TaskInfo
@@ -230,6 +231,24 @@ class RunPart:
             return said
         worst, rate = percent(overall.worst_rate), percent(overall.success_rate)
         return f"{said} Counted as failures, they would make success {worst} % instead of {rate} %."
+
+    @property
+    def excess(self) -> str:
+        """How far a policy asked for more than the arms do, and why perhaps; or nothing."""
+        told = [
+            (found, clipped, one.steps)
+            for one in self.records
+            if (found := one.excess) and (clipped := one.clipped)
+            if found.questions or (found.change > NOTABLE and clipped > MOST * one.steps)
+        ]
+        if not told:
+            return ""
+        found, clipped, steps = zip(*told, strict=True)
+        return (
+            f"Limits of the arms changed what was to be sent in {sum(clipped)} of {sum(steps)} "
+            f"control steps of {len(told)} of {len(self.records)} episodes: "
+            f"{max(found, key=lambda one: one.change)}."
+        )
 
     def facts(self, *names: str) -> dict[str, Any]:
         """What files for programs say of what was run, by these names and in their order."""

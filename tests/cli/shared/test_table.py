@@ -4,15 +4,15 @@ import re
 from rich.console import Console
 
 from duobench.cli.shared.console import results_table
-from duobench.results.records import EpisodeRecord
-from duobench.results.run import Run
-from duobench.results.scores import RunPart, summarize
-from tests.results.samples import LIFT, SORT, TASKS, sample_record, sample_records, sample_run
-
-
-def part_of(run: Run, records: list[EpisodeRecord]) -> RunPart:
-    (condition,) = run.conditions.values()
-    return RunPart(run=run, condition=condition, results=summarize(TASKS, records))
+from tests.results.samples import (
+    DEGREES,
+    LIFT,
+    SORT,
+    part_of,
+    sample_record,
+    sample_records,
+    sample_run,
+)
 
 
 def printed(
@@ -43,6 +43,13 @@ def test_late_successes_have_a_column_where_episodes_were_played_on() -> None:
     assert "sort|4|50.0|15.0–85.0|0.667|75.0|0:0|1:2|2:0|3:2" in lines
     assert "Within 1.5 horizons is no score: scores end at the horizon." in lines
     assert not any("ithin" in line for line in printed(records, expected=4))
+
+
+def test_a_sentence_says_that_targets_look_like_degrees() -> None:
+    records = [sample_record(SORT, 0, (5,), clipped=80, excess=DEGREES)]
+    text = " ".join(printed(records, expected=1))
+    assert "90 where 2.9 is the limit (are these degrees?)." in text
+    assert "Limits" not in " ".join(printed([sample_record(SORT, 0, (5,), clipped=9)], expected=1))
 
 
 def test_category_of_several_tasks_has_a_row() -> None:

@@ -84,8 +84,8 @@ def results_table(part: RunPart) -> Table:
         title_justify="left",
         caption_justify="left",
     )
-    notes = ["Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."]
-    notes += [part.repeats] if part.repeats else []
+    legend = "Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."
+    notes = [note for note in (part.excess, part.repeats, legend) if note]
     if late:
         notes.append(f"Within {overtime:g} horizons is no score: scores end at the horizon.")
     rows.caption = "\n".join(notes)
