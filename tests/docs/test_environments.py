@@ -10,12 +10,12 @@ import pytest
 from duobench.envs.config import EnvConfig
 from tests.docs.markdown import DOCS, blocks, modules, run, table
 
-ENVIRONMENTS, LEARNING = DOCS / "environments.md", DOCS / "reinforcement_learning.md"
+PAGES = tuple(DOCS / f"{name}.md" for name in ("environments", "reinforcement_learning"))
 ELSEWHERE = ("RecordVideo", "stable_baselines3")
 """What needs libraries that `make test-ecosystem` has, which runs such blocks."""
 CODE = [
     code
-    for page in (ENVIRONMENTS, LEARNING)
+    for page in PAGES
     for code in blocks(page, "python")
     if not any(word in code for word in ELSEWHERE)
 ]
@@ -29,9 +29,9 @@ def test_code_runs(code: str, tmp_path: Path) -> None:
 
 
 def test_programs_have_names() -> None:
-    assert "vector.py" in modules(ENVIRONMENTS)
+    assert "vector.py" in modules(PAGES[0])
 
 
 def test_options_are_those_of_an_environment() -> None:
-    named = {row["option"] for row in table(ENVIRONMENTS, "option")}
+    named = {row["option"] for row in table(PAGES[0], "option")}
     assert named | {"control_rate_hz"} == set(EnvConfig.__dataclass_fields__)

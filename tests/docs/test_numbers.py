@@ -183,7 +183,7 @@ def test_every_command_of_a_page_has_a_verb_and_options_that_exist(page: str, li
 
 
 @pytest.mark.parametrize(
-    "page", [ROOT / "README.md", DOCS / "evaluation.md", DOCS / "policies.md"], ids=Path.__str__
+    "page", [DOCS / f"{name}.md" for name in ("commands", "evaluation", "policies")], ids=Path.__str__
 )
 def test_options_that_sentences_name_exist(page: Path) -> None:
     verbs = ("eval", "record", "replay", "report", "train", "view")
