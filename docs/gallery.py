@@ -49,7 +49,7 @@ DOCS = Path(__file__).parent
 PAGE = "gallery.md"
 COVER = "tasks.webp"
 """The moving image of all tasks, beside the page."""
-COVER_QUALITY = 32
+COVER_QUALITY = 50
 COVER_SIZE = (210, 280)
 COVER_FRAMES, COVER_MS, COVER_REST_MS = 36, 125, 1500
 """Height and width of a task in it; images of one turn, milliseconds of each, and of the last."""

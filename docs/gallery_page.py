@@ -10,7 +10,7 @@ from itertools import groupby
 from pathlib import Path
 
 import PIL.Image
-from gallery_shots import FOLDER, STAGE_SIZE, camera_file, shot, stage_file
+from gallery_shots import FOLDER, STAGE_SIZE, camera_file, stage_file
 from PIL import ImageDraw, ImageFont
 
 from duobench.errors import DuoBenchError
