@@ -17,6 +17,8 @@ OPENGL_PACKAGES = "libegl1 libopengl0 libgl1 libgl1-mesa-dri"
 """Packages of Debian and Ubuntu with which EGL renders offscreen, on a processor too."""
 OSMESA_PACKAGES = "libosmesa6"
 """The same for OSMesa, which always renders on the processor."""
+SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
+"""What the names of OpenGL's renderers contain that need no graphics card."""
 FIRST_PYTHON = {"lerobot": (3, 12)}
 """The oldest Python that can have an extra, where it is not that of the package."""
 
@@ -31,6 +33,11 @@ def install_extra(extra: str) -> str:
             f"or newer; there: pip install '{DISTRIBUTION}[{extra}]'."
         )
     return f"Install it: pip install '{DISTRIBUTION}[{extra}]'."
+
+
+def is_software_renderer(renderer: str) -> bool:
+    """Whether the processor renders with it, by its name as OpenGL reports it."""
+    return any(name in renderer.lower() for name in SOFTWARE_RENDERERS)
 
 
 def is_loopback(host: str) -> bool:

@@ -66,9 +66,11 @@ def _digest(path: Path) -> str:
     """SHA-256 of a file, or of all in a folder, with their names."""
     digest = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-        if file.is_file() and file.suffix in _KINDS:
+        name = file.relative_to(path)
+        is_hidden = any(part.startswith(".") for part in name.parts)  # as copies of a notebook
+        if file.is_file() and file.suffix in _KINDS and not is_hidden:
             content = file.read_bytes()
-            digest.update(f"{file.relative_to(path).as_posix()}\n{len(content)}\n".encode())
+            digest.update(f"{name.as_posix()}\n{len(content)}\n".encode())
             digest.update(content)
     return digest.hexdigest()
 

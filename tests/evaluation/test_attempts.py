@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,6 +13,7 @@ from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, write_bundle
 from duobench.results.compare import compare, write_comparison
 from duobench.results.folder import RunFolder
+from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
 from tests.evaluation.conftest import Play
 
@@ -64,6 +66,16 @@ def test_an_attempt_that_was_not_the_first_is_told_by_everything(
     assert again.attempts[record.key.path][0] == end
     page = write_comparison(compare([str(folder.path), str(bundle)]), tmp_path / "comparison")
     assert said.search(page.read_text())
+
+
+def test_a_run_of_errors_that_gives_way_takes_no_attempt_back(play: Play) -> None:
+    def played(**changes: Any) -> set[tuple[str, ...]]:
+        folder, _ = play("RaisesInTheSecondAnswer", episodes=1, **changes)
+        return {each.earlier for each in folder.read_records(folder.read_run())}
+
+    assert played() == {()}
+    assert played(limits=TimeLimits(act_timeout=11.0)) == {("error",)}
+    assert played(limits=TimeLimits(act_timeout=12.0), fresh=True) == {()}
 
 
 @pytest.mark.parametrize("from_bundle", [False, True])

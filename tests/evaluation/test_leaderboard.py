@@ -1,5 +1,6 @@
 """A leaderboard of real bundles: verified once, refused with a reason, never trusted."""
 
+import hashlib
 import shutil
 import zipfile
 from collections.abc import Callable
@@ -16,14 +17,23 @@ from duobench.results import leaderboard as results_leaderboard
 from duobench.results.bundle import write_bundle
 from duobench.results.folder import RunFolder
 from duobench.results.leaderboard import DOCUMENT, VERDICTS, Board
+from duobench.results.salt import ROUNDS, make_salt, read_salt
+from duobench.results.shard import WHOLE
 from tests.evaluation import toy_tasks
 from tests.evaluation.forging import Document, copied, rewritten
 
 RECORD = "records/bin_sort/hold.sim.none.default/00000.json"
 
 
-def play(path: Path, policy: str, tasks: str = "bin_sort", episodes: int = 1) -> RunFolder:
+def play(
+    path: Path,
+    policy: str,
+    tasks: str = "bin_sort",
+    episodes: int = 1,
+    salt: Path | None = None,
+) -> RunFolder:
     words = ["--tasks", tasks, "--episodes", str(episodes), "--videos", "0", "--workers", "0"]
+    words += ["--salt", str(salt)] if salt else []
     main(["eval", "--policy", policy, "--out", str(path), *words])
     return RunFolder(path)
 
@@ -200,6 +210,39 @@ def test_same_run_in_another_archive_is_no_second_entry(runs, folder, tmp_path):
         twin = reason(board, f"{name}.duobench.zip")
         assert twin == "It holds the same run as hold.duobench.zip."
     assert sorted(played) == others
+
+
+def test_no_copy_takes_the_place_of_a_run(runs, folder, tmp_path):
+    bare = copied(runs["hold"], tmp_path / "bare")
+    shutil.rmtree(bare.path / "attempts")
+    write_bundle(bare, folder / "a.duobench.zip")
+    board, _ = made(folder, tmp_path / "site")
+    unnoted = "of 1 episodes no attempt is on record"
+    assert not board.refused
+    assert {each.file[:-13]: unnoted in each.lacks for each in board.entries} == {
+        "a": True,
+        "hold": False,
+        "random": False,
+    }
+
+
+def test_no_copy_takes_the_place_of_a_hosted_run(folder, tmp_path):
+    salt = tmp_path / "salt"
+    make_salt(salt)
+    run = play(tmp_path / "hosted", "hold", salt=salt)
+    theirs, copy = folder / "theirs.duobench.zip", folder / "a.duobench.zip"
+    write_bundle(run, theirs)
+    run.journal(WHOLE).write_text(run.journal(WHOLE).read_text().replace("hold --", "mine --"))
+    write_bundle(run, copy)
+    digest = hashlib.sha256(theirs.read_bytes()).hexdigest()
+    (folder / ROUNDS).write_text(
+        f'[[round]]\nname = "r"\ndate = 2026-09-01\nbundles = ["{digest}"]\n'
+        f'salt_sha256 = "{read_salt(salt).sha256}"\n'
+    )
+    board, _ = made(folder, tmp_path / "site")
+    assert copy.read_bytes() != theirs.read_bytes()
+    assert not board.refused
+    assert [each.file for each in board.entries if each.hosted] == ["theirs.duobench.zip"]
 
 
 def test_run_is_no_twin_of_one_that_was_refused(runs, folder, tmp_path):

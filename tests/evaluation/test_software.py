@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from shutil import rmtree
 
 import pytest
 
@@ -61,13 +62,16 @@ def test_scripts_of_experts_decide_where_an_expert_plays() -> None:
 
 def test_what_tools_leave_beside_the_source_is_none_of_it() -> None:
     before = package_source()
-    rubbish = PACKAGE / "sim" / "simulation.py.orig"
+    rubbish, hidden = PACKAGE / "sim" / "simulation.py.orig", PACKAGE / "sim" / ".checkpoints"
     rubbish.write_text("rubbish")
+    hidden.mkdir()
+    (hidden / "simulation.py").write_text("rubbish")
     try:
         versions._digest.cache_clear()  # pyright: ignore[reportPrivateUsage]
         assert package_source() == before
     finally:
         rubbish.unlink()
+        rmtree(hidden)
 
 
 def test_everything_that_an_environment_imports_decides() -> None:

@@ -65,15 +65,25 @@ def test_what_is_not_known_is_said() -> None:
 def test_machines_and_software_are_told_once_each() -> None:
     here = {"platform": "Linux", "processor": "Best 9", "renderer": None, "numpy": "2", "mink": ""}
     record = sample_record(TURN, 0, (3,), versions=here)
-    other = replace(record, episode=2, versions={**here, "renderer": "egl"})
-    assert stacks([record, replace(record, episode=1), other]) == [
+    other = replace(record, episode=2, versions={**here, "renderer": "NVIDIA H100"})
+    slow = replace(record, episode=3, versions={**here, "renderer": "llvmpipe (LLVM 15)"})
+    *stacked, by_processor = stacks([record, replace(record, episode=1), other, slow])
+    assert by_processor["Renderer"] == (
+        "llvmpipe (LLVM 15): no graphics card rendered the images, so they took longer"
+    )
+    assert stacked == [
         {
             "Platform": "Linux",
             "Processor": "Best 9",
             "Renderer": "none: no images for the policy",
             "Software": "numpy 2",
         },
-        {"Platform": "Linux", "Processor": "Best 9", "Renderer": "egl", "Software": "numpy 2"},
+        {
+            "Platform": "Linux",
+            "Processor": "Best 9",
+            "Renderer": "NVIDIA H100",
+            "Software": "numpy 2",
+        },
     ]
 
 

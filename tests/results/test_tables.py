@@ -13,16 +13,35 @@ TURN = {"turn": [1] * 12}, {"turn": [1] * 11 + [0]}
 
 
 @pytest.mark.parametrize(
-    ("a", "b", "object_state", "said"),
+    ("a", "b", "object_state", "short", "said"),
     [
-        (WON, LOST, False, r"new is better than old in 1 of 3 tasks after Holm \(Sort\)\."),
-        (LOST, WON, False, r"old is better than new in 1 of 3 tasks after Holm \(Sort\)\."),
+        (
+            WON,
+            LOST,
+            False,
+            "A in 1 of 3",
+            r"new is better than old in 1 of 3 tasks after Holm \(Sort\)\.",
+        ),
+        (
+            LOST,
+            WON,
+            False,
+            "B in 1 of 3",
+            r"old is better than new in 1 of 3 tasks after Holm \(Sort\)\.",
+        ),
         # Across groups, the policy that knows more is not called the worse one.
-        (WON, LOST, True, r"new solves more than old in 1 of 3 tasks after Holm \(Sort\)\."),
-        (WON, WON, False, r"new and old cannot be told apart in any of 3 tasks after Holm\."),
+        (
+            WON,
+            LOST,
+            True,
+            "A in 1 of 3",
+            r"new solves more than old in 1 of 3 tasks after Holm \(Sort\)\.",
+        ),
+        (WON, WON, False, "", r"new and old cannot be told apart in any of 3 tasks after Holm\."),
         (
             *TURN,
             False,
+            "",
             "new and old cannot be told apart in Turn: 12 of 12 episodes against 11 of 12, .*"
             r"\(95 % .*, p = 1\.000\); about \d+ more episodes would tell, another look\.",
         ),
@@ -30,13 +49,19 @@ TURN = {"turn": [1] * 12}, {"turn": [1] * 11 + [0]}
             {"sort": [3] * 12},
             {"sort": [0] * 12},
             False,
+            "A in 1 of 1",
             "new is better than old in Sort: 12 of 12 episodes against 0 of 12, "
             r"\+100\.0 points \(95 % .*",
         ),
     ],
 )
 def test_verdict_names_the_winner_or_what_would_tell(
-    tmp_path: Path, a: dict[str, list[int]], b: dict[str, list[int]], object_state: bool, said: str
+    tmp_path: Path,
+    a: dict[str, list[int]],
+    b: dict[str, list[int]],
+    object_state: bool,
+    short: str,
+    said: str,
 ) -> None:
     sources = (
         play(tmp_path / "a", a, "new"),
@@ -44,6 +69,7 @@ def test_verdict_names_the_winner_or_what_would_tell(
     )
     (pair,) = compare(sources).pairs
     assert re.fullmatch(said, tables.verdict(pair))
+    assert tables.wins(pair) == short
 
 
 @pytest.mark.parametrize(

@@ -120,7 +120,8 @@ def _entry(
 ) -> BoardEntry:
     """The entry of a bundle, or a `_RefusedError` if it counts for nothing.
 
-    The file of a run is noted by the SHA-256 of the records that count.
+    The file of a run is noted by the SHA-256 of its round, and of the records that count and
+    whether their attempts are noted.
     """
     bundle = Bundle(path)
     if _digest(path) != digest:
@@ -137,8 +138,11 @@ def _entry(
     bundle.salt = Salt(salt) if (salt := next(salts, None)) else None
     counts = counting(run)
     records = bundle.read_records(run, counts)
-    texts = "".join(encode(record, RECORD_SCHEMA) for record in records)
-    content = hashlib.sha256(texts.encode()).hexdigest()
+    noted = bundle.attempts().keys()
+    # A copy without its round or its journal must not take the place of the run.
+    texts = [str(hosted and hosted.name)]
+    texts += [f"{record.key.path in noted}{encode(record, RECORD_SCHEMA)}" for record in records]
+    content = hashlib.sha256("".join(texts).encode()).hexdigest()
     if twin := runs.get(content):
         raise _RefusedError(f"It holds the same run as {twin}.")
     kept = out / VERDICTS / f"{digest}.json"
@@ -162,7 +166,7 @@ def _entry(
         records,
         judgement.verdicts,
         judgement.unverifiable,
-        noted=bundle.attempts().keys(),
+        noted=noted,
         commands=bundle.commands(),
         hosted=hosted,
     )

@@ -295,8 +295,11 @@ class RunFolder(RunReader):
         records = self.read_records(other) if run.differences(other) else []
         return bool(records) and all(record.error is not None for record in records)
 
-    def clear(self, run: Run, shard: Shard = WHOLE) -> None:
-        """Remove what was played of a shard of a run, or all of another run that is here."""
+    def clear(self, run: Run, shard: Shard = WHOLE, *, keeps_attempts: bool = False) -> None:
+        """Remove what was played of a shard of a run, or all of another run that is here.
+
+        Journals of other writers of that run go too, unless attempts are kept.
+        """
         if not self.description.exists():
             return
         with locked(self.path, wait_s=_WAIT_S):
@@ -309,7 +312,7 @@ class RunFolder(RunReader):
             elif self._is_written_beside(shard):
                 raise LockedError(f"Another process is writing another run into {self.path}.")
             else:
-                self._clear_all(shard)
+                self._clear_all([] if keeps_attempts else self._others(shard))
 
     def _holds(self, run: Run) -> bool:
         """Whether it holds this run, as far as that can be read."""
@@ -317,11 +320,11 @@ class RunFolder(RunReader):
             return self.read_run().hash == run.hash
         return False
 
-    def _clear_all(self, shard: Shard) -> None:
+    def _clear_all(self, journals: Iterable[Path]) -> None:
         for name in ("records", "videos", "replays", "figures", CONDITIONS):
             with writing(self.path / name), suppress(FileNotFoundError):
                 shutil.rmtree(self.path / name)
-        for path in (*map(self.file, _REPORT), *self._others(shard)):
+        for path in (*map(self.file, _REPORT), *journals):
             with writing(path):
                 path.unlink(missing_ok=True)
 

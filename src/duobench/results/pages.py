@@ -16,6 +16,7 @@ from PIL import Image
 
 from duobench.errors import OtherRunError, VideoError
 from duobench.files import make_folder, write
+from duobench.machine import is_software_renderer
 from duobench.pages import render
 from duobench.results import figures, scores
 from duobench.results.folder import RunFolder
@@ -39,6 +40,7 @@ _MACHINE = {
     "renderer": "none: no images for the policy",
 }
 """What a record's versions say of the machine, and the word where they do not."""
+_BY_PROCESSOR = ": no graphics card rendered the images, so they took longer"
 
 
 def software() -> str:
@@ -147,7 +149,7 @@ def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
     hidden = {*_MACHINE, "inference"}  # which the run says too
     return [
         {
-            **{name.capitalize(): versions.get(name) or word for name, word in _MACHINE.items()},
+            **{name.capitalize(): _machine(name, versions) for name in _MACHINE},
             "Software": ", ".join(
                 f"{name} {version}"
                 for name, version in versions.items()
@@ -156,6 +158,12 @@ def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
         }
         for versions in found
     ]
+
+
+def _machine(name: str, versions: Mapping[str, str | None]) -> str:
+    value = versions.get(name) or _MACHINE[name]
+    is_slow = name == "renderer" and is_software_renderer(value)
+    return value + _BY_PROCESSOR * is_slow
 
 
 def trials(records: Iterable[EpisodeRecord]) -> Facts:

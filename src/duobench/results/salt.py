@@ -28,7 +28,7 @@ ROUNDS = "rounds.toml"
 """The file of an organiser's rounds, beside the bundles of a leaderboard."""
 Seeds = tuple[int, int]
 """Seeds of the reset and of the policy in an episode, 32 bits each."""
-_Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+_Digest = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}\Z")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,10 +102,12 @@ def read_rounds(path: Path) -> tuple[Round, ...]:
     """The rounds in a file; an `EvaluationError` if two have a name, salt or bundle in common."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
-        rounds = msgspec.convert(content, dict[str, tuple[Round, ...]])["round"]
+        if content.keys() != {"round"}:
+            raise EvaluationError("it holds rounds, each below a line [[round]], and nothing else.")
+        rounds = msgspec.convert(content["round"], tuple[Round, ...])
         names = [each for one in rounds for each in (one.name, one.salt_sha256, *one.bundles)]
         if twice := {name for name in names if names.count(name) > 1}:
             raise EvaluationError(f"{min(twice)} is there twice, and belongs to one round.")
-    except (OSError, ValueError, KeyError, EvaluationError) as error:
+    except (OSError, ValueError, EvaluationError) as error:
         raise EvaluationError(f"Cannot read the rounds in {path}: {error}") from error
     return rounds

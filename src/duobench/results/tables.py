@@ -114,6 +114,17 @@ def verdict(pair: Pair) -> str:
     return f"{'; '.join(found)}{numbers}{would}."
 
 
+def wins(pair: Pair) -> str:
+    """In how many tasks either run of a pair solves more, by their letters; or nothing."""
+    if pair.obstacle:
+        return "not compared"
+    tests = pair.of(RowKind.TASK)
+    won = {pair.a.key: 1, pair.b.key: -1}
+    counts = {key: sum(test.better == better for test in tests) for key, better in won.items()}
+    found = [f"{key} in {count}" for key, count in counts.items() if count]
+    return f"{', '.join(found)} of {len(tests)}" if found else ""
+
+
 def any_time(pair: Pair) -> str:
     """What holds of two runs on the same episodes at every look, in a sentence."""
     tests = pair.of(RowKind.TASK)

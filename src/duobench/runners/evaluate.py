@@ -64,7 +64,7 @@ def evaluate(  # noqa: PLR0913
         retry_broken: Also play the episodes again whose records hold an error.
         fresh: Remove what a run has left in the folder, whatever it was, and play everything; of
             the same run, what this shard has left. A run of which every finished episode failed
-            with an error gives way to another one anyway.
+            with an error gives way to another one anyway; attempts at its episodes stay on record.
         unplayed_count_as_failures: Write records with an error for episodes that cannot be played
             because a process dies in them each time.
         command: The command that starts it, for the report.
@@ -93,9 +93,11 @@ def evaluate(  # noqa: PLR0913
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
         run = executor.prepare()
-        if fresh or folder.gives_way(run):
+        if fresh:
             folder.clear(run, shard)
             journal.clear()
+        elif folder.gives_way(run):
+            folder.clear(run, shard, keeps_attempts=True)
         episodes = run.episodes(shard, videos, salt)
         if episodes and not folder.has_records:
             executor.rehearse(episodes[0])

@@ -22,7 +22,7 @@ from typing import Any, TypeVar, cast
 import mujoco
 
 from duobench.errors import RenderingError
-from duobench.machine import OPENGL_PACKAGES, OSMESA_PACKAGES
+from duobench.machine import OPENGL_PACKAGES, OSMESA_PACKAGES, is_software_renderer
 
 T = TypeVar("T")
 _Order = tuple[Future[Any], Callable[[], Any]]
@@ -52,7 +52,6 @@ Set MUJOCO_GL to egl or osmesa to choose without a probe."""
 
 _AUTOMATIC = ("", "enable", "enabled", "on", "true", "1")
 _OFF = ("disable", "disabled", "off", "false", "0")
-_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
 _log = logging.getLogger(__name__)
 _OPENING = threading.Lock()
 """Held while a context is made: MuJoCo keeps one display for all of a process's."""
@@ -211,7 +210,7 @@ def info_of(backend: str) -> RenderingInfo:
         (ctypes.cast(read(number), ctypes.c_char_p).value or b"unknown").decode()
         for number in (GL_1_0.GL_VENDOR, GL_1_0.GL_RENDERER, GL_1_0.GL_VERSION)
     )
-    software = backend == "osmesa" or any(name in renderer.lower() for name in _SOFTWARE)
+    software = backend == "osmesa" or is_software_renderer(renderer)
     return RenderingInfo(
         backend=backend, renderer=renderer, vendor=vendor, version=version, software=software
     )
