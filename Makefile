@@ -17,6 +17,8 @@ OPENPI_VENV := .venv-openpi
 VLA_EVAL_VENV := .venv-vla-eval
 VLAGENTS_VENV := .venv-vlagents
 RAY_VENV := .venv-ray
+ECOSYSTEM_PYTHON ?= python3.12
+ECOSYSTEM_VENV := .venv-ecosystem
 AXE := .axe/node_modules/axe-core/axe.min.js
 IWER := .iwer/node_modules/iwer/build/iwer.min.js
 STUBS := typings/mujoco/__init__.pyi
@@ -26,7 +28,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test test-all fuzz test-lerobot test-hardware test-interop test-ray test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo demo-robust test test-all fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -70,6 +72,10 @@ test-interop: setup-test $(OPENPI_VENV)/.installed $(VLA_EVAL_VENV)/.installed $
 # A cluster of several processes on this machine; Ray is large, and not in the usual environment.
 test-ray: $(RAY_VENV)/.installed  ## Test evaluations on a Ray cluster.
 	$(RAY_VENV)/bin/python -m pytest -W default tests/ray
+
+# Of several gigabytes: PyTorch is the default wheel, which brings Triton and CUDA.
+test-ecosystem: $(ECOSYSTEM_VENV)/.installed  ## Test with Gymnasium, Stable-Baselines3, TorchRL, MuJoCo's programs.
+	OMP_NUM_THREADS=1 $(ECOSYSTEM_VENV)/bin/python -m pytest -W default tests/ecosystem
 
 # Needs npm, and Chromium as `chromium`, `chromium-browser` or `google-chrome`.
 test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER)  ## Test pages in a browser: accessibility, phone, paper, driving.
@@ -172,6 +178,12 @@ $(VLAGENTS_VENV)/.installed: pyproject.toml
 $(RAY_VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(RAY_VENV)
 	$(RAY_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[test,ray]'
+	@touch $@
+
+$(ECOSYSTEM_VENV)/.installed: pyproject.toml
+	$(ECOSYSTEM_PYTHON) -m venv $(ECOSYSTEM_VENV)
+	$(ECOSYSTEM_VENV)/bin/python -m pip install --disable-pip-version-check -e . 'pytest>=9' \
+		array-api-compat moviepy 'mujoco-warp>=4.0,<4.1' 'stable-baselines3>=2.7' 'torchrl>=0.10'
 	@touch $@
 
 # Pinned, so that the same page breaks the same rules.

@@ -19,9 +19,9 @@ SURFACE = {
     """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper EnvConfig
-        EpisodeState ObjectStates RandomizedReset RelativeCartesianActions RelativeJointActions
-        ResetNeededError SimEnv StateError TaskStages TimeLimit base_of env_id make make_env
-        register sim_of
+        EpisodeState FlatObservations ObjectStates RandomizedReset RelativeCartesianActions
+        RelativeJointActions ResetNeededError SimEnv StateError TaskStages TimeLimit base_of env_id
+        make make_env register sim_of
     """,
     "duobench.evaluation": """
         Episode EpisodeRecord ExpertPolicy Job Observer PolicyChoice PolicySource Results Run

@@ -56,6 +56,14 @@ class UnknownNameError(DuoBenchError, LookupError):
         super().__init__(f"Unknown {kind} {name!r}.{hint} Known: {', '.join(names) or '(none)'}.")
 
 
+class UnknownOptionError(UnknownNameError, TypeError):
+    """A call got an option that there is not.
+
+    Libraries that try a keyword argument and do without it, such as TorchRL, wait for a `TypeError`
+    and for Python's words, "unexpected keyword argument".
+    """
+
+
 def check_known(kind: str, name: object, known: Collection[str]) -> None:
     """Reject a name that is not known."""
     if not isinstance(name, str) or name not in known:

@@ -26,6 +26,7 @@ SMALL: Mapping[str, Any] = {"image_size": (24, 32), "render_size": (24, 32), "ca
         {"horizon": 10},
         {"cameras": True},
         {"object_state": True},
+        {"cameras": True, "object_state": True, "flat_obs": True},
         {"cameras": ("left_wrist",), "chunk": 4},
         {"cameras": ("head",), "action_mode": "cartesian", "render_mode": "rgb_array"},
     ],

@@ -2,10 +2,12 @@
 
 import os
 import subprocess
+import sys
 import textwrap
 import threading
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from duobench.errors import RenderingError
@@ -204,3 +206,32 @@ def test_a_hung_thread_does_not_keep_a_process_alive() -> None:
         """
     )
     assert (outcome.returncode, outcome.stdout) == (0, "given up\n"), outcome.stderr
+
+
+@pytest.mark.parametrize("broken", [False, True], ids=["", "broken"])
+def test_the_library_of_triton_comes_before_opengl_and_may_be_broken(
+    tmp_path: Path, broken: bool
+) -> None:
+    library = tmp_path / "triton" / "_C" / "libtriton.so"
+    library.parent.mkdir(parents=True)
+    library.write_bytes(b"" if broken else Path(msgspec._core.__file__).read_bytes())
+    (tmp_path / "triton" / "__init__.py").write_text("raise ImportError('only its library')")
+    outcome = run_python(
+        """
+        import sys
+        opened = []
+        sys.addaudithook(
+            lambda event, words: opened.append(str(words[0])) if event == "ctypes.dlopen" else None
+        )
+        from duobench.sim.rendering import describe
+        from duobench.sim.triton_library import load_triton
+        describe()
+        names = [path.rpartition("/")[2] for path in opened]
+        gl = next(n for n, name in enumerate(names) if name.startswith(("libEGL", "libOSMesa")))
+        print("libtriton.so" in names[:gl], load_triton())
+        """,
+        PYTHONPATH=os.pathsep.join([str(tmp_path), *sys.path]),
+    )
+    assert outcome.returncode == 0, outcome.stderr
+    words = "cannot be loaded, and PyTorch may" if broken else "loaded apart from OpenGL"
+    assert outcome.stdout.startswith(f"True {words}"), outcome.stderr

@@ -25,7 +25,11 @@ if TYPE_CHECKING:
         TaskStages as TaskStages,
         TimeLimit as TimeLimit,
     )
-    from duobench.envs.observation_wrappers import Cameras as Cameras, ObjectStates as ObjectStates
+    from duobench.envs.observation_wrappers import (
+        Cameras as Cameras,
+        FlatObservations as FlatObservations,
+        ObjectStates as ObjectStates,
+    )
     from duobench.envs.protocol import make_env as make_env
     from duobench.envs.registration import env_id as env_id, make as make, register as register
     from duobench.envs.sim_env import SimEnv as SimEnv, sim_of as sim_of

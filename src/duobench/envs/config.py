@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from duobench.envs import action_modes
-from duobench.errors import OptionError, check_known, escaped
+from duobench.errors import OptionError, UnknownOptionError, check_known, escaped
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
@@ -39,6 +39,9 @@ class EnvConfig:
     """Height and width of their images in pixels; at most 720 x 1280."""
     object_state: bool = False
     """Whether the observation holds `environment_state`, the privileged numbers of the objects."""
+    flat_obs: bool = False
+    """Whether the observation is a `Dict` of one level, with `head_image` instead of `pixels`, as
+    libraries of reinforcement learning take it; policies of the benchmark take the nested one."""
     action_mode: str = action_modes.JOINT.name
     """One of `ACTION_MODES`."""
     binary_gripper: bool = False
@@ -108,12 +111,14 @@ class EnvConfig:
                 NumPy's, and a size a list.
 
         Raises:
-            UnknownNameError: There is no such option, camera, mode, split or look.
+            UnknownOptionError: There is no such option.
+            UnknownNameError: There is no such camera, mode, split or look.
             OptionError: A value is invalid.
         """
         known = [field.name for field in fields(EnvConfig)]
         for name in options:
-            check_known("option", name, known)
+            if name not in known:
+                raise UnknownOptionError("option: unexpected keyword argument", name, known)
         values = dict(options)
         for name in _FORMS.keys() & values.keys():
             values[name] = _FORMS[name](values[name])
@@ -152,7 +157,7 @@ def _shift(value: Any) -> Any:
     return Shift.parse(value) if isinstance(value, str) else value
 
 
-_FLAGS = ("object_state", "binary_gripper")
+_FLAGS = ("object_state", "flat_obs", "binary_gripper")
 _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "cameras": _cameras,
     "image_size": _size,

@@ -1,9 +1,9 @@
-"""What else an observation holds: images, object states; and sensing that is worse than usual."""
+"""What else an observation holds, its form, and sensing that is worse than usual."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
@@ -65,7 +65,7 @@ class Cameras(ObservingWrapper):
             name: gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8) for name in cameras
         }
         space = gym.spaces.Dict(images)
-        super().__init__(env, PIXELS, space, cameras=self._cameras, image_size=image_size)
+        super().__init__(env, {PIXELS: space}, cameras=self._cameras, image_size=image_size)
 
     def set_rendering(self, is_on: bool) -> None:
         """Switch images on or off; while they are off, an observation has no `pixels`."""
@@ -97,7 +97,7 @@ class ObjectStates(ObservingWrapper):
         self._simulation = cast("SimEnv", base).simulation
         self._state = base.definition.object_state
         numbers = gym.spaces.Box(-LARGEST, LARGEST, (len(self._state.names),), dtype=np.float32)
-        super().__init__(env, ENVIRONMENT_STATE, numbers)
+        super().__init__(env, {ENVIRONMENT_STATE: numbers})
 
     @property
     def object_state_names(self) -> tuple[str, ...]:
@@ -107,6 +107,30 @@ class ObjectStates(ObservingWrapper):
     def observation(self, observation: Observation) -> Observation:
         """The observation with the numbers of the current state."""
         return {**observation, ENVIRONMENT_STATE: self._state.read(self._simulation)}
+
+
+class FlatObservations(ObservingWrapper):
+    """Gives a `Dict` of one level: `head_image`, `left_wrist_image`, ... instead of `pixels`.
+
+    Libraries of reinforcement learning take no `Dict` inside a `Dict`. The images stay
+    (height, width, 3), uint8, and everything else stays as it is; no vector is made of it. Put it
+    outside the wrappers that add to the observation.
+    """
+
+    def __init__(self, env: gym.Env) -> None:
+        super().__init__(env, {})
+        nested = cast("gym.spaces.Dict", env.observation_space)
+        self.observation_space = gym.spaces.Dict(_flat(nested.spaces))
+
+    def observation(self, observation: Observation) -> Observation:
+        """The same observation, with images beside the numbers."""
+        return _flat(observation)
+
+
+def _flat(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Entries of an observation, or their spaces, with each image at the top."""
+    images = {f"{camera}_image": image for camera, image in entries.get(PIXELS, {}).items()}
+    return {key: value for key, value in entries.items() if key != PIXELS} | images
 
 
 MAX_AGE = 30

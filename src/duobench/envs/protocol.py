@@ -14,7 +14,7 @@ from duobench.envs import action_modes
 from duobench.envs.action_wrappers import ActionChunks, BinaryGripper
 from duobench.envs.config import VARIED, EnvConfig
 from duobench.envs.episode_wrappers import RandomizedReset, TaskStages, TimeLimit
-from duobench.envs.observation_wrappers import Cameras, ObjectStates, Sensing
+from duobench.envs.observation_wrappers import Cameras, FlatObservations, ObjectStates, Sensing
 from duobench.envs.registration import WRAPPERS
 from duobench.envs.wrapper import DuoWrapper
 from duobench.references import load
@@ -84,8 +84,6 @@ def with_wrappers(env: gym.Env) -> gym.Env:
     is_varied = config.instructions == VARIED
     judged = TaskStages(RandomizedReset(env, config.split, varied_instructions=is_varied))
     stack = stack_on(judged, config, horizon)
-    if level_for(config.shift, SENSING, stack.task):
-        stack = Sensing(stack, config.shift)
     if base.spec is not None:
         stack.made_from = replace(
             base.spec, max_episode_steps=horizon, additional_wrappers=(WRAPPERS,)
@@ -111,4 +109,8 @@ def stack_on(judged: TaskStages, config: EnvConfig, horizon: int | None) -> DuoW
         stack = ObjectStates(stack)
     if config.cameras:
         stack = Cameras(stack, config.cameras, config.image_size)
+    if level_for(config.shift, SENSING, stack.task):
+        stack = Sensing(stack, config.shift)
+    if config.flat_obs:
+        stack = FlatObservations(stack)
     return stack

@@ -61,6 +61,8 @@ def make(task: Task | str, **options: Any) -> gym.Env:
         task: Id of a task or of its environment, import path "module:ATTRIBUTE", or a task.
         options: `cameras` (True, False or names), `image_size` (224, or height and width),
             `object_state` (whether the observation has `environment_state`, privileged),
+            `flat_obs` (False, or True for a `Dict` of one level, with `head_image` and so on
+            instead of `pixels`, as Stable-Baselines3 and TorchRL take it),
             `action_mode` ("joint", "joint_relative", "cartesian", "cartesian_relative"),
             `binary_gripper`, `chunk` (actions in one step), `horizon`, `split` ("eval", or "train"
             for demonstrations), `look` ("wood_table", "random:7", ...), `render_mode`

@@ -1,5 +1,6 @@
 """What every wrapper of this package has in common."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -73,23 +74,22 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
 
 class ObservingWrapper(DuoWrapper, gym.ObservationWrapper):
-    """A wrapper that adds one entry to the observation; `observation` of a subclass does it.
+    """A wrapper that changes the observation; `observation` of a subclass does it.
 
-    What it adds belongs to the state of the arms and objects alone, so it is the same after a step
-    and after the state was restored.
+    What it gives follows from the state of the arms and objects alone, so it is the same after a
+    step and after the state was restored.
 
     Args:
-        key: Key of the entry.
-        space: Space of the entry.
+        added: Spaces of the entries that it adds, by key.
         arguments: What the wrapper was made with.
     """
 
-    def __init__(self, env: gym.Env, key: str, space: gym.Space, **arguments: Any) -> None:
+    def __init__(self, env: gym.Env, added: Mapping[str, gym.Space], **arguments: Any) -> None:
         super().__init__(env, **arguments)
         inner = env.observation_space
         if not isinstance(inner, gym.spaces.Dict):
-            raise TypeError(f"{key} is added to a Dict of observations, got {inner}.")
-        self.observation_space = gym.spaces.Dict({**inner.spaces, key: space})
+            raise TypeError(f"{type(self).__name__} takes a Dict of observations, got {inner}.")
+        self.observation_space = gym.spaces.Dict({**inner.spaces, **added})
 
     def restore_state(self, state: EpisodeState) -> Start:
         """Continue from a saved state, and observe."""

@@ -217,6 +217,8 @@ def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
         yield f"it sees images of {size}, the environment's are {config.image_size}"
     if metadata.object_state and not config.object_state:
         yield "it reads the state of the objects, which the environment does not show"
+    if config.flat_obs:
+        yield "it reads nested observations, the environment's are flat (flat_obs)"
     if metadata.action_mode != config.action_mode:
         yield f"its actions are {metadata.action_mode!r}, the environment's {config.action_mode!r}"
     if metadata.control_rate_hz != config.control_rate_hz:

@@ -21,6 +21,7 @@ from duobench.robot.cameras import check_image_size
 from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import OffscreenRenderer
 from duobench.sim.opengl import RenderingInfo, RenderThread, choose
+from duobench.sim.triton_library import load_triton
 
 T = TypeVar("T")
 
@@ -146,6 +147,7 @@ class Renderer:
 
     def _start(self) -> tuple[RenderThread, OffscreenRenderer]:
         model, shape, backend = self._model, self._shape, choose()
+        load_triton()
         thread = RenderThread()
         try:
             offscreen = thread.call(lambda: OffscreenRenderer(model, *shape, backend))

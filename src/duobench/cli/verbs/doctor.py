@@ -62,6 +62,7 @@ def _graphics() -> dict[str, str]:
     load_engine()
     from duobench.envs.sim_env import SimEnv
     from duobench.sim.rendering import Renderer
+    from duobench.sim.triton_library import load_triton
 
     base = SimEnv(catalog.get(catalog.names()[0]))
     base.reset()
@@ -77,6 +78,7 @@ def _graphics() -> dict[str, str]:
         "vendor": info.vendor,
         "OpenGL": info.version,
         "rendered by": "the processor (software)" if info.software else "a graphics card",
+        "Triton": load_triton(),
         "one image": f"{one:.1f} ms at {width}x{height}, shadows included",
         "three cameras": f"{three:.1f} ms",
     }
