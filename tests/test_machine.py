@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from duobench.machine import DISTRIBUTION, OPENGL_PACKAGES, install_extra
+from duobench.machine import DISTRIBUTION, OPENGL_PACKAGES, SOURCE, install_extra
 from tests.children import ran
 from tests.test_repository import ROOT, tracked
 
@@ -26,7 +26,7 @@ def commands() -> dict[str, set[str]]:
     """Every `pip install` of a page or a message: its arguments, and the files that have it."""
     found: dict[str, set[str]] = {}
     for path in tracked():
-        if path.suffix in {".md", ".py"} and path.parts[len(ROOT.parts)] not in UNREAD:
+        if path.suffix in {".md", ".py", ".toml"} and path.parts[len(ROOT.parts)] not in UNREAD:
             for match in COMMAND.finditer(path.read_text(encoding="utf-8")):
                 for quoted, bare in WORD.findall(match[1]):
                     found.setdefault(quoted or bare, set()).add(path.name)
@@ -46,7 +46,14 @@ def test_every_other_word_is_of_a_package_of_others() -> None:
     assert {Requirement(word).name for word in words} <= OTHERS, words
 
 
-@pytest.mark.parametrize("word", [*OURS, f"{DISTRIBUTION}[serve]"])
+def test_there_is_one_way_to_install_this_package() -> None:
+    assert OURS
+    form = re.compile(rf"{re.escape(SOURCE)}(\[[a-z,-]+\])?")
+    wrong = {word: places for word, places in commands().items() if is_ours(word)}
+    assert {word: files for word, files in wrong.items() if not form.fullmatch(word)} == {}
+
+
+@pytest.mark.parametrize("word", [*OURS, f"{SOURCE}[serve]"])
 def test_what_is_named_installs_this_package(word: str, wheel: Path, tmp_path: Path) -> None:
     """In a new folder, without dependencies, from an index that has this package alone."""
     offline = ["--no-deps", "--no-build-isolation", "--no-index", "--find-links", str(wheel.parent)]
@@ -65,7 +72,7 @@ def test_messages_name_extras_that_exist() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert project["name"] == DISTRIBUTION
     assert "lerobot" in project["optional-dependencies"]
-    assert f"{DISTRIBUTION}[lerobot]" in install_extra("lerobot")
+    assert f"pip install '{SOURCE}[lerobot]'" in install_extra("lerobot")
 
 
 def test_extra_that_this_python_cannot_have_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -77,7 +84,9 @@ def test_extra_that_this_python_cannot_have_says_so(monkeypatch: pytest.MonkeyPa
         "This is Python 3.11, and the extra lerobot needs Py"
     )
     monkeypatch.setattr(sys, "version_info", Version((3, 12, 0)))
-    assert install_extra("lerobot").startswith("Install it: pip install")
+    assert install_extra("lerobot").startswith(
+        "Install it in a clone of the repository: pip install"
+    )
 
 
 def test_libraries_of_opengl_are_the_same_everywhere() -> None:

@@ -40,8 +40,13 @@ def test_what_a_path_names_is_imported() -> None:
 @pytest.mark.parametrize(
     ("path", "what", "fits", "words"),
     [
-        ("loaded:RDE", "colour", is_text, r"module loaded 'RDE'. Did you mean 'RED'\?.*BLUE, RED"),
-        ("loaded:SIZE", "colour", is_text, "Unknown colour in module loaded 'SIZE'.*: BLUE, RED"),
+        (
+            "loaded:RDE",
+            "colour",
+            is_text,
+            r"loaded has no colour 'RDE'. Did you mean 'RED'\?.*BLUE, RED",
+        ),
+        ("loaded:SIZE", "colour", is_text, "whose SIZE is of type int, has no colour.*: BLUE, RED"),
         ("loaded:Yours", "class", callable, r"Known: Mine\.$"),  # the others are only imported
     ],
 )
@@ -57,6 +62,11 @@ def test_another_attribute_lists_near_misses(
     [
         ("loaded", "'loaded' is no `module:attribute`"),
         ("loaded:", "is no `module:attribute`"),
+        (
+            "./loaded:RED",
+            "names a file. In its folder, the module is found by its name: loaded:RED",
+        ),
+        ("my/loaded.py:RED", "is found by its name: loaded:RED"),
         (":RED", "is no `module:attribute`"),
         (".loaded:RED", "is no `module:attribute`"),
         ("nowhere:RED", "no module named 'nowhere'.*PYTHONPATH"),

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
+import duobench
 from tests.children import printed
 
 ROOT = Path(__file__).parents[1]
 SURFACE = {
-    "duobench": "DuoBenchError __version__ make register",
+    "duobench": "DuoBenchError __version__ make make_vec register task_ids",
     "duobench.data": """
         ActionSource Actor ActorKind DataSet EpisodeInfo ExportOptions Exported
         ImageSource Outcome Pairing Problem Recorder Recording Summary
@@ -32,6 +33,7 @@ SURFACE = {
         Paper PrintChoice PrintJob PrintedPart Recipe Spot fit_coupon job_of lay_out layout_sheet
         neutral_layout outlines_of recipe_of stl_bytes threemf_bytes write_prints
     """,
+    "duobench.looks": "names",
     "duobench.objects": """
         BLACK CHARCOAL CUBE_EDGE Colour Hinge Image LONG_BLOCK MassProperties PALE Part Piece Prop
         RED Shape Solid Mesh Variant WHITE WOOD YELLOW block box circle corner_points cube cylinder
@@ -97,6 +99,13 @@ def test_every_public_name_is_there_and_described(package: str) -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match=r"'duobench\.tasks' has no attribute 'Tsak'"):
         importlib.import_module("duobench.tasks").Tsak  # noqa: B018 - looking is the point
+
+
+@pytest.mark.parametrize("package", ["tasks", "looks"])
+def test_a_package_that_is_called_says_what_lists_its_names(package: str) -> None:
+    with pytest.raises(TypeError, match=f"a package; {(name := f'duobench.{package}')}.names()"):
+        getattr(duobench, package)()
+    assert importlib.import_module(name).names()
 
 
 def test_a_module_does_not_hide_the_function_of_its_name() -> None:

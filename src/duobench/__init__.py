@@ -4,13 +4,15 @@ Importing the package registers the environments with Gymnasium and does nothing
 Gymnasium is not installed, as on a policy's server, there is `duobench.policy` all the same.
 """
 
+import duobench.looks  # noqa: F401 - so that it is there
 from duobench.errors import DuoBenchError
+from duobench.tasks.catalog import names as task_ids
 from duobench.versions import __version__
 
-__all__ = ["DuoBenchError", "__version__", "make", "register"]
+__all__ = ["DuoBenchError", "__version__", "make", "make_vec", "register", "task_ids"]
 
 try:
-    from duobench.envs.registration import make, register, register_catalog
+    from duobench.envs.registration import make, make_vec, register, register_catalog
 except ModuleNotFoundError as error:
     if error.name != "gymnasium":
         raise

@@ -43,17 +43,21 @@ class UnknownNameError(DuoBenchError, LookupError):
     """A name (task, object, camera, option, policy) is not known; the message lists near misses.
 
     The kind is what the name should have named, such as "task"; it is the whole message where
-    nothing else is given, as when an error comes from another process.
+    nothing else is given, as when an error comes from another process. The owner is what has no
+    such name, where that is something.
     """
 
-    def __init__(self, kind: str, name: object = None, known: Iterable[str] | None = None) -> None:
+    def __init__(
+        self, kind: str, name: object = None, known: Iterable[str] | None = None, owner: str = ""
+    ) -> None:
         if known is None:
             super().__init__(kind)
             return
         names = sorted(known)
         near = difflib.get_close_matches(str(name), names, n=3)
         hint = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
-        super().__init__(f"Unknown {kind} {name!r}.{hint} Known: {', '.join(names) or '(none)'}.")
+        what = f"{owner} has no {kind} {name!r}" if owner else f"Unknown {kind} {name!r}"
+        super().__init__(f"{what}.{hint} Known: {', '.join(names) or '(none)'}.")
 
 
 class UnknownOptionError(UnknownNameError, TypeError):
@@ -143,6 +147,10 @@ class DataError(DuoBenchError):
 
 class NamesTakenError(DataError):
     """Different episodes have the same name."""
+
+
+class NoObjectStatesError(DataError):
+    """A policy learns from where objects are, and from nothing else."""
 
 
 class SeveralTasksError(DataError):

@@ -12,7 +12,9 @@ import time
 from collections.abc import Callable
 
 DISTRIBUTION = "duobench-fr3"
-"""What pip calls this package."""
+"""What pip calls this package once it is installed; no index knows the name yet."""
+SOURCE, WHERE = ".", " in a clone of the repository"
+"""What pip is told to install, and where; pages say the same."""
 OPENGL_PACKAGES = "libegl1 libopengl0 libgl1 libgl1-mesa-dri"
 """Packages of Debian and Ubuntu with which EGL renders offscreen, on a processor too."""
 OSMESA_PACKAGES = "libosmesa6"
@@ -25,14 +27,14 @@ FIRST_PYTHON = {"lerobot": (3, 12)}
 
 def install_extra(extra: str) -> str:
     """The sentence that says how to install an extra, such as "serve", in this Python."""
-    first = FIRST_PYTHON.get(extra, (0, 0))
+    first, command = FIRST_PYTHON.get(extra, (0, 0)), f"pip install '{SOURCE}[{extra}]'"
     if sys.version_info[:2] < first:
         running = f"{sys.version_info.major}.{sys.version_info.minor}"
         return (
             f"This is Python {running}, and the extra {extra} needs Python {first[0]}.{first[1]} "
-            f"or newer; there: pip install '{DISTRIBUTION}[{extra}]'."
+            f"or newer; there,{WHERE}: {command}"
         )
-    return f"Install it: pip install '{DISTRIBUTION}[{extra}]'."
+    return f"Install it{WHERE}: {command}"
 
 
 def is_software_renderer(renderer: str) -> bool:

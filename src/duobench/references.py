@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 from duobench.errors import ImportPathError, UnknownNameError, traceback_text
 
@@ -19,6 +19,11 @@ def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
     It should be of a kind, such as "task" for messages; `fits` says whether a value is.
     """
     module_name, _, attribute = path.partition(":")
+    if attribute and ("/" in module_name or module_name.endswith(".py")):
+        raise ImportPathError(
+            f"{path!r} names a file. In its folder, the module is found by its name: "
+            f"{Path(module_name).stem}:{attribute}"
+        )
     if not (module_name and attribute) or module_name.startswith("."):
         raise ImportPathError(f"{path!r} is no `module:attribute`, such as my_module:NAME.")
     module = _imported(module_name)
@@ -29,7 +34,8 @@ def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
             for name, value in vars(module).items()
             if fits(value) and not name.startswith("_") and not _is_foreign(value, module_name)
         ]
-        raise UnknownNameError(f"{kind} in module {module_name}", attribute, known)
+        but = "" if value is None else f", whose {attribute} is of type {type(value).__name__},"
+        raise UnknownNameError(kind, attribute, known, f"Module {module_name}{but}")
     return value
 
 
@@ -64,6 +70,10 @@ class _LazyPackage(ModuleType):
         value = getattr(import_module(self.origins[name]), name)
         setattr(self, name, value)
         return value
+
+    def __call__(self, *_: Any, **__: Any) -> NoReturn:
+        hint = f"; {self.__name__}.names() lists them" if "names" in self.origins else ""
+        raise TypeError(f"{self.__name__} is a package{hint}.")
 
     def __setattr__(self, name: str, value: Any) -> None:
         if not (isinstance(value, ModuleType) and name in self.origins):

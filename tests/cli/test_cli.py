@@ -20,11 +20,12 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from duobench import __version__
+from duobench import __version__, looks
 from duobench.cli import main
 from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.console import console
 from duobench.cli.shared.options import command_line, options_of
+from duobench.cli.shared.spelling import check_spelling
 from duobench.cli.verbs.evaluate import evaluate as eval_verb
 from duobench.data import DataSet
 from duobench.files import decode, encode, locked
@@ -107,6 +108,12 @@ def test_report_makes_videos_once(tmp_path: Path, evaluate: Told, told: Told) ->
     out = told("report", run, "--import-tasks", "--videos", "all")
     assert "4 of 4 videos" in out
     assert "3 videos made, 1 there before" in out
+
+
+def test_videos_of_failures_that_there_are_not(tmp_path: Path, told: Told) -> None:
+    play(tmp_path / "run", {"sort": [3, 3]})
+    out = told("report", tmp_path / "run", "--videos", "failures")
+    assert "No video is made: failures chooses none of the episodes.\nReport: " in out
 
 
 def test_video_that_cannot_be_made_is_told(
@@ -218,6 +225,13 @@ def test_list_tells_every_task(told: Told) -> None:
             assert f"{number} {stage.name}"[:60] in words
 
 
+def test_list_tells_every_look(told: Told) -> None:
+    rows = [line.split() for line in told("list", "--looks").splitlines()]
+    found = [row[0] for row in rows if row and row[0][0].islower()]
+    assert found == [*looks.names(), "random:SEED"]
+    assert ["noisy", "exposure,", "blur,", "noise"] in rows
+
+
 def test_render_draws_every_camera(tmp_path: Path, told: Told) -> None:
     words = ["--seed", "5", "--size", "48", "64", "--out", tmp_path]
     paths = [Path(path) for path in told("render", toy_tasks.WAVE_NAME, *words).split()]
@@ -235,6 +249,18 @@ def test_doctor_tells_versions_and_graphics(told: Told) -> None:
     for word in ("mujoco", "suite version", "backend", "renderer", "Triton", "three cameras"):
         assert word in out
     assert " ms at 224x224" in out
+    said = out.splitlines()[-1].removeprefix("All is well. Next: duobench ")
+    check_spelling(said.split(), VERBS, "duobench")
+
+
+def test_what_renders_is_told_where_it_is_asked(tmp_path: Path) -> None:
+    words = ["render", "bin_sort", "--size", "48", "64", "--out", str(tmp_path)]
+    quiet, told = (
+        duobench(*words, *more, folder=tmp_path, DUOBENCH_GL="") for more in ([], ["--verbose"])
+    )
+    assert (quiet.returncode, quiet.stderr, quiet.stdout) == (0, "", told.stdout)
+    is_software = "the processor" in duobench("doctor", DUOBENCH_GL="").stdout
+    assert ("No graphics card renders here" in told.stderr) == is_software
 
 
 @pytest.mark.parametrize(
@@ -259,8 +285,8 @@ def test_graphics_that_are_not_there_are_told_in_words(
 
 
 def test_wrong_arguments_are_refused_with_the_usage(capsys: pytest.CaptureFixture[str]) -> None:
-    assert refusal("eval", "--policy", "hold") == "2"
-    assert "--out" in capsys.readouterr().err
+    assert refusal("eval", "--policy", "hold", "--out", "run", "--executor", "slurm") == "2"
+    assert "processes" in capsys.readouterr().err
 
 
 def test_policy_of_a_wrong_name_can_be_corrected(tmp_path: Path, evaluate: Told) -> None:

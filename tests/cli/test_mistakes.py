@@ -14,6 +14,13 @@ from tests.cli.conftest import refusal
 from tests.cli.real.test_doctor import lab
 from tests.results.outcomes import play
 
+MISTAKEN = """
+def answer(observation): ...
+class Loads:
+    def __init__(self, path): ...
+made = Loads("weights")
+"""
+
 
 @pytest.fixture(autouse=True)
 def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -26,6 +33,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         Path(name).mkdir(parents=True)
     Path("runs/x/run.json").write_text("{}")
     Path("file.zip").write_bytes(b"none")
+    Path("mistaken.py").write_text(MISTAKEN)
     lab(tmp_path, "lavfi:testsrc2=size=1280x720")
 
 
@@ -63,6 +71,55 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --act-timeout=long", "--act-timeout takes a number, not 'long'"),
         ("evaluate", "no verb 'evaluate'. Did you mean `duobench eval`?"),
         ("walk", "There are: eval, report, "),
+        # Names that stand for something else.
+        (
+            "eval --policy act --out OUT",
+            "A trained act is lerobot:PATH; duobench train act trains one",
+        ),
+        ("eval --policy trained/last --out OUT", "is lerobot:trained/last, not 'trained/last'"),
+        ("eval --policy mistaken --out OUT", "is a module; name a class in it, such as mistaken:"),
+        ("eval --policy ./mistaken:X --out OUT", "found by its name: mistaken:X"),
+        ("eval --policy mistaken.py:X --out OUT", "found by its name: mistaken:X"),
+        (
+            "eval --policy mistaken:Load --out OUT",
+            "mistaken has no class or function 'Load'",
+        ),
+        ("eval --policy mistaken:made --out OUT", "mistaken, whose made is of type Loads, has no"),
+        ("eval --policy mistaken:answer --out OUT", "A policy is made without arguments, and has"),
+        ("eval --policy mistaken:Loads --out OUT", "A policy is made without arguments, and has"),
+        ("eval --policy hold --out OUT --tasks bin_sort,carry_pot", "spaces: bin_sort carry_pot"),
+        ("eval --policy hold --out OUT --tasks all", "none means all"),
+        ("eval --policy hold --out OUT --tasks Bin-Sort", "Did you mean 'bin_sort'"),
+        ("eval --policy hold --out OUT --tasks duobench/bin_sort", "Did you mean 'bin_sort'"),
+        ("eval --policy hold --out OUT --look random", "Did you mean 'random:SEED'"),
+        ("eval --policy hold --out OUT --shift look", "AXIS-LEVEL, such as look-3; got 'look'"),
+        ("eval --policy hold --out OUT --shard 0/4", "Shards count from 1: of 4 there are 1 to 4"),
+        # Options that other programs have, and words that follow none.
+        ("eval --camera head", "Cameras are named by the policy: PolicyMetadata(cameras="),
+        ("eval --gpu 0", "A policy chooses its device itself"),
+        ("eval --seed 3", "Seeds follow from task and episode"),
+        ("eval --model trained/last", "--policy lerobot:PATH"),
+        ("eval --render", "duobench view shows tasks and runs"),
+        ("eval --max_steps 9", "The task fixes its horizon"),
+        ("eval --resume", "The same command in the same folder goes on"),
+        ("eval --env bin_sort", "--tasks bin_sort"),
+        ("eval --policy hold bin_sort --out OUT", "Did you mean --tasks bin_sort?"),
+        ("record bin_sort --out OUT", "Did you mean --tasks bin_sort?"),
+        ("record --out OUT --format lerobot", "duobench export lerobot writes LeRobot's format"),
+        ("train act --data demos --out OUT --batch_size 8", "-- --batch_size=8"),
+        ("list bin_sort", "duobench list takes no 'bin_sort' without an option"),
+        ("eval --workers auto", "--workers takes a whole number, not 'auto'"),
+        ("eval --videos all", "--videos takes a whole number, not 'all'"),
+        # What is missing.
+        ("eval --policy hold", "needs --out; see: duobench eval --policy expert --out runs/expert"),
+        ("eval", "needs --policy and --out; see: duobench eval --policy expert --out"),
+        ("view", "needs WHAT; see: duobench view bin_sort"),
+        ("compare runs/x", "needs --out; see: duobench compare runs/expert runs/mine --out"),
+        ("help", "Did you mean `duobench --help`?"),
+        ("run", "Did you mean `duobench eval`?"),
+        ("train diffusion --data demos --out OUT", "--per-task --cameras none --object-state"),
+        ("train act --data demos --out OUT", "duobench export lerobot demos --out demos-lerobot"),
+        ("export lerobot demos --out demos", "export into a folder of its own"),
         ("record --epsiodes=3", "Did you mean --episodes?"),
         ("render nothing", "Unknown task 'nothing'"),
         ("render bin_sort --seed -1", "from 0 on, got -1"),
@@ -95,7 +152,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("view file.zip", "file.zip"),
         ("view carry_pot --look drak", "Did you mean 'dark'"),
         ("view carry_pot --port 70000", "Cannot listen at 127.0.0.1:70000"),
-        ("view carry_pot --lan", "pip install 'duobench-fr3[teleop]'"),
+        ("view carry_pot --lan", "pip install '.[teleop]'"),
         ("view --prot 3", "Did you mean --port"),
         ("verify nowhere", "There is no folder"),
         ("bundle nowhere", "There is no folder"),

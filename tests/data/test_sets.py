@@ -229,7 +229,9 @@ def test_commands_merge_what_they_split_with_its_videos(
         assert contents(DataSet(whole)) == contents(real)
     out = capsys.readouterr().out
     assert f"2 episodes in {one}" in out
-    assert f"3 episodes in {whole}" in out
+    assert f"3 episodes in {whole}\n" in out
+    main(["data", "merge", str(one), str(one), "--out", str(tmp_path / "same")])
+    assert "same; left out, as equal to one of these: 2\n" in capsys.readouterr().out
     names = [path.relative_to(whole) for path in DataSet(whole).episodes()]
     assert names == [path.relative_to(real.path) for path in real.episodes()]
     DataSet(whole).episodes()[1].unlink()

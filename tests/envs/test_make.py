@@ -1,8 +1,13 @@
 """Options: what they make of an environment, and what is refused."""
 
+import ast
+import inspect
 import json
+import re
 from collections.abc import Callable
-from dataclasses import asdict
+from contextlib import closing
+from dataclasses import asdict, fields
+from functools import reduce
 from typing import Any
 
 import gymnasium as gym
@@ -24,6 +29,7 @@ from duobench.envs import (
 )
 from duobench.envs.config import EnvConfig
 from duobench.envs.protocol import make_env
+from duobench.envs.registration import EnvOptions
 from duobench.errors import (
     DuoBenchError,
     LayoutError,
@@ -90,7 +96,11 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
     ("options", "error", "words"),
     [
         ({"camera": "head"}, UnknownNameError, "argument 'camera'.*Did you mean 'cameras'"),
-        ({"seed": 3}, TypeError, "unexpected keyword argument 'seed'.*Known: action_mode,"),
+        ({"sead": 3}, UnknownNameError, "argument 'sead'.*Known: action_mode, binary_gripper,"),
+        ({"seed": 3}, UnknownNameError, r"argument 'seed'.*env\.reset\(seed=0\)"),
+        ({"num_envs": 4}, UnknownNameError, r'duobench\.make_vec\("bin_sort", num_envs=4\)'),
+        ({"headless": True}, UnknownNameError, "rendered offscreen"),
+        ({"max_steps": 9}, UnknownNameError, "horizon=300"),
         ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
         ({"cameras": None}, OptionError, "cameras is True, False.*None"),
         ({"cameras": 3}, OptionError, "cameras is True, False.*3"),
@@ -201,6 +211,55 @@ def test_a_reset_refuses_what_is_no_seed_layout_or_dict(
     for env in (make_env(TASK, cameras=False), sim_of(make_env(TASK, cameras=False))):
         with pytest.raises(error, match=words):
             env.reset(**asked)
+
+
+def test_what_people_look_for_on_the_outermost_environment() -> None:
+    env: Any = make_env(TASK, cameras=False)
+    env.reset(seed=0)
+    simulation = env.unwrapped.simulation
+    for name, value in (
+        ("sim", simulation),
+        ("model", simulation.model),
+        ("data", simulation.data),
+    ):
+        with pytest.raises(
+            AttributeError, match=f"no attribute '{name}'; try env.unwrapped."
+        ) as no:
+            getattr(env, name)
+        place = str(no.value).partition("try env.")[2].removesuffix(".")
+        assert reduce(getattr, place.split("."), env) is value
+    assert env.config is env.get_wrapper_attr("config")
+    with pytest.raises(AttributeError, match=r"get_wrapper_attr\('judg'\)"):
+        env.judg  # noqa: B018 - looking is the point
+
+
+@pytest.mark.parametrize("options", [{}, {"cameras": False}, {"object_state": True, "chunk": 2}])
+def test_arguments_of_a_reset_have_names(options: dict[str, Any]) -> None:
+    env: Any = make_env(TASK, **{"cameras": False, **options})
+    with pytest.raises(OptionError, match=r"by name: reset\(seed=3\)"):
+        env.reset(3)
+    assert list(inspect.signature(env.reset).parameters) == ["seed", "options"]
+
+
+def test_options_that_editors_complete_are_those_of_the_configuration() -> None:
+    known = {field.name for field in fields(EnvConfig)}
+    assert set(EnvOptions.__annotations__) == known | {"max_episode_steps"}
+    text = inspect.getdoc(duobench.make) or ""
+    told = dict(re.findall(r"^ *- `(\w+)` \((.+?)\): ", text, re.MULTILINE))
+    assert list(told) == list(EnvOptions.__annotations__)
+    assert told.pop("max_episode_steps") == "None"
+    defaults = {name: ast.literal_eval(text) for name, text in told.items()}
+    assert EnvConfig.from_options(defaults) == EnvConfig()
+    for function in (duobench.make, duobench.make_vec):
+        assert inspect.signature(function).parameters["options"].annotation == "Unpack[EnvOptions]"
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_several_are_made_side_by_side(mode: Any) -> None:
+    with closing(duobench.make_vec(TASK, 2, mode, cameras=False)) as several:
+        observations, _ = several.reset(seed=[3, 4])
+    with closing(duobench.make(TASK, cameras=False)) as alone:
+        assert np.array_equal(observations["agent_pos"][1], alone.reset(seed=4)[0]["agent_pos"])
 
 
 def bare() -> SimEnv:

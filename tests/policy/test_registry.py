@@ -53,7 +53,7 @@ def test_unknown_name_lists_the_known_ones() -> None:
     ("attribute", "message"),
     [
         ("Mein", "'Mein'. Did you mean 'Mine'.*Leaves, Mine, Needs, make_nothing, make_policy"),
-        ("A_NUMBER", "Unknown class or function in module own_policies 'A_NUMBER'"),
+        ("A_NUMBER", "own_policies, whose A_NUMBER is of type int, has no class or function"),
         ("make_nothing", "gave a object, which is no policy"),
         (
             "Needs",

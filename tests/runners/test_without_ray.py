@@ -53,7 +53,7 @@ def test_a_cluster_without_token_is_refused(mode, monkeypatch):
 
 def test_missing_ray_names_the_extra(monkeypatch, tmp_path):
     monkeypatch.setattr(cluster.importlib.util, "find_spec", lambda _name: None)
-    with pytest.raises(EvaluationError, match=r"duobench-fr3\[ray\]"):
+    with pytest.raises(EvaluationError, match=r"pip install '\.\[ray\]'"):
         evaluate("hold", small_suite(), RunFolder(tmp_path / "run"), cluster=Cluster())
     assert not (tmp_path / "run").exists()
 

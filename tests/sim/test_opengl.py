@@ -134,11 +134,13 @@ def test_where_nothing_works_the_packages_to_install_are_named(tmp_path: Path) -
 def test_a_process_is_bound_to_what_was_chosen_and_software_is_told_once_for_its_family() -> None:
     outcome = run_python(
         """
-        import subprocess, sys
+        import logging, subprocess, sys
         from duobench.sim.rendering import describe
+        logging.basicConfig(level=logging.INFO)
         info = describe()
         describe()
-        child = "from duobench.sim.rendering import describe; describe()"
+        child = "import logging; logging.basicConfig(level=logging.INFO);"
+        child += "from duobench.sim.rendering import describe; describe()"
         subprocess.run([sys.executable, "-c", child], check=True)
         from OpenGL.platform import PLATFORM
         print(info.backend, type(PLATFORM).__name__, info.software)

@@ -124,7 +124,7 @@ def test_object_states_without_images_have_recipes_of_their_own(kind: str, one_t
     if kind in RECIPES:
         assert RECIPES[kind].steps.argument in arguments(kind, one_task)
     else:
-        with pytest.raises(UnknownNameError, match="Unknown recipe"):
+        with pytest.raises(DataError, match="states without images; "):
             arguments(kind, one_task)
 
 

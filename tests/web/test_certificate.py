@@ -17,7 +17,7 @@ from tests.web.pages import open_page
 
 def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "trustme", None)
-    with pytest.raises(ServingError, match=r"trustme makes.*pip install 'duobench-fr3\[teleop\]'"):
+    with pytest.raises(ServingError, match=r"trustme makes.*pip install '\.\[teleop\]'"):
         make_certificate()
 
 

@@ -1,6 +1,7 @@
 """The command line, `duobench <verb>`: thin, one file a verb, loaded when it is needed."""
 
 import io
+import logging
 import os
 import sys
 from collections.abc import Sequence
@@ -8,8 +9,11 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
+from duobench.cli.shared.names import check_names
 from duobench.cli.shared.process import leave, leaving_at_once
 from duobench.errors import DuoBenchError, escaped
+
+VERBOSE = "--verbose"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -22,7 +26,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _print_anything()
     with leaving_at_once():
         try:
-            import_module("duobench.cli.program").run(arguments)
+            words = sys.argv[1:] if arguments is None else list(arguments)
+            if VERBOSE in words:
+                words.remove(VERBOSE)
+                logging.basicConfig(format="%(message)s")
+                logging.getLogger("duobench").setLevel(logging.INFO)
+            check_names(words)
+            import_module("duobench.cli.program").run(words)
             sys.stdout.flush()
         except DuoBenchError as error:
             sys.exit(f"error: {escaped(str(error))}")

@@ -1,19 +1,19 @@
 """All verbs, and how their arguments are read."""
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 
 import tyro
 
 from duobench.cli.real import arms, calibrate
 from duobench.cli.shared.console import say
-from duobench.cli.shared.options import check_spelling
+from duobench.cli.shared.spelling import check_spelling
 from duobench.cli.verbs import data, doctor, episodes, evaluate, policies, runs, tasks, teleop
 from duobench.versions import __version__
 
 DESCRIPTION = (
     "A benchmark for two-armed manipulation on the Franka FR3 Duo. "
-    "duobench --version shows the version."
+    "duobench --version shows the version; with --verbose a verb also says what it finds, such as "
+    "what renders."
 )
 
 VERBS: Mapping[str, Callable[..., None]] = {
@@ -66,9 +66,8 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
 """Verbs that have verbs of their own."""
 
 
-def run(arguments: Sequence[str] | None) -> None:
+def run(words: Sequence[str]) -> None:
     """Read the arguments and run the verb they name."""
-    words = sys.argv[1:] if arguments is None else list(arguments)
     if words == ["--version"]:
         say(f"duobench {__version__}")
         return

@@ -8,7 +8,13 @@ from difflib import get_close_matches
 from typing import Any
 
 from duobench.envs import action_modes
-from duobench.errors import OptionError, UnknownOptionError, check_known, escaped
+from duobench.errors import (
+    OptionError,
+    UnknownNameError,
+    UnknownOptionError,
+    check_known,
+    escaped,
+)
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SPLITS
@@ -18,12 +24,20 @@ from duobench.shifts.shift import NO_SHIFT, Shift
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_size, as_whole
 
 RENDER_MODES = ("rgb_array",)
+RENDERED = "rgb_array gives images; duobench view bin_sort shows the task in a browser."
 FIXED, VARIED = "fixed", "varied"
 INSTRUCTIONS = (FIXED, VARIED)
 IMAGE_SIZE = (224, 224)
 """Default height and width of an image in an observation, in pixels."""
 RENDER_SIZE = (480, 640)
 """Default height and width of the image that `render` gives, in pixels."""
+ELSEWHERE = {
+    "num_envs": 'duobench.make_vec("bin_sort", num_envs=4) makes several environments.',
+    "seed": "A seed is given to reset: env.reset(seed=0).",
+    "headless": "No window is opened; images are rendered offscreen.",
+    "max_steps": "The number of steps is horizon, such as horizon=300.",
+}
+"""What is here in place of options of other environments."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,8 +88,8 @@ class EnvConfig:
         action_modes.get(self.action_mode)
         check_known("split", self.split, SPLITS)
         check_known("kind of instructions", self.instructions, INSTRUCTIONS)
-        if self.render_mode is not None:
-            check_known("render mode", self.render_mode, RENDER_MODES)
+        if self.render_mode is not None and self.render_mode not in RENDER_MODES:
+            raise UnknownNameError(f"Unknown render mode {self.render_mode!r}. {RENDERED}")
         for name in _FLAGS:
             if not isinstance(value := getattr(self, name), bool):
                 raise OptionError(f"{name} is True or False, got {value!r}.")
@@ -116,9 +130,12 @@ class EnvConfig:
             OptionError: A value is invalid.
         """
         known = [field.name for field in fields(EnvConfig)]
+        what = "option: unexpected keyword argument"  # in Python's words
         for name in options:
+            if name in ELSEWHERE:
+                raise UnknownOptionError(f"Unknown {what} {name!r}. {ELSEWHERE[name]}")
             if name not in known:
-                raise UnknownOptionError("option: unexpected keyword argument", name, known)
+                raise UnknownOptionError(what, name, known)
         values = dict(options)
         for name in _FORMS.keys() & values.keys():
             values[name] = _FORMS[name](values[name])

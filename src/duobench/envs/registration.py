@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec, WrapperSpec
@@ -12,6 +12,8 @@ from duobench.errors import DuoBenchError, OptionError
 from duobench.tasks import catalog
 
 if TYPE_CHECKING:
+    from duobench.looks.look import Look
+    from duobench.shifts.shift import Shift
     from duobench.tasks.task import Task
 
 NAMESPACE = "duobench"
@@ -19,6 +21,28 @@ VERSION = 1
 """Version of the environments' interface; that of the episodes is `randomness.SUITE_VERSION`."""
 ENTRY_POINT = "duobench.envs.protocol:make_base"
 WRAPPERS = WrapperSpec("protocol", "duobench.envs.protocol:with_wrappers", {})
+
+
+class EnvOptions(TypedDict, total=False):
+    """What `EnvConfig.from_options` takes, which says more of each, and Gymnasium's time limit."""
+
+    cameras: bool | str | Iterable[str]
+    image_size: int | Sequence[int]
+    object_state: bool
+    flat_obs: bool
+    action_mode: str
+    binary_gripper: bool
+    chunk: int | None
+    horizon: int | None
+    instructions: str
+    split: str
+    speed_fraction: float
+    control_rate_hz: float
+    render_mode: str | None
+    render_size: int | Sequence[int]
+    look: str | Look | Mapping[str, Any]
+    shift: str | Shift | Mapping[str, Any]
+    max_episode_steps: int
 
 
 def env_id(task_id: str) -> str:
@@ -54,33 +78,71 @@ def register(task: Task | str) -> str:
     return spec.id
 
 
-def make(task: Task | str, **options: Any) -> gym.Env:
+def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
     """An environment; `gymnasium.make("duobench/<task>-v1")` makes the same one.
 
     Args:
         task: Id of a task or of its environment, import path "module:ATTRIBUTE", or a task.
-        options: `cameras` (True, False or names), `image_size` (224, or height and width),
-            `object_state` (whether the observation has `environment_state`, privileged),
-            `flat_obs` (False, or True for a `Dict` of one level, with `head_image` and so on
-            instead of `pixels`, as Stable-Baselines3 and TorchRL take it),
-            `action_mode` ("joint", "joint_relative", "cartesian", "cartesian_relative"),
-            `binary_gripper`, `chunk` (actions in one step), `horizon`, `split` ("eval", or "train"
-            for demonstrations), `look` ("wood_table", "random:7", ...), `render_mode`
-            ("rgb_array"), `render_size`; see `duobench.envs.config.EnvConfig`.
+        options: What differs from the evaluation protocol, by name:
+
+            - `cameras` (True): True, False, or names: head, left_wrist, right_wrist.
+            - `image_size` (224, 224): height and width of their images, or one number, in pixels.
+            - `object_state` (False): whether observations hold `environment_state`, privileged.
+            - `flat_obs` (False): a `Dict` of one level, `head_image` in place of `pixels` and so on.
+            - `action_mode` ("joint"): or "joint_relative", "cartesian", "cartesian_relative".
+            - `binary_gripper` (False): whether openings are rounded to open or closed.
+            - `chunk` (None): number of actions in one step, as an array (chunk, n).
+            - `horizon` (None): control steps until an episode is truncated; None is the task's.
+            - `instructions` ("fixed"): or "varied", one of the task's paraphrases an episode.
+            - `split` ("eval"): layouts; "train" for demonstrations, "salted" for hosted rounds.
+            - `speed_fraction` (1.0): part of the joints' speed limits that the arms use.
+            - `control_rate_hz` (30.0): control steps a second; there is one rate.
+            - `render_mode` (None): "rgb_array", for `render`.
+            - `render_size` (480, 640): height and width of its image, in pixels.
+            - `look` ("default"): how images look; `duobench.looks.names()` lists them.
+            - `shift` ("none"): what is harder than usual, such as "look-3".
+            - `max_episode_steps` (None): Gymnasium's name of `horizon`; -1 for none.
 
     Returns:
-        The environment; without options, that of the evaluation protocol.
+        The environment; `env.config` has the chosen values, `env.unwrapped` is the simulator alone.
 
     Raises:
         UnknownNameError: There is no such task or option; near misses are listed.
         OptionError: What is given is no task, or the value of an option is invalid.
     """
+    return gym.make(_spec_with(task, options), **options)
+
+
+def make_vec(
+    task: Task | str,
+    num_envs: int = 1,
+    vectorization_mode: Literal["sync", "async"] = "sync",
+    vector_kwargs: dict[str, Any] | None = None,
+    **options: Unpack[EnvOptions],
+) -> gym.vector.VectorEnv:
+    """Several environments of a task side by side, as `gymnasium.make_vec` makes them.
+
+    Args:
+        task: As for `make`.
+        num_envs: How many.
+        vectorization_mode: "sync" steps one after the other, "async" in processes of their own.
+        vector_kwargs: Arguments of Gymnasium's vector environment, such as `context`; where images
+            were rendered before, processes begin anew with {"context": "spawn"}.
+        options: As for `make`. Errors are the same.
+    """
+    return gym.make_vec(
+        _spec_with(task, options), num_envs, vectorization_mode, vector_kwargs, **options
+    )
+
+
+def _spec_with(task: Task | str, options: EnvOptions) -> EnvSpec | str:
+    """What Gymnasium makes a task's environment from, of options that it may copy."""
     cameras = options.get("cameras")
     if isinstance(cameras, Iterable) and not isinstance(cameras, str):
         options["cameras"] = tuple(cameras)  # the spec keeps and copies it, so no generator
     if isinstance(task, str) and (known := env_id(catalog.plain(task))) in gym.registry:
-        return gym.make(known, **options)
-    return gym.make(_spec(task), **options)
+        return known
+    return _spec(task)
 
 
 def _spec(task: Task | str) -> EnvSpec:

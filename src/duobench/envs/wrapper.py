@@ -1,6 +1,7 @@
 """What every wrapper of this package has in common."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import wraps
 from typing import Any
 
 import gymnasium as gym
@@ -8,9 +9,26 @@ from gymnasium.envs.registration import EnvSpec
 
 from duobench.envs import spaces
 from duobench.envs.action_modes import ActionMode
+from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import DuoEnv, Start, base_of
 from duobench.envs.episode_state import EpisodeState
+from duobench.errors import OptionError
 from duobench.types import Array
+
+INSIDE = {"sim": "simulation", "model": "simulation.model", "data": "simulation.data"}
+"""Where in the innermost environment things are that people look for on the outermost one."""
+
+
+def _by_name(reset: Callable[..., Start]) -> Callable[..., Start]:
+    """A reset that says so where arguments are given without their names."""
+
+    @wraps(reset)
+    def checked(self: gym.Env, *wrong: Any, **named: Any) -> Start:
+        if wrong:
+            raise OptionError(f"reset takes its arguments by name: reset(seed={wrong[0]!r}).")
+        return reset(self, **named)
+
+    return checked
 
 
 class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
@@ -39,6 +57,19 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     def spec(self) -> EnvSpec | None:
         """What Gymnasium makes the environment from; None where it was put together by hand."""
         return self.made_from or super().spec
+
+    def __getattr__(self, name: str) -> Any:
+        place = f"unwrapped.{INSIDE[name]}" if name in INSIDE else f"get_wrapper_attr({name!r})"
+        raise AttributeError(f"A wrapper has no attribute {name!r}; try env.{place}.")
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.reset = _by_name(cls.reset)
+
+    @property
+    def config(self) -> EnvConfig | None:
+        """What was chosen about the environment; None where it was put together by hand."""
+        return self.base.config
 
     @property
     def base(self) -> DuoEnv:

@@ -5,7 +5,7 @@ Experts and other policies never import each other; they meet here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,7 +29,6 @@ from duobench.experts.variety import NONE, VARIETIES, Variety
 from duobench.policy import Batching, Policy, PolicyMetadata, SessionPolicy
 from duobench.policy.batch import ONE_BY_ONE, Chunk, Observation
 from duobench.policy.registry import (
-    MADE_ALONE,
     SCRIPTED,
     PolicyKind,
     PolicyName,
@@ -37,17 +36,19 @@ from duobench.policy.registry import (
     no_batches,
     source_version,
 )
-from duobench.policy.serving.address import MAX_S, OPENPI, SERVED, PolicyAddress, RemoteServer
+from duobench.policy.serving.address import (
+    MAX_S,
+    OPENPI,
+    SERVED,
+    WORDS,
+    PolicyAddress,
+    RemoteServer,
+)
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
 
 _ANSWERING_S = 5.0
 """Seconds to wait for a process that has said that it answers."""
-WORDS: Mapping[str, PolicyKind] = {
-    **SCRIPTED,
-    **MADE_ALONE,
-    **dict.fromkeys(SERVED, PolicyKind.SERVED),
-}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

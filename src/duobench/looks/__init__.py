@@ -1,1 +1,10 @@
 """Looks: how images of a scene look, as values. `sim` renders them."""
+
+from typing import TYPE_CHECKING
+
+from duobench.references import lazy
+
+if TYPE_CHECKING:
+    from duobench.looks.catalog import names as names
+
+lazy(__name__)

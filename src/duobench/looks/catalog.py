@@ -89,6 +89,12 @@ LOOKS: Mapping[str, Look] = {
 }
 """The named looks."""
 
+
+def names() -> tuple[str, ...]:
+    """The names of `LOOKS`; beside them "random:SEED" names a random look of a seed."""
+    return tuple(LOOKS)
+
+
 TABLE_VALUES = (0.34, 0.66)
 """Brightness of a random table: black and white objects stand out from it."""
 LIGHT_ELEVATIONS = (math.radians(35.0), math.radians(75.0))

@@ -24,6 +24,13 @@ BASELINES: Mapping[str, Callable[[], Policy]] = MappingProxyType(
 """Factories of the policies that come with the package."""
 
 
+A_POLICY = (
+    "A policy is made without arguments, and has `metadata` (a duobench.policy.PolicyMetadata), "
+    "`reset(instruction, seed)` and `act(observation)`, or `begin(instruction, seed)` and "
+    "`act_batch(sessions, observations)` for many episodes at a time."
+)
+
+
 class PolicyKind(StrEnum):
     """Where a policy comes from: the first two read the simulation, a baseline needs nothing."""
 
@@ -78,6 +85,10 @@ class PolicyName:
             kind, reference = PolicyKind.LEROBOT, rest
         elif is_divided:
             kind = PolicyKind.MODULE
+        if kind is None and Path(f"{text}.py").exists():
+            raise PolicyError(f"{text!r} is a module; name a class in it, such as {text}:MyPolicy.")
+        if kind is None and "/" in text and not text.endswith(".py"):
+            raise PolicyError(f"A checkpoint of LeRobot is lerobot:{text}, not {text!r}.")
         if kind is None and "." in text:
             path = Path(text)
             module, attribute = path.stem, path.suffix.removeprefix(".")
@@ -127,14 +138,13 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
         if is_ours and isinstance(error, DuoBenchError):
             raise
         trace = traceback_text(error, skip=1).strip()
+        if isinstance(error, TypeError) and "\n" not in trace:  # the call itself
+            raise PolicyError(f"Policy {name.text!r}: {error}. {A_POLICY}") from error
         raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
     is_policy = isinstance(policy, Policy | BatchPolicy)
     if not (is_policy and isinstance(policy.metadata, PolicyMetadata)):
         raise PolicyError(
-            f"{name.text} gave a {type(policy).__name__}, which is no policy. A policy has "
-            "`metadata` (a duobench.policy.PolicyMetadata), `reset(instruction, seed)` and "
-            "`act(observation)`, or `begin(instruction, seed)` and "
-            "`act_batch(sessions, observations)` for many episodes at a time."
+            f"{name.text} gave a {type(policy).__name__}, which is no policy. {A_POLICY}"
         )
     return policy
 

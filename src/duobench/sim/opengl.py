@@ -109,9 +109,8 @@ def choose(processes: int = 1) -> str:
         if isinstance(outcome, RenderingInfo):
             os.environ[CHOSEN] = backend
             if outcome.software:
-                _log.warning(
-                    "No graphics card renders here, so the processor does: %s through %s. "
-                    "Images are the same and take longer.",
+                _log.info(
+                    "No graphics card renders here, so the processor does: %s through %s.",
                     outcome.renderer,
                     backend,
                 )

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from duobench.errors import check_known
+from duobench.errors import UnknownNameError, check_known
 from duobench.references import load
 
 if TYPE_CHECKING:
@@ -47,6 +47,20 @@ def plain(name: str) -> str:
     return found[1] if found else name
 
 
+def check(name: str) -> None:
+    """Reject a name that is neither a task's id nor an import path, without loading anything."""
+    name = plain(name)
+    if name == "all":
+        raise UnknownNameError(
+            "No task is named 'all'. Where several can be given, none means all."
+        )
+    if "," in name:
+        separate = " ".join(re.split(r"[,\s]+", name))
+        raise UnknownNameError(f"{name!r} is one word; separate names by spaces: {separate}.")
+    if ":" not in name:
+        check_known("task", name, HORIZONS)
+
+
 def get(task: Task | str) -> Task:
     """A task.
 
@@ -61,8 +75,7 @@ def get(task: Task | str) -> Task:
     if not isinstance(task, str):
         return task
     task = plain(task)
-    if ":" not in task:
-        check_known("task", task, HORIZONS)
+    check(task)
 
     from duobench.tasks.task import Task
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from duobench.envs import action_labels
 from duobench.envs.spaces import JOINT_NAMES
-from duobench.errors import DataError, OtherRunError, PolicyError, check_known
+from duobench.errors import DataError, NoObjectStatesError, OtherRunError, PolicyError, check_known
 from duobench.files import write
 from duobench.lerobot_keys import (
     ACTION,
@@ -195,6 +195,10 @@ def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
         check_known("recipe for object states", kind, OBJECT_STATES)
         return OBJECT_STATES[kind]
     recipes = SMALL if small else RECIPES
+    if kind in OBJECT_STATES and kind not in RECIPES:
+        raise NoObjectStatesError(
+            f"{kind} learns from object states without images; {source.path} has no such export."
+        )
     check_known("small recipe" if small else "recipe", kind, recipes)
     return recipes[kind]
 

@@ -1,9 +1,16 @@
 import io
+import os
+import pty
+import subprocess
+import sys
+from collections.abc import Mapping
 
 import pytest
 from rich.console import Console
 
+from duobench.cli.shared.console import NOTEBOOK
 from duobench.cli.shared.progress import EpisodesPlayed, display
+from tests.children import ran
 from tests.results.samples import SORT, sample_record, sample_records, sample_run
 
 
@@ -25,7 +32,7 @@ def test_output_that_is_no_terminal_gets_few_plain_lines() -> None:
     lines = text.splitlines()
     assert lines[0] == "Policy mine: 3 tasks, 120 episodes"
     successes = sum(record.success for record in records)
-    assert lines[-1] == f"120 of 120 episodes, {successes} succeeded"
+    assert lines[-1].startswith(f"120 of 120 episodes, {successes} succeeded, 0:00:")
     assert len(lines) == 11
     assert "\x1b" not in text
     assert "\r" not in text
@@ -74,4 +81,62 @@ def test_things_are_counted_from_where_an_earlier_call_stopped(terminal: bool) -
         assert "100/100" in out.getvalue()
     else:
         lines = out.getvalue().splitlines()
-        assert lines == [f"{done} of 100 frames" for done in range(40, 101, 10)]
+        assert [line.partition(",")[0] for line in lines] == [
+            f"{done} of 100 frames" for done in range(40, 101, 10)
+        ]
+
+
+def test_plain_lines_have_the_time_that_is_past_and_the_time_that_is_left() -> None:
+    out, now = io.StringIO(), 50.0
+    with display("frame", Console(file=out, width=100), clock=lambda: now) as live:
+        for done in range(20, 101, 20):  # the first twenty were there before
+            live.tell(done, 100)
+            now += 30.0
+    assert out.getvalue().splitlines() == [
+        "20 of 100 frames",
+        "40 of 100 frames, 0:00:30 elapsed, 0:01:30 left",
+        "60 of 100 frames, 0:01:00 elapsed, 0:01:00 left",
+        "80 of 100 frames, 0:01:30 elapsed, 0:00:30 left",
+        "100 of 100 frames, 0:02:00 elapsed",
+    ]
+
+
+SHOWN = """
+from duobench.cli.shared.console import say
+from duobench.cli.shared.progress import display
+say("coloured", style="bold red")
+with display("frame") as live:
+    for done in range(6):
+        live.tell(done, 5)
+"""
+
+
+def on_terminal(code: str, environment: Mapping[str, str]) -> str:
+    """What Python writes to a terminal of its own."""
+    ours, theirs = pty.openpty()
+    with subprocess.Popen([sys.executable, "-c", code], stdout=theirs, env=environment) as child:
+        os.close(theirs)
+        text = b""
+        try:
+            while part := os.read(ours, 4096):
+                text += part
+        except OSError:  # Linux's way to say that nothing follows
+            os.close(ours)
+    assert child.returncode == 0
+    return text.decode()
+
+
+@pytest.mark.parametrize("variables", [{}, {"JPY_PARENT_PID": "1"}])
+def test_a_terminal_has_bars_and_a_notebook_plain_lines(variables: dict[str, str]) -> None:
+    """A notebook gives programs a terminal, and asks for colours by variables."""
+    asked = {"TERM": "xterm-color", "FORCE_COLOR": "1", "CLICOLOR_FORCE": "1"}
+    environment = {name: each for name, each in os.environ.items() if name not in NOTEBOOK}
+    text = on_terminal(SHOWN, {**environment, **asked, **variables})
+    assert ("\x1b" in text) == (not variables)
+    assert ("3 of 5 frames, 0:00:0" in text) == bool(variables)
+
+
+def test_a_pipe_gets_no_escape_codes_whatever_is_asked_for() -> None:
+    done = ran("-c", SHOWN, env={**os.environ, "FORCE_COLOR": "1", "TERM": "xterm-color"})
+    assert "5 of 5 frames" in done.stdout
+    assert "\x1b" not in done.stdout, done.stderr

@@ -31,6 +31,9 @@ def test_row_has_rate_interval_progress_and_distribution() -> None:
     assert "lift|0/4|–|0.0–100.0|–|0:0|1:0|2:0" in lines
     assert "All tasks|4/12|75.0|30.1–95.4|0.833" in lines
     assert not any("Errors" in line for line in lines)
+    assert any(
+        "2:5 says that five episodes came to stage 2 and no further" in line for line in lines
+    )
 
 
 def test_late_successes_have_a_column_where_episodes_were_played_on() -> None:

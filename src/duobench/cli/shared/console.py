@@ -1,5 +1,7 @@
 """What the verbs print."""
 
+import os
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,6 +20,8 @@ from duobench.results.scores import (
     rate_text,
 )
 
+NOTEBOOK = {"JPY_PARENT_PID", "JPY_SESSION_NAME", "COLAB_RELEASE_TAG"}
+"""Environment variables that Jupyter sets for what runs in its notebooks, one or the other."""
 PLAIN_WIDTH = 130
 """Columns when the output goes to a file or another program, which never wraps."""
 
@@ -26,9 +30,17 @@ def console() -> Console:
     """Standard output: coloured and as wide as the terminal, or plain and of one width.
 
     Text is printed as it is: `[name]` and `:name:` come from people, not from us, and only a
-    terminal breaks its lines.
+    terminal breaks its lines. Notebooks run programs in what passes for a terminal, ask all of them
+    for colours, and show what moves a cursor as signs: there, output is plain.
     """
-    out = Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+    plain = NOTEBOOK & os.environ.keys() or not sys.stdout.isatty()
+    out = Console(
+        highlight=False,
+        markup=False,
+        emoji=False,
+        soft_wrap=True,
+        force_terminal=False if plain else None,
+    )
     if not out.is_terminal:
         out.width = PLAIN_WIDTH
     return out
@@ -72,10 +84,11 @@ def results_table(part: RunPart) -> Table:
         title_justify="left",
         caption_justify="left",
     )
-    notes = [part.repeats] if part.repeats else []
+    notes = ["Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."]
+    notes += [part.repeats] if part.repeats else []
     if late:
         notes.append(f"Within {overtime:g} horizons is no score: scores end at the horizon.")
-    rows.caption = "\n".join(notes) or None
+    rows.caption = "\n".join(notes)
 
     def cells(name: str, score: Score, wanted: int) -> list[str]:
         """What every row has; a run that is not finished says how far it is."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from datetime import timedelta
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -37,7 +39,8 @@ class Display:
         self._console, self._noun, self._progress = console, noun, progress
         self._bars: dict[str, TaskID] = {}
         self._successes: Counter[str] = Counter()
-        self._total = self._done = 0
+        self._total = self._done = self._earlier = 0
+        self._start = progress.get_time()
 
     def begin(self, heading: str, totals: Mapping[str, int]) -> None:
         """Say what is going to be done, or show the bars, which say it."""
@@ -66,9 +69,18 @@ class Display:
         if succeeded is not None:
             self._progress.update(bar, successes=f"{self._successes[name]} succeeded")
             successes = f", {self._successes.total()} succeeded"
+        self._earlier += by if earlier else 0
         tenths = [PLAIN_LINES * done // max(1, self._total) for done in (before, self._done)]
         if not earlier and tenths[0] != tenths[1]:
-            self.say(f"{self._done} of {counted(self._total, self._noun)}{successes}")
+            times = self._times()
+            self.say(f"{self._done} of {counted(self._total, self._noun)}{successes}, {times}")
+
+    def _times(self) -> str:
+        """How long it has taken, and how long the rest takes at the same speed."""
+        elapsed = self._progress.get_time() - self._start
+        left = elapsed / (self._done - self._earlier) * (self._total - self._done)
+        past, rest = (timedelta(seconds=round(seconds)) for seconds in (elapsed, left))
+        return f"{past} elapsed" + (f", {rest} left" if self._done < self._total else "")
 
     def tell(self, done: int, total: int) -> None:
         """Show that so many of so many things are done; those of the first call were before."""
@@ -84,7 +96,9 @@ class Display:
 
 
 @contextmanager
-def display(noun: str, screen: Console | None = None) -> Iterator[Display]:
+def display(
+    noun: str, screen: Console | None = None, clock: Callable[[], float] = monotonic
+) -> Iterator[Display]:
     """What suits a console, live as long as the block lasts; `noun` is what is counted, as of 1."""
     screen = screen or console()
     columns = (
@@ -95,7 +109,8 @@ def display(noun: str, screen: Console | None = None) -> Iterator[Display]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=screen, disable=not screen.is_terminal) as progress:
+    is_plain = not screen.is_terminal
+    with Progress(*columns, console=screen, get_time=clock, disable=is_plain) as progress:
         yield Display(screen, noun, progress)
 
 

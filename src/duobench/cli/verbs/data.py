@@ -56,6 +56,7 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
     rows.add_section()
     overall = (summary.episodes, summary.successes, summary.frames)
     rows.add_row("All tasks", *map(str, overall), style="bold")
+    rows.caption = "Frames: all control steps, 30 a second. Median, 99 %: steps until success."
     say(rows)
     say(_smoothness(summary))
     say(f"Episodes: {summary.domains}")
@@ -153,7 +154,9 @@ def merge(data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool 
 
     with advising({NamesTakenError: "With --rename they get the next free numbers."}):
         count = merge_into(sources, out, rename=rename)
-    say(f"{counted(count, 'episode')} in {out}")
+    again = sum(len(source.episodes()) for source in sources) - count
+    same = f"; left out, as equal to one of these: {again}" if again else ""
+    say(f"{counted(count, 'episode')} in {out}{same}")
 
 
 def split(

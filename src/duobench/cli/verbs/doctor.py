@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from duobench.hardware.duo import FrankaDuo
 
 
+FIRST_COMMAND = "duobench eval --policy expert --tasks bin_sort --episodes 1 --out runs/first"
 FRAMES = 20
 """Images that are timed; their median is shown."""
 
@@ -51,6 +52,7 @@ def doctor() -> None:
             say(f"  does not work: {error}", style="red")
     if not is_well:
         sys.exit(1)
+    say(f"All is well. Next: {FIRST_COMMAND}", style="bold")
 
 
 def _versions() -> dict[str, str]:
@@ -77,7 +79,7 @@ def _graphics() -> dict[str, str]:
         "renderer": info.renderer,
         "vendor": info.vendor,
         "OpenGL": info.version,
-        "rendered by": "the processor (software)" if info.software else "a graphics card",
+        "rendered by": "the processor, as no card does" if info.software else "a graphics card",
         "Triton": load_triton(),
         "one image": f"{one:.1f} ms at {width}x{height}, shadows included",
         "three cameras": f"{three:.1f} ms",

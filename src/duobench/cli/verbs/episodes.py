@@ -97,7 +97,10 @@ def _kept_and_failed(attempts: Sequence[Attempt]) -> str:
     kept = sum(attempt.kept for attempt in attempts)
     steps = sum(attempt.steps for attempt in attempts if attempt.kept)
     failed = [attempt for attempt in attempts if not attempt.success]
-    lines = [f"{counted(kept, 'episode')}, {steps} steps; {len(failed)} more did not succeed."]
+    lines = [
+        f"{counted(kept, 'episode')}, {steps} steps until success, after which frames are still "
+        f"recorded (--after-success); {len(failed)} more did not succeed."
+    ]
     lines += [
         f"{attempt.task}, episode {attempt.episode} ended at stage {attempt.stage}"
         + (f": {attempt.error}" if attempt.error else ".")

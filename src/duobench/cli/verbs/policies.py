@@ -14,13 +14,15 @@ import tyro
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
 from duobench.cli.shared.process import stopping
-from duobench.errors import DataError, ServingError
+from duobench.errors import DataError, NoObjectStatesError, ServingError
 from duobench.policy.batch import Batching
 from duobench.policy.registry import reads_simulation
 from duobench.policy.serving.access import check_access, read_key
 
 if TYPE_CHECKING:
     from duobench.training.training import Training
+
+EXPORT = "duobench export lerobot DATA --out OUT"
 
 
 def train(  # noqa: PLR0913 - each is an argument of the command line
@@ -64,9 +66,12 @@ def train(  # noqa: PLR0913 - each is an argument of the command line
             policy, data, out, tasks=tasks, steps=steps, small=small, domain_ids=domain_ids
         )
     except DataError as error:
-        if not (data / DESCRIPTION).exists():
+        recorded = (data / DESCRIPTION).exists()
+        if not recorded and not isinstance(error, NoObjectStatesError):
             raise
-        export = f"duobench export lerobot {data} --out {data}-lerobot"
+        export = f"duobench export lerobot {data} --out {data}-lerobot" if recorded else EXPORT
+        if policy not in training.RECIPES:
+            export += " --per-task --cameras none --object-state"
         raise AdvisedError(f"{error} The command: {export}") from error
     missing = [each for each in trainings if not each.is_finished(more)]
     _show_commands(trainings, missing, more)

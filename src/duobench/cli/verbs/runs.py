@@ -109,6 +109,9 @@ def _make_chosen(
     ):
         if words:
             chosen = pick(run, records, words)
+            if not chosen:
+                say(f"No {what} is made: {' '.join(words)} chooses none of the episodes.")
+                continue
             todo = partial(make, folder, run, chosen, import_tasks=import_tasks)
             impossible += _make(what, todo, import_tasks)
     return impossible

@@ -15,6 +15,7 @@ from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
 from duobench.envs.config import checked_seed
 from duobench.files import make_folder, writing
+from duobench.looks.catalog import LOOKS, RANDOM
 from duobench.results.folder import RunFolder
 from duobench.results.suite import find_tasks
 from duobench.robot.cameras import OVERVIEW
@@ -31,12 +32,20 @@ NARROW = 80
 """Columns of a terminal below which the category stands above the instruction, not beside it."""
 
 
-def list_tasks(stages: bool = False) -> None:
+def list_tasks(stages: bool = False, looks: bool = False) -> None:
     """Show every task: id, category, number of stages, horizon in control steps, instruction.
 
     Args:
         stages: Also name the stages.
+        looks: Show the looks of images instead, with what differs in each from the default.
     """
+    if looks:
+        rows = table(whole("Look", style="bold"), "What differs")
+        for name, look in LOOKS.items():
+            rows.add_row(name, ", ".join(look.to_json()).replace("_", " "))
+        rows.add_row(f"{RANDOM}SEED", f"everything, sampled from a seed, such as {RANDOM}7")
+        say(rows)
+        return
     screen = console()
     is_narrow = screen.width < NARROW
     rows = table(

@@ -153,7 +153,7 @@ def _library() -> Any:
     except ImportError as error:
         raise BackendError(
             f"RealSense cameras need pyrealsense2, which cannot be imported ({error}). "
-            f"{install_extra('hardware')} It also needs the system's libusb-1.0-0."
+            f"{install_extra('hardware')}; they also need the system's libusb-1.0-0."
         ) from error
     return pyrealsense2
 

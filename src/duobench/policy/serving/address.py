@@ -7,6 +7,7 @@ from urllib.parse import SplitResult, urlsplit
 
 from duobench.errors import ServingError
 from duobench.policy.batch import Batching
+from duobench.policy.registry import MADE_ALONE, SCRIPTED, PolicyKind
 from duobench.policy.serving import access
 from duobench.policy.serving.message_format import MessageFormat
 
@@ -29,6 +30,12 @@ SERVED: Mapping[str, str] = {
 }
 """Import paths of the clients, each a `ConnectedPolicy`, by the name under which a served
 policy is evaluated."""
+WORDS: Mapping[str, PolicyKind] = {
+    **SCRIPTED,
+    **MADE_ALONE,
+    **dict.fromkeys(SERVED, PolicyKind.SERVED),
+}
+"""Every word that names a policy, and of which kind it is."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from duobench.errors import LeaderError, check_known
+from duobench.machine import install_extra
 from duobench.robot.joints import JOINT_RANGES
 from duobench.teleop.hands import MAX_AGE_S
 from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
@@ -193,7 +194,7 @@ class GelloSource:
             import dynamixel_sdk  # noqa: F401  # pyright: ignore[reportMissingImports]
         except ImportError as error:
             raise LeaderError(
-                "GELLO arms need dynamixel-sdk: pip install 'duobench-fr3[teleop]'."
+                f"GELLO arms need dynamixel-sdk. {install_extra('teleop')}"
             ) from error
         try:
             for arm in (self._config.left, self._config.right)[len(self._buses) :]:

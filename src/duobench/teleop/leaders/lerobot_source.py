@@ -15,6 +15,7 @@ import numpy as np
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError, UnknownNameError
 from duobench.lerobot_keys import POSITION
+from duobench.machine import install_extra
 from duobench.types import Array
 
 
@@ -63,7 +64,7 @@ class LeRobotSource:
             )
         except ImportError as error:
             raise LeaderError(
-                "Teleoperators of LeRobot need LeRobot: pip install 'duobench-fr3[lerobot]'."
+                f"Teleoperators of LeRobot need LeRobot. {install_extra('lerobot')}"
             ) from error
         register_third_party_plugins()
         kinds = TeleoperatorConfig.get_known_choices()

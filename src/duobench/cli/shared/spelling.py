@@ -1,0 +1,172 @@
+"""Misspelt verbs and options, words in place of numbers, and arguments that are missing."""
+
+import inspect
+from collections.abc import Callable, Collection, Mapping, Sequence
+from difflib import get_close_matches
+from types import NoneType, UnionType
+from typing import Literal, get_args, get_origin, get_type_hints
+
+from duobench.cli.shared.options import options_of
+from duobench.errors import DuoBenchError
+
+Verbs = Mapping[str, Callable[..., None]]
+HELP = ("--help", "-h", "--version")
+REST = "--"
+"""What follows it is another program's."""
+SYNONYMS = {
+    **dict.fromkeys(("evaluate", "test", "run", "rollout", "benchmark"), "eval"),
+    **dict.fromkeys(("teleoperate", "collect", "generate"), "record"),
+    **{"visualize": "replay", "help": "--help", "version": "--version", "-v": "--version"},
+}
+"""What people type who know other programs."""
+INSTEAD = {
+    "camera cameras obs": "Cameras are named by the policy: PolicyMetadata(cameras=(...)).",
+    "gpu gpus device cuda": "A policy chooses its device itself; on Ray there is --policy-gpus.",
+    "headless render gui viewer": "No window is opened; duobench view shows tasks and runs.",
+    "seed seeds": "Seeds follow from task and episode; duobench eval has --first-episode.",
+    "model checkpoint ckpt": "A checkpoint of LeRobot is a policy: --policy lerobot:PATH.",
+    "env environment": "What is played is a task: --tasks bin_sort.",
+    "resume continue": "The same command in the same folder goes on where it was stopped.",
+    "horizon max-steps": "The task fixes its horizon; duobench eval --overtime 1.5 plays on.",
+    "batch-size lr": "Options of lerobot-train come last, after --: -- --batch_size=8.",
+    "format": "duobench export lerobot writes LeRobot's format.",
+}
+"""What to do in place of options that people know from other programs."""
+EXAMPLES = {
+    **dict.fromkeys(("view", "render", "print"), "bin_sort"),
+    **dict.fromkeys(("report", "verify", "bundle"), "runs/expert"),
+    **dict.fromkeys(("replay", "data info", "data check", "data recover"), "demos"),
+    "eval": "--policy expert --out runs/expert",
+    "compare": "runs/expert runs/mine --out compared",
+    "record": "--tasks bin_sort --out demos",
+    "teleop": "carry_pot --out demos",
+    "serve": "--policy my_policy:MyPolicy",
+    "export lerobot": "demos --out demos-lerobot",
+    "train": "act --data demos-lerobot --out trained",
+}
+"""Arguments with which verbs of the first hours work."""
+MANY = 12
+"""Options of which not all are named in a message."""
+NUMBERS = {int: "a whole number", float: "a number"}
+
+
+class SpellingError(DuoBenchError):
+    """A verb, an option or a number that is none."""
+
+
+def check_spelling(words: Sequence[str], verbs: Verbs, program: str, default: str = "") -> None:
+    """Find the first misspelt verb or option, or a word where a number should be.
+
+    The program is called such as "duobench export"; `default` is the verb to propose where none is
+    near, if there is only one sensible.
+    """
+    if not words:
+        raise SpellingError(
+            f"{program} needs a verb: {', '.join(verbs)}. {program} --help describes them."
+        )
+    if words[0] in HELP:
+        return
+    verb, *rest = words
+    if verb not in verbs:
+        near = SYNONYMS.get(verb, "") or _near(verb, verbs)
+        near = near if near in verbs or near in HELP else ""
+        meant = f"{program} {near}" if near else f"{program} {default} {verb}" if default else ""
+        hint = f"Did you mean `{meant}`?" if meant else f"There are: {', '.join(verbs)}."
+        raise SpellingError(f"{program} has no verb {verb!r}. {hint}")
+    _check_choice(rest, verbs[verb], f"{program} {verb}")
+    _check_options(rest, verbs[verb], f"{program} {verb}")
+    _check_needed(rest, verbs[verb], f"{program} {verb}")
+
+
+def _check_needed(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
+    """Find out which arguments are missing that have no default."""
+    if any(word in HELP for word in words):
+        return
+    flags = {word.partition("=")[0].replace("_", "-") for word in words if word.startswith("--")}
+    has_first = len(flags) < len(words)
+    missing = [
+        option.name.upper() if option.is_first else option.flag
+        for option in options_of(verb)
+        if option.default is inspect.Parameter.empty
+        and not (has_first if option.is_first else option.flag in flags)
+    ]
+    if missing:
+        example = EXAMPLES.get(program.removeprefix("duobench "))
+        shown = f"{program} {example}" if example else f"{program} --help"
+        raise SpellingError(f"{program} needs {' and '.join(missing)}; see: {shown}")
+
+
+def _check_options(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
+    flags, room = _flags(verb), 0
+    if any(option.is_first for option in options_of(verb)):
+        room = len(words)
+    for at, word in enumerate(words):
+        if word == REST:
+            return
+        name, _, joined = word.partition("=")
+        if not name.startswith("-") and (room := room - 1) < 0:
+            hint = f" Did you mean --tasks {word}?" if "--tasks" in flags else ""
+            raise SpellingError(f"{program} takes no {word!r} without an option.{hint}")
+        if not name.startswith("--") or name in HELP:
+            continue
+        if name.replace("_", "-") not in flags:
+            hint = _instead(name, flags, f"{program} --help")
+            raise SpellingError(f"{program} has no option {name}. {hint}")
+        kind = _number_of(flags[name.replace("_", "-")])
+        room += len(words) if "tuple" in str(kind) else not joined
+        value = joined or (words[at + 1] if at + 1 < len(words) else "")
+        if kind in NUMBERS and not _is_a(kind, value):
+            raise SpellingError(f"{name} takes {NUMBERS[kind]}, not {value!r}.")
+
+
+def _instead(name: str, flags: Collection[str], help_of: str) -> str:
+    """What to do in place of an option that there is not."""
+    plain = name.removeprefix("--").replace("_", "-")
+    known = [text for others, text in INSTEAD.items() if plain in others.split()]
+    if known and not any(flag.startswith(name) for flag in flags):
+        return known[0]
+    if near := _near(name, flags):
+        return f"Did you mean {near}?"
+    return f"There are: {', '.join(flags)}." if 0 < len(flags) < MANY else f"{help_of} lists them."
+
+
+def _flags(verb: Callable[..., None]) -> dict[str, object]:
+    """The options of a verb and what they take; those that are switched have a second form."""
+    flags: dict[str, object] = {}
+    for option in options_of(verb):
+        flags[option.flag] = option.kind
+        if option.kind is bool or bool in get_args(option.kind):
+            flags[f"--no-{option.flag[2:]}"] = option.kind
+    return flags
+
+
+def _check_choice(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
+    """Find out whether the first word is one of a few, where a verb takes one of a few."""
+    name, kind = next(iter(get_type_hints(verb, include_extras=True).items()), ("", None))
+    choices = get_args(next(iter(get_args(kind)), None))
+    is_literal = get_origin(next(iter(get_args(kind)), None)) is Literal
+    if is_literal and words and not words[0].startswith("-") and words[0] not in choices:
+        raise SpellingError(
+            f"{program} takes {', '.join(choices[:-1])} or {choices[-1]} as {name}, not "
+            f"{words[0]!r}."
+        )
+
+
+def _number_of(kind: object) -> object:
+    """What an option takes, without None where that is its default alone."""
+    if isinstance(kind, UnionType) and len(others := set(get_args(kind)) - {NoneType}) == 1:
+        return others.pop()
+    return kind
+
+
+def _is_a(kind: object, value: str) -> bool:
+    try:
+        int(value) if kind is int else float(value)
+    except ValueError:
+        return False
+    return True
+
+
+def _near(word: str, known: Collection[str]) -> str:
+    longer = [name for name in known if name.startswith(word)]
+    return next(iter([*longer, *get_close_matches(word, known, n=1)]), "")
