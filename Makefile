@@ -98,12 +98,13 @@ format: setup-test  ## Format the code and fix what the linter can fix.
 bench: setup-test  ## Measure speed, as ratios and against the bars.
 	$(BIN)/python -m dev.benchmarks
 
-docs: setup-test  ## Draw the gallery, replays, looks and printed parts, and write the tables of tasks.
+docs: setup-test  ## Draw the gallery, replays, looks and printed parts; write tables and outputs of pages.
 	$(BIN)/python docs/gallery.py
 	$(BIN)/python docs/replays.py
 	$(BIN)/python docs/looks.py
 	$(BIN)/python docs/prints.py
 	$(BIN)/python docs/tables.py
+	DUOBENCH_WRITE_PAGES=1 $(BIN)/python -m pytest -q tests/test_readme.py
 
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
 	$(BIN)/python -m tests.golden.episodes

@@ -1,6 +1,6 @@
 """Draw the gallery: how every task begins, and its expert as it reaches stage after stage.
 
-`make docs` draws all tasks, writes gallery.md, and puts one image of each task into tasks.jpg.
+`make docs` draws all tasks, writes gallery.md, and shows all tasks at once in tasks.webp.
 `python docs/gallery.py transfer_cube --out images` draws some tasks into another folder. The
 seeds are fixed, so the same version of everything draws the same images.
 """
@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import gymnasium as gym
+import numpy as np
 import PIL.Image
 from gallery_page import cover, page
 from gallery_shots import (
@@ -46,9 +47,12 @@ from duobench.types import POLICY_CAMERAS, Array
 
 DOCS = Path(__file__).parent
 PAGE = "gallery.md"
-COVER = "tasks.jpg"
-"""The image of all tasks, beside the page."""
-COVER_QUALITY = 85
+COVER = "tasks.webp"
+"""The moving image of all tasks, beside the page."""
+COVER_QUALITY = 50
+COVER_SIZE = (210, 280)
+COVER_FRAMES, COVER_MS, COVER_REST_MS = 36, 125, 1500
+"""Height and width of a task in it; images of one turn, milliseconds of each, and of the last."""
 DRAWN = "drawn.json"
 """Beside the images of a task: what they were drawn from."""
 
@@ -91,12 +95,15 @@ def moments(reached: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
         yield step + min(LATER, (following - step) // 2), stage
 
 
-def draw(name: str, folder: Path) -> None:
+def draw(name: str, folder: Path) -> list[PIL.Image.Image]:
     """Draw the images of one task into a folder of its name.
 
     Args:
         name: Id of a task of the catalog.
         folder: Where the task's folder will be.
+
+    Returns:
+        Its part of the cover, from the start to the end of the episode.
 
     Raises:
         DuoBenchError: The expert fails in this episode.
@@ -120,7 +127,21 @@ def draw(name: str, folder: Path) -> None:
         f'"{key}": {json.dumps(value)}' for key, value in sources(task, recorder.reached).items()
     )
     (own / DRAWN).write_text("{" + ",\n".join(lines) + "}\n", encoding="utf-8")
+    film = list(filmed(simulation, recorder, shot(name)))
     env.close()
+    return film
+
+
+def filmed(
+    simulation: Simulation, recorder: StateRecorder, plan: Shot
+) -> Iterator[PIL.Image.Image]:
+    """Show the whole episode in few images."""
+    height, width = COVER_SIZE
+    aim(simulation, plan.view)
+    with Renderer(simulation.model, height=height, width=width, samples=4) as renderer:
+        for step in np.linspace(0, len(recorder.states) - 1, COVER_FRAMES).round().astype(int):
+            simulation.set_state(recorder.states[step])
+            yield PIL.Image.fromarray(renderer.render(simulation.data, OVERVIEW))
 
 
 def draw_start(simulation: Simulation, recorder: StateRecorder, folder: Path) -> None:
@@ -172,14 +193,28 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page")
     given = parser.parse_args()
     folder = given.out / FOLDER
+    films: dict[str, list[PIL.Image.Image]] = {}
     for name in given.tasks or catalog.names():
-        draw(name, folder)
+        films[name] = draw(name, folder)
         console().print(str(folder / name), soft_wrap=True)
     if given.tasks:
         return
     sweep(folder)
     (given.out / PAGE).write_text(page(folder), encoding="utf-8")
-    cover(folder).save(given.out / COVER, quality=COVER_QUALITY, optimize=True)
+    first, *others = (
+        cover({name: film[number] for name, film in films.items()})
+        for number in range(COVER_FRAMES)
+    )
+    times = [COVER_MS] * len(others) + [COVER_REST_MS]
+    first.save(
+        given.out / COVER,
+        save_all=True,
+        append_images=others,
+        duration=times,
+        loop=0,
+        quality=COVER_QUALITY,
+        method=6,
+    )
 
 
 if __name__ == "__main__":

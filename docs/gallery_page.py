@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from inspect import cleandoc
 from itertools import groupby
 from pathlib import Path
 
 import PIL.Image
-from gallery_shots import FOLDER, STAGE_SIZE, camera_file, shot, stage_file
+from gallery_shots import FOLDER, STAGE_SIZE, camera_file, stage_file
 from PIL import ImageDraw, ImageFont
 
 from duobench.errors import DuoBenchError
@@ -19,14 +19,14 @@ from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
-COVER_WIDTH = 1440
+COVER_WIDTH = 840
 COLUMNS = 3
 """Images in a row of the page."""
 
 
-def cover(folder: Path) -> PIL.Image.Image:
+def cover(images: Mapping[str, PIL.Image.Image]) -> PIL.Image.Image:
     """Put one image of each task together, in rows of equal width, the larger ones first."""
-    font = ImageFont.load_default(size=20)
+    font = ImageFont.load_default(size=14)
     tasks = [catalog.get(name) for name in catalog.names()]
     strips = []
     for members in rows(tasks):
@@ -34,11 +34,9 @@ def cover(folder: Path) -> PIL.Image.Image:
         height = width * STAGE_SIZE[0] // STAGE_SIZE[1]
         strip = PIL.Image.new("RGB", (COVER_WIDTH, height))
         for column, task in enumerate(members):
-            file = folder / task.id / stage_file(shot(task.id).best)
-            with PIL.Image.open(file) as image:
-                strip.paste(image.resize((width, height)), (column * width, 0))
+            strip.paste(images[task.id].resize((width, height)), (column * width, 0))
             ImageDraw.Draw(strip).text(
-                (column * width + 12, 8),
+                (column * width + 8, 5),
                 task.title,
                 font=font,
                 fill="white",

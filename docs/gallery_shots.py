@@ -34,55 +34,49 @@ class Shot:
     """Where stages are seen from."""
     last: View | None = None
     """Where the last stage is seen from, if it is another place."""
-    best: int = 1
-    """The stage that stands for the task in the image of all tasks."""
 
 
 SHOTS: Mapping[str, Shot] = MappingProxyType(
     {
         "hinge_chest": Shot(
-            view=View(eye=(1.1, 0.7, 1.0), target=(0.44, -0.04, 0.15), fovy_deg=32.0), best=2
+            view=View(eye=(1.1, 0.7, 1.0), target=(0.44, -0.04, 0.15), fovy_deg=32.0)
         ),
         "spring_door": Shot(
             # The door opens towards the robot: only from beside it can one see both sides of it,
             # and only from in front of the microwave the cube inside.
             view=View(eye=(0.12, -1.25, 0.55), target=(0.52, 0.0, 0.14), fovy_deg=36.0),
             last=View(eye=(0.02, -0.8, 0.48), target=(0.6, -0.02, 0.12), fovy_deg=40.0),
-            best=3,
         ),
         "pour_marbles": Shot(
             # Steep enough to look down into the cups.
             view=View(eye=(1.05, -0.2, 1.4), target=(0.41, 0.0, 0.10), fovy_deg=33.0),
-            best=5,
         ),
         "ball_maze": Shot(
-            view=View(eye=(1.3, -0.1, 1.0), target=(0.48, -0.02, 0.10), fovy_deg=26.0), best=3
+            view=View(eye=(1.3, -0.1, 1.0), target=(0.48, -0.02, 0.10), fovy_deg=26.0)
         ),
         "carry_pot": Shot(
-            view=View(eye=(1.4, -0.6, 0.8), target=(0.45, 0.06, 0.12), fovy_deg=32.0), best=2
+            view=View(eye=(1.4, -0.6, 0.8), target=(0.45, 0.06, 0.12), fovy_deg=32.0)
         ),
         "block_balance": Shot(
-            view=View(eye=(1.3, -0.38, 0.62), target=(0.48, 0.0, 0.11), fovy_deg=28.0), best=4
+            view=View(eye=(1.3, -0.38, 0.62), target=(0.48, 0.0, 0.11), fovy_deg=28.0)
         ),
         "join_blocks": Shot(
             view=View(eye=(1.0, 0.85, 0.6), target=(0.53, 0.0, 0.10), fovy_deg=26.0),
             # From the other side, where no hand is in front of the bars.
             last=View(eye=(0.75, -0.95, 0.55), target=(0.55, 0.0, 0.08), fovy_deg=27.0),
-            best=3,
         ),
         "transfer_cube": Shot(
-            view=View(eye=(1.4, -0.6, 0.75), target=(0.42, 0.0, 0.20), fovy_deg=32.0), best=2
+            view=View(eye=(1.4, -0.6, 0.75), target=(0.42, 0.0, 0.20), fovy_deg=32.0)
         ),
         "transfer_gate": Shot(
-            view=View(eye=(1.6, -0.8, 0.95), target=(0.43, -0.04, 0.23), fovy_deg=36.0), best=2
+            view=View(eye=(1.6, -0.8, 0.95), target=(0.43, -0.04, 0.23), fovy_deg=36.0)
         ),
         "transfer_reorient": Shot(
-            view=View(eye=(1.35, -0.5, 0.78), target=(0.43, 0.04, 0.17), fovy_deg=32.0), best=2
+            view=View(eye=(1.35, -0.5, 0.78), target=(0.43, 0.04, 0.17), fovy_deg=32.0)
         ),
         "bin_sort": Shot(
             seed=1,  # of seeds 0 and 1 the one in which a cube is still carried when the other lies
             view=View(eye=(1.6, -0.25, 1.05), target=(0.44, 0.0, 0.10), fovy_deg=37.0),
-            best=4,
         ),
     }
 )

@@ -232,7 +232,7 @@ def _print_of(solid: Solid) -> tuple[str, str, str]:
 
 Places = Mapping[str, Callable[[], str]]
 TABLES: Mapping[Path, Places] = {
-    DOCS.parent / "README.md": {"tasks": tasks},
+    DOCS / "environments.md": {"tasks": tasks},
     DOCS / "object_states.md": {"tasks": object_states},
     DOCS / "frames.md": {
         "modes": modes,

@@ -17,7 +17,7 @@ WORD = re.compile(r"'([^'\n]+)'|([^\s']+)")
 UNREAD = ("tests", "CHANGELOG.md")
 OTHERS = {
     *("lerobot", "vlagents", "rpyc", "vla-eval", "openpi-client"),
-    *("pandas", "polars", "duckdb", "torch", "pyarrow"),
+    *("pandas", "polars", "duckdb", "torch", "pyarrow", "stable-baselines3"),
 }
 """Packages of others that pages and messages name."""
 
@@ -91,5 +91,5 @@ def test_extra_that_this_python_cannot_have_says_so(monkeypatch: pytest.MonkeyPa
 
 def test_libraries_of_opengl_are_the_same_everywhere() -> None:
     """Those of README and of the script that prepares a bare machine are the constant's."""
-    for path in (ROOT / "README.md", ROOT / ".ci" / "run"):
+    for path in (ROOT / "docs" / "install.md", ROOT / ".ci" / "run"):
         assert OPENGL_PACKAGES in path.read_text(encoding="utf-8"), path

@@ -1,4 +1,4 @@
-"""What README.md says works: its code, its commands and its table, in the order of the page.
+"""README.md and the pages that it begins with work as they stand, in their order; so do results.
 
 Commands of `make` are left out: they make an environment of their own and `make test` is what runs
 this file.
@@ -10,28 +10,28 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
-from duobench.envs.config import EnvConfig
 from duobench.tasks import catalog
-from tests.docs.markdown import ROOT, blocks, modules, run, table, tables, text_of
+from tests.docs.markdown import DOCS, ROOT, blocks, check_output, modules, run, tables, text_of
 from tests.golden import episodes
 
-README = ROOT / "README.md"
+README, COMMANDS, INSTALL, RESULTS, ADD = (
+    ROOT / "README.md",
+    *(DOCS / f"{name}.md" for name in ("commands", "install", "results", "add_a_task")),
+)
+MAX_LINES = 150
 MAX_POLICY_LINES = 20
-MAX_QUICKSTART_LINES = 10
 
 
-def shell_lines() -> list[list[str]]:
-    return [
-        words
-        for block in blocks(README, "sh")
-        for line in block.splitlines()
-        if (words := shlex.split(line, comments=True))
-    ]
+def shell_lines(page: Path) -> list[str]:
+    lines = "\n".join(blocks(page, "sh")).splitlines()
+    return [line for line in lines if line.startswith("duobench ")]
+
+
+PLAYED = [(page, line) for page in (README, INSTALL, COMMANDS) for line in shell_lines(page)]
 
 
 @pytest.fixture(scope="module")
@@ -45,46 +45,47 @@ def in_background() -> Iterator[list[subprocess.Popen[bytes]]]:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the commands run, one after another, as a reader would run them."""
-    folder = tmp_path_factory.mktemp("readme")
-    for name, code in modules(README).items():
-        (folder / name).write_text(code, encoding="utf-8")
-    return folder
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Path]:
+    """Where the commands of each page run, one after another, as a reader would run them."""
+    folders = {page: tmp_path_factory.mktemp(page.stem) for page in (README, INSTALL, COMMANDS)}
+    for page, folder in folders.items():
+        for name, code in modules(page).items():
+            (folder / name).write_text(code, encoding="utf-8")
+    (folders[README] / "stack_cube.py").write_text(blocks(ADD, "python")[0], encoding="utf-8")
+    return folders
 
 
-def test_every_kind_of_block_is_known() -> None:
-    text = text_of(README)
-    assert set(re.findall(r"^```(\w+)$", text, flags=re.MULTILINE)) == {"sh", "python", "bibtex"}
-    assert {words[0] for words in shell_lines()} == {"pip", "duobench"}
-
-
-def test_examples_of_the_page_are_short() -> None:
+def test_the_first_page_is_short() -> None:
+    assert len(text_of(README).splitlines()) <= MAX_LINES
     assert len(modules(README)["my_policy.py"].splitlines()) <= MAX_POLICY_LINES
-    (quickstart,) = (code for code in blocks(README, "python") if "gym.make" in code)
-    assert len(quickstart.split("\n\n", 1)[1].splitlines()) <= MAX_QUICKSTART_LINES
 
 
-@pytest.mark.parametrize(
-    "code", [code for code in blocks(README, "python") if code not in modules(README).values()]
-)
-def test_code_runs(code: str, folder: Path) -> None:
-    assert run([sys.executable, "-c", code], folder)
+@pytest.mark.parametrize("page", [README, INSTALL, COMMANDS], ids=lambda page: page.stem)
+def test_every_command_is_known(page: Path) -> None:
+    lines = "\n".join(blocks(page, "sh")).splitlines()
+    assert {line.split()[0] for line in lines if line} <= {"pip", "duobench"}
+    assert set(modules(page).values()) == set(blocks(page, "python"))
 
 
-@pytest.mark.parametrize("line", [words for words in shell_lines() if words[0] == "duobench"])
+@pytest.mark.parametrize(("page", "line"), PLAYED)
 def test_command_runs(
-    line: list[str], folder: Path, in_background: list[subprocess.Popen[bytes]]
+    page: Path,
+    line: str,
+    folders: dict[Path, Path],
+    in_background: list[subprocess.Popen[bytes]],
 ) -> None:
-    script = Path(sys.executable).with_name("duobench")
-    if line[-1] == "&":
-        in_background.append(subprocess.Popen([str(script), *line[1:-1]], cwd=folder))
+    words, folder = shlex.split(line, comments=True), folders[page]
+    script = str(Path(sys.executable).with_name("duobench"))
+    if words[-1] == "&":
+        in_background.append(subprocess.Popen([script, *words[1:-1]], cwd=folder))
         return
-    assert run([str(script), *line[1:]], folder)
+    said = run([script, *words[1:]], folder)
+    assert said
+    check_output(page, line, said)
 
 
 def test_verbs_of_make_exist() -> None:
-    text = text_of(README)
+    text = text_of(INSTALL)
     makefile = text_of(ROOT / "Makefile")
     verbs = set(re.findall(r"`make (\w+)`|^make (\w+)", text, flags=re.MULTILINE))
     assert verbs
@@ -92,17 +93,12 @@ def test_verbs_of_make_exist() -> None:
         assert re.search(rf"^{verb}:", makefile, flags=re.MULTILINE), verb
 
 
-def test_options_are_those_of_an_environment() -> None:
-    named = [row["option"] for row in table(README, "option")]
-    assert named == [f.name for f in fields(EnvConfig) if f.name != "control_rate_hz"]
-
-
 # --- results -------------------------------------------------------------------------------------
 
 
 def results(column: str) -> dict[str, dict[str, str]]:
     """Rows by task, of the table of results that has this column."""
-    (rows,) = (rows for rows in tables(README) if column in rows[0])
+    (rows,) = (rows for rows in tables(RESULTS) if column in rows[0])
     return {row["task"]: row for row in rows}
 
 

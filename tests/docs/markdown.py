@@ -18,6 +18,8 @@ DOCS = ROOT / "docs"
 PAGES = sorted([*DOCS.glob("*.md"), *ROOT.glob("*.md")])
 
 TIMEOUT_S = 300
+TIMES = re.compile(r"\d+:\d\d(:\d\d)?|\d+(\.\d+)? s\b")
+"""What differs from one run of a command to the next."""
 
 Row = dict[str, str]
 
@@ -61,6 +63,22 @@ def modules(page: Path) -> dict[str, str]:
     """The blocks that the text before them names as a file, such as `my_policy.py`."""
     named = r"`(\w+\.py)`[^`]*```python\n(.*?)^```"
     return dict(re.findall(named, text_of(page), flags=re.DOTALL | re.MULTILINE))
+
+
+def check_output(page: Path, line: str, said: str) -> None:
+    """Compare what a command printed with the block below it, if there is one; times are masked.
+
+    With the variable DUOBENCH_WRITE_PAGES, as `make docs` sets it, write it there instead.
+    """
+    text = text_of(page)
+    block = rf"(```sh\n{re.escape(line)}\n```\n\n```text\n)(.*?)(^```)"
+    if (shown := re.search(block, text, flags=re.DOTALL | re.MULTILINE)) is None:
+        return
+    masked = TIMES.sub("…", "".join(f"{each.rstrip()}\n" for each in said.splitlines()))
+    if os.environ.get("DUOBENCH_WRITE_PAGES"):
+        page.write_text(text[: shown.end(1)] + masked + text[shown.start(3) :], encoding="utf-8")
+    else:
+        assert masked == shown[2], "run: make docs"
 
 
 def links(page: Path) -> list[str]:

@@ -43,7 +43,7 @@ from duobench.sim.placement import REACH_X, REACH_Y
 from duobench.types import CONTROL_HZ
 from duobench.web.messages import MAX_MESSAGE
 from duobench.web.server import MAX_PEERS
-from tests.docs.markdown import DOCS, PAGES, ROOT, table, text_of
+from tests.docs.markdown import DOCS, PAGES, table, text_of
 
 
 def percent(share: float) -> str:
@@ -183,7 +183,9 @@ def test_every_command_of_a_page_has_a_verb_and_options_that_exist(page: str, li
 
 
 @pytest.mark.parametrize(
-    "page", [ROOT / "README.md", DOCS / "evaluation.md", DOCS / "policies.md"], ids=Path.__str__
+    "page",
+    [DOCS / f"{name}.md" for name in ("commands", "evaluation", "policies")],
+    ids=Path.__str__,
 )
 def test_options_that_sentences_name_exist(page: Path) -> None:
     verbs = ("eval", "record", "replay", "report", "train", "view")

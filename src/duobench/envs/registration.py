@@ -88,7 +88,7 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
             - `cameras` (True): True, False, or names: head, left_wrist, right_wrist.
             - `image_size` (224, 224): height and width of their images, or one number, in pixels.
             - `object_state` (False): whether observations hold `environment_state`, privileged.
-            - `flat_obs` (False): a `Dict` of one level, `head_image` in place of `pixels` and so on.
+            - `flat_obs` (False): a `Dict` of one level, `head_image` in place of `pixels`, ...
             - `action_mode` ("joint"): or "joint_relative", "cartesian", "cartesian_relative".
             - `binary_gripper` (False): whether openings are rounded to open or closed.
             - `chunk` (None): number of actions in one step, as an array (chunk, n).

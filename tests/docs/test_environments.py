@@ -1,0 +1,37 @@
+"""The pages on environments and on reinforcement learning: their code runs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from duobench.envs.config import EnvConfig
+from tests.docs.markdown import DOCS, blocks, modules, run, table
+
+PAGES = tuple(DOCS / f"{name}.md" for name in ("environments", "reinforcement_learning"))
+ELSEWHERE = ("RecordVideo", "stable_baselines3")
+"""What needs libraries that `make test-ecosystem` has, which runs such blocks."""
+CODE = [
+    code
+    for page in PAGES
+    for code in blocks(page, "python")
+    if not any(word in code for word in ELSEWHERE)
+]
+
+
+@pytest.mark.parametrize("code", CODE)
+def test_code_runs(code: str, tmp_path: Path) -> None:
+    # In a file: new processes import it.
+    (tmp_path / "shown.py").write_text(code, encoding="utf-8")
+    assert run([sys.executable, "shown.py"], tmp_path)
+
+
+def test_programs_have_names() -> None:
+    assert "vector.py" in modules(PAGES[0])
+
+
+def test_options_are_those_of_an_environment() -> None:
+    named = {row["option"] for row in table(PAGES[0], "option")}
+    assert named | {"control_rate_hz"} == set(EnvConfig.__dataclass_fields__)
