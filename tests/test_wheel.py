@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 import sysconfig
@@ -12,15 +14,21 @@ from pathlib import Path
 import pytest
 
 from duobench.types import POLICY_CAMERAS
+from tests.docs.markdown import modules, text_of
 from tests.test_repository import ROOT, tracked
 
-# Every process of the environment loads it, workers too. Sockets between processes stay allowed.
+# Every process of the environment loads it, workers too. Processes on this machine may talk.
 NO_NETWORK = """
 import sys
 
 def refuse(event, arguments):
-    outside = event == "socket.connect" and isinstance(arguments[1], tuple)
-    if outside or event in {"socket.getaddrinfo", "socket.gethostbyname"}:
+    if event == "socket.connect":
+        host = arguments[1][0] if isinstance(arguments[1], tuple) else "127.0.0.1"
+    elif event in {"socket.getaddrinfo", "socket.gethostbyname"}:
+        host = arguments[0]
+    else:
+        return
+    if host not in {"127.0.0.1", "::1", "localhost"}:
         raise ConnectionError(f"there is no network: {event} {arguments}")
 
 sys.addaudithook(refuse)
@@ -123,3 +131,18 @@ def test_the_command_evaluates_a_policy(installed: Installed) -> None:
     (record,) = (installed.work / "run" / "records").rglob("*.json")
     assert json.loads(record.read_text(encoding="utf-8"))["task"] == "bin_sort"
     assert (installed.work / "run" / "index.html").is_file()
+
+
+def test_a_newcomer_gets_a_table_from_the_first_door_of_the_first_page(
+    installed: Installed,
+) -> None:
+    """What comes before its second door, in an empty folder: a module, at most four commands."""
+    door = text_of(ROOT / "README.md").partition("## Train on the data")[0]
+    lines = "".join(re.findall(r"^```sh\n(.*?)^```", door, re.DOTALL | re.MULTILINE)).splitlines()
+    assert lines[0] == "pip install ."  # which is what the fixture has done
+    assert len(lines) <= 4
+    for name, code in modules(ROOT / "README.md").items():
+        (installed.work / name).write_text(code, encoding="utf-8")
+    said = [installed.output(*shlex.split(line)) for line in lines[1:]]
+    assert re.search(r"^ All tasks +2 +0\.0 ", said[-1], re.MULTILINE)
+    assert (installed.work / "runs" / "mine" / "index.html").is_file()
