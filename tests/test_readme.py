@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from duobench.cli.program import GROUPS, VERBS
+from duobench.cli.shared.spelling import check_spelling
 from duobench.tasks import catalog
 from tests.docs.markdown import DOCS, ROOT, blocks, check_output, modules, run, tables, text_of
 from tests.golden import episodes
@@ -58,6 +60,25 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Path]:
 def test_the_first_page_is_short() -> None:
     assert len(text_of(README).splitlines()) <= MAX_LINES
     assert len(modules(README)["my_policy.py"].splitlines()) <= MAX_POLICY_LINES
+
+
+def test_commands_within_sentences_of_the_first_page_are_whole() -> None:
+    text = re.sub(r"```.*?```", "", text_of(README), flags=re.DOTALL)
+    commands = [
+        shlex.split(" ".join(one.split())) for one in re.findall(r"`(duobench [^`]+)`", text)
+    ]
+    assert commands
+    for program, first, *words in commands:
+        verbs = GROUPS.get(first)
+        if verbs is None:
+            check_spelling([first, *words], VERBS, program)
+        else:
+            check_spelling(words, verbs, f"{program} {first}")
+
+
+def test_files_that_commands_of_the_first_page_name_are_named_before() -> None:
+    before, _, _ = text_of(README).partition("duobench render stack_cube:TASK")
+    assert "`stack_cube.py`" in before
 
 
 @pytest.mark.parametrize("page", [README, INSTALL, COMMANDS], ids=lambda page: page.stem)

@@ -361,6 +361,13 @@ def test_output_that_is_full_is_told_in_a_sentence() -> None:
     assert told.stderr == "error: the output: No space left on device. What is finished is kept.\n"
 
 
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_output_may_be_closed(closed: str) -> None:
+    command = f"{shlex.quote(sys.executable)} -m duobench list {closed}"
+    told = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert (told.returncode, told.stderr) == (0, "")
+
+
 def test_output_may_have_any_encoding(tmp_path: Path, evaluate: Told) -> None:
     evaluate(tmp_path / "run")
     done = duobench("report", str(tmp_path / "run"), PYTHONIOENCODING="ascii")

@@ -4,6 +4,7 @@ Whole episodes of experts are in `tests.experts.test_episodes`.
 """
 
 from dataclasses import replace
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -81,3 +82,11 @@ def test_a_state_of_another_task_or_stack_is_refused(make: Make) -> None:
     ):
         with pytest.raises(error, match=words):
             one.restore_state(saved)
+
+
+@pytest.mark.parametrize("wrong", [b"state", {}, None, 3])
+def test_what_is_no_state_is_refused(make: Make, wrong: Any) -> None:
+    env = make()
+    env.reset(seed=0)
+    with pytest.raises(StateError, match=r"comes from env\.save_state\(\), got "):
+        env.restore_state(wrong)

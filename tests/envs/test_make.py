@@ -99,6 +99,7 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
         ({"sead": 3}, UnknownNameError, "argument 'sead'.*Known: action_mode, binary_gripper,"),
         ({"seed": 3}, UnknownNameError, r"argument 'seed'.*env\.reset\(seed=0\)"),
         ({"num_envs": 4}, UnknownNameError, r'duobench\.make_vec\("bin_sort", num_envs=4\)'),
+        ({"n_envs": 4}, UnknownNameError, r'duobench\.make_vec\("bin_sort", num_envs=4\)'),
         ({"headless": True}, UnknownNameError, "rendered offscreen"),
         ({"max_steps": 9}, UnknownNameError, "horizon=300"),
         ({"cameras": "overview"}, UnknownNameError, "Known: head, left_wrist, right_wrist"),
@@ -229,8 +230,17 @@ def test_what_people_look_for_on_the_outermost_environment() -> None:
         place = str(no.value).partition("try env.")[2].removesuffix(".")
         assert reduce(getattr, place.split("."), env) is value
     assert env.config is env.get_wrapper_attr("config")
-    with pytest.raises(AttributeError, match=r"get_wrapper_attr\('judg'\)"):
-        env.judg  # noqa: B018 - looking is the point
+    for name, words in (
+        ("_running", r"; try env\.get_wrapper_attr\('_running'\)\.$"),
+        ("judg", r"no attribute 'judg'\.$"),
+        ("seed", r"; try env\.reset\(seed=0\)\.$"),
+        ("horizon", r"; try env\.spec\.max_episode_steps\.$"),
+    ):
+        with pytest.raises(AttributeError, match=words):
+            getattr(env, name)
+    assert env.get_wrapper_attr("_running")
+    made: Any = gym.make(f"duobench/{TASK}-v1", cameras=False)
+    assert made.spec.max_episode_steps == env._max_episode_steps
 
 
 @pytest.mark.parametrize("options", [{}, {"cameras": False}, {"object_state": True, "chunk": 2}])

@@ -50,7 +50,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _print_anything() -> None:
-    """Replace what the output's encoding lacks, such as a dash, instead of failing."""
+    """Replace what the output's encoding lacks, such as a dash, and do without closed outputs."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")

@@ -32,7 +32,10 @@ IMAGE_SIZE = (224, 224)
 RENDER_SIZE = (480, 640)
 """Default height and width of the image that `render` gives, in pixels."""
 ELSEWHERE = {
-    "num_envs": 'duobench.make_vec("bin_sort", num_envs=4) makes several environments.',
+    **dict.fromkeys(
+        ("num_envs", "n_envs"),
+        'duobench.make_vec("bin_sort", num_envs=4) makes several environments.',
+    ),
     "seed": "A seed is given to reset: env.reset(seed=0).",
     "headless": "No window is opened; images are rendered offscreen.",
     "max_steps": "The number of steps is horizon, such as horizon=300.",

@@ -11,12 +11,18 @@ from duobench.envs import spaces
 from duobench.envs.action_modes import ActionMode
 from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import DuoEnv, Start, base_of
-from duobench.envs.episode_state import EpisodeState
-from duobench.errors import OptionError
+from duobench.envs.episode_state import EpisodeState, StateError
+from duobench.errors import OptionError, escaped
 from duobench.types import Array
 
-INSIDE = {"sim": "simulation", "model": "simulation.model", "data": "simulation.data"}
-"""Where in the innermost environment things are that people look for on the outermost one."""
+INSIDE = {
+    "sim": "unwrapped.simulation",
+    "model": "unwrapped.simulation.model",
+    "data": "unwrapped.simulation.data",
+    "seed": "reset(seed=0)",
+    "horizon": "spec.max_episode_steps",
+}
+"""Where things are that people look for on the outermost environment."""
 
 
 def _by_name(reset: Callable[..., Start]) -> Callable[..., Start]:
@@ -27,6 +33,19 @@ def _by_name(reset: Callable[..., Start]) -> Callable[..., Start]:
         if wrong:
             raise OptionError(f"reset takes its arguments by name: reset(seed={wrong[0]!r}).")
         return reset(self, **named)
+
+    return checked
+
+
+def _of_a_state(restore: Callable[..., Start]) -> Callable[..., Start]:
+    """A restoration that says so where it gets something else than a saved state."""
+
+    @wraps(restore)
+    def checked(self: gym.Env, state: EpisodeState) -> Start:
+        if not isinstance(state, EpisodeState):
+            got = escaped(repr(state))[:80]
+            raise StateError(f"A saved state comes from env.save_state(), got {got}.")
+        return restore(self, state)
 
     return checked
 
@@ -59,12 +78,18 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
         return self.made_from or super().spec
 
     def __getattr__(self, name: str) -> Any:
-        place = f"unwrapped.{INSIDE[name]}" if name in INSIDE else f"get_wrapper_attr({name!r})"
-        raise AttributeError(f"A wrapper has no attribute {name!r}; try env.{place}.")
+        place, inner = INSIDE.get(name, ""), vars(self).get("env")
+        while inner is not None and not place:
+            if name in dir(type(inner)) or name in vars(inner):
+                place = f"get_wrapper_attr({name!r})"
+            inner = vars(inner).get("env")
+        hint = f"; try env.{place}" if place else ""
+        raise AttributeError(f"A wrapper has no attribute {name!r}{hint}.")
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls.reset = _by_name(cls.reset)
+        cls.restore_state = _of_a_state(cls.restore_state)
 
     @property
     def config(self) -> EnvConfig | None:

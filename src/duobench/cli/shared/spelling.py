@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Literal, get_args, get_origin, get_type_hints
 
@@ -26,6 +27,7 @@ INSTEAD = {
     "seed seeds": "Seeds follow from task and episode; duobench eval has --first-episode.",
     "model checkpoint ckpt": "A checkpoint of LeRobot is a policy: --policy lerobot:PATH.",
     "env environment": "What is played is a task: --tasks bin_sort.",
+    "num-envs n-envs num-processes": "Episodes are played side by side by --workers 4.",
     "resume continue": "The same command in the same folder goes on where it was stopped.",
     "horizon max-steps": "The task fixes its horizon; duobench eval --overtime 1.5 plays on.",
     "batch-size lr": "Options of lerobot-train come last, after --: -- --batch_size=8.",
@@ -105,7 +107,8 @@ def _check_options(words: Sequence[str], verb: Callable[..., None], program: str
             return
         name, _, joined = word.partition("=")
         if not name.startswith("-") and (room := room - 1) < 0:
-            hint = f" Did you mean --tasks {word}?" if "--tasks" in flags else ""
+            flag = "--policy" if ":" in word and "--policy" in flags else "--tasks"
+            hint = f" Did you mean {flag} {word}?" if flag in flags else ""
             raise SpellingError(f"{program} takes no {word!r} without an option.{hint}")
         if not name.startswith("--") or name in HELP:
             continue
@@ -114,7 +117,9 @@ def _check_options(words: Sequence[str], verb: Callable[..., None], program: str
             raise SpellingError(f"{program} has no option {name}. {hint}")
         kind = _number_of(flags[name.replace("_", "-")])
         room += len(words) if "tuple" in str(kind) else not joined
-        value = joined or (words[at + 1] if at + 1 < len(words) else "")
+        value = joined or next(iter(words[at + 1 :]), "")
+        if kind in {str, Path} and "=" not in word and (at + 1 == len(words) or value in flags):
+            raise SpellingError(f"{name} is followed by what it takes, such as {name} NAME.")
         if kind in NUMBERS and not _is_a(kind, value):
             raise SpellingError(f"{name} takes {NUMBERS[kind]}, not {value!r}.")
 
