@@ -17,7 +17,7 @@ WORD = re.compile(r"'([^'\n]+)'|([^\s']+)")
 UNREAD = ("tests", "CHANGELOG.md")
 OTHERS = {
     *("lerobot", "vlagents", "rpyc", "vla-eval", "openpi-client"),
-    *("pandas", "polars", "duckdb", "torch", "pyarrow", "stable-baselines3"),
+    *("pandas", "polars", "duckdb", "torch", "pyarrow", "stable-baselines3", "gymnasium"),
 }
 """Packages of others that pages and messages name."""
 

@@ -108,6 +108,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --policy hold --num-envs 4 --out OUT", "side by side by --workers 4"),
         ("eval --policy hold --out", "--out is followed by what it takes, such as --out NAME"),
         ("eval --policy --out OUT", "--policy is followed by what it takes"),
+        ("eval --policy hold --tasks --out OUT", "--tasks is followed by what it takes"),
         ("record bin_sort --out OUT", "Did you mean --tasks bin_sort?"),
         ("record --out OUT --format lerobot", "duobench export lerobot writes LeRobot's format"),
         ("train act --data demos --out OUT --batch_size 8", "-- --batch_size=8"),

@@ -310,3 +310,9 @@ def test_a_wrapper_that_does_not_fit_is_refused(
 def test_environments_are_made_where_underflow_is_an_error() -> None:
     with np.errstate(all="raise"):
         make_env(TASK, cameras=False)
+
+
+@pytest.mark.parametrize("number", [0, -1, 1.5, None])
+def test_no_environments_are_not_several(number: Any) -> None:
+    with pytest.raises(OptionError, match="num_envs is a whole number from 1 on"):
+        duobench.make_vec("bin_sort", num_envs=number)

@@ -10,6 +10,7 @@ from gymnasium.envs.registration import EnvSpec, WrapperSpec
 
 from duobench.errors import DuoBenchError, OptionError
 from duobench.tasks import catalog
+from duobench.types import as_count
 
 if TYPE_CHECKING:
     from duobench.looks.look import Look
@@ -130,6 +131,8 @@ def make_vec(
             were rendered before, processes begin anew with {"context": "spawn"}.
         options: As for `make`. Errors are the same.
     """
+    if as_count(num_envs) is None:
+        raise OptionError(f"num_envs is a whole number from 1 on, got {num_envs!r}.")
     return gym.make_vec(
         _spec_with(task, options), num_envs, vectorization_mode, vector_kwargs, **options
     )

@@ -118,7 +118,8 @@ def _check_options(words: Sequence[str], verb: Callable[..., None], program: str
         kind = _number_of(flags[name.replace("_", "-")])
         room += len(words) if "tuple" in str(kind) else not joined
         value = joined or next(iter(words[at + 1 :]), "")
-        if kind in {str, Path} and "=" not in word and (at + 1 == len(words) or value in flags):
+        taken = kind in {str, Path} or "tuple" in str(kind)
+        if taken and "=" not in word and (at + 1 == len(words) or value in flags):
             raise SpellingError(f"{name} is followed by what it takes, such as {name} NAME.")
         if kind in NUMBERS and not _is_a(kind, value):
             raise SpellingError(f"{name} takes {NUMBERS[kind]}, not {value!r}.")
