@@ -118,7 +118,7 @@ def _check_options(words: Sequence[str], verb: Callable[..., None], program: str
         kind = _number_of(flags[name.replace("_", "-")])
         room += len(words) if "tuple" in str(kind) else not joined
         value = joined or next(iter(words[at + 1 :]), "")
-        taken = kind in {str, Path} or "tuple" in str(kind)
+        taken = kind in {str, Path} or name == "--tasks"  # none would be all of them
         if taken and "=" not in word and (at + 1 == len(words) or value in flags):
             raise SpellingError(f"{name} is followed by what it takes, such as {name} NAME.")
         if kind in NUMBERS and not _is_a(kind, value):
