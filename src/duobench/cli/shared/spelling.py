@@ -41,7 +41,7 @@ EXAMPLES = {
     "eval": "--policy expert --out runs/expert",
     "compare": "runs/expert runs/mine --out compared",
     "record": "--tasks bin_sort --out demos",
-    "teleop": "carry_pot --out demos",
+    "teleop": "transfer_cube --out people",
     "serve": "--policy my_policy:MyPolicy",
     "export lerobot": "demos --out demos-lerobot",
     "train": "act --data demos-lerobot --out trained",
