@@ -119,7 +119,7 @@ def toggle_camera(duo: FrankaDuo) -> None:
     duo.clock.every(0.4, lambda: setattr(head, "is_silent", not head.is_silent), "toggle")
 
 
-HOT = FaultKind.DEVICE.fault("it is too hot")
+HOT = FaultKind.COMMUNICATION.fault("it is too hot")
 SLOW = [0.031, 0.033, 0.032]
 
 

@@ -35,7 +35,7 @@ from tests.hardware.rigs import (
 )
 
 RIGHT = Side.RIGHT
-BROKEN = FaultKind.DEVICE.fault("overheated")
+BROKEN = FaultKind.COMMUNICATION.fault("overheated")
 Device, Strike = Callable[[FrankaDuo], Any], Callable[[Any], None]
 ARM, GRIPPER = partial(arm, side=RIGHT), partial(gripper, side=RIGHT)
 CAMERA = partial(camera, name="head")
@@ -45,17 +45,23 @@ def silence(device: SimulatedArm | SimulatedGripper | SimulatedCamera) -> None:
     device.is_silent = True
 
 
-COMMUNICATION, DEVICE, REFLEX = FaultKind.COMMUNICATION, FaultKind.DEVICE, FaultKind.REFLEX
+COMMUNICATION, CONTROLLER = FaultKind.COMMUNICATION, FaultKind.CONTROLLER
+CONTACT = FaultKind.CONTACT
 EACH = pytest.mark.parametrize(
     ("device", "strike", "kind", "text"),
     [
-        (ARM, lambda arm: arm.fail("cartesian_reflex"), REFLEX, "The right arm: cartesian_reflex"),
+        (ARM, lambda arm: arm.fail("cartesian_reflex"), CONTACT, "The right arm: cartesian_reflex"),
         (ARM, lambda arm: arm.fail("network", COMMUNICATION), COMMUNICATION, "right arm: network"),
-        (ARM, SimulatedArm.stop, DEVICE, "The right arm follows no more commands"),
+        (ARM, SimulatedArm.stop, CONTROLLER, "The right arm follows no more commands"),
         (ARM, silence, COMMUNICATION, "The right arm has given no reading"),
-        (GRIPPER, lambda gripper: gripper.fail(BROKEN), DEVICE, "The right gripper: overheated"),
+        (
+            GRIPPER,
+            lambda gripper: gripper.fail(BROKEN),
+            COMMUNICATION,
+            "The right gripper: overheated",
+        ),
         (GRIPPER, silence, COMMUNICATION, "has not answered for"),
-        (CAMERA, lambda camera: camera.fail(BROKEN), DEVICE, "The camera head: overheated"),
+        (CAMERA, lambda camera: camera.fail(BROKEN), COMMUNICATION, "The camera head: overheated"),
         (CAMERA, silence, COMMUNICATION, "latest image of the camera head"),
     ],
     ids=("reflex", "packet", "stopped", "gone", "gripper", "mute gripper", "camera", "stale"),

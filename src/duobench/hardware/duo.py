@@ -247,7 +247,7 @@ class FrankaDuo:
                     f"The arms are {off:.3f} rad from home and the grippers open to "
                     f"{here.openings.min():.2f}, {SETTLE_S:g} s after they should be there."
                 )
-                self.hold(text, FaultKind.DEVICE.fault(text))
+                self.hold(text, FaultKind.CONTROLLER.fault(text))
                 raise BackendError(text)
 
     # --- commands --------------------------------------------------------------------------------
@@ -312,10 +312,10 @@ class FrankaDuo:
         try:
             problem = self.guard.problem(target) or self.guard.problem(rest)
         except Exception as error:  # noqa: BLE001 - whatever it is, nobody looks out then
-            return FaultKind.DEVICE.fault(f"The guard failed: {escaped(repr(error))}")
+            return FaultKind.CONTROLLER.fault(f"The guard failed: {escaped(repr(error))}")
         if problem is None:
             return None
-        return FaultKind.REFLEX.fault(f"The guard refused a command: {problem}")
+        return FaultKind.CONTACT.fault(f"The guard refused a command: {problem}")
 
     def _engage(self) -> None:
         """Have the arms track their followers, from where they are."""
@@ -324,7 +324,7 @@ class FrankaDuo:
         try:
             self._controller.engage()
         except BackendError as error:
-            self.hold(str(error), FaultKind.DEVICE.fault(str(error)))
+            self.hold(str(error), FaultKind.CONTROLLER.fault(str(error)))
             raise
         self._watchdog.feed()
         self._due = self.clock.now()

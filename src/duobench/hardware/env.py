@@ -44,7 +44,7 @@ class RealEnv(DuoEnv):
 
     Info also holds `late_s`, how many seconds too late the command came, and `image_ages`, the age
     of each camera's latest image in seconds. Where a fault ended the episode, `fault_kind` says of
-    what sort it is: a `FaultKind`, such as "reflex". It is not there where a person held the arms.
+    what sort it is: a `FaultKind`, such as "contact". It is not there where a person held the arms.
 
     A reset brings the arms home, for which the operator has to have confirmed, and takes the
     options `layout` (where people are to put the objects, as a `Layout` or its JSON form), `split`

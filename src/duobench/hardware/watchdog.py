@@ -79,7 +79,7 @@ class Watchdog:
         except Exception as error:  # noqa: BLE001 - whatever it is, nobody watches the arms then
             _log.exception("The watch failed.")
             text = f"What is wrong cannot be told: {escaped(repr(error))}"
-            self._hold(text, FaultKind.DEVICE.fault(text))
+            self._hold(text, FaultKind.CONTROLLER.fault(text))
         now, state = self._clock.now(), self._supervisor.state
         if not self._controller.is_engaged or state in {State.HOMING, State.READY}:
             return
@@ -99,7 +99,7 @@ class Watchdog:
             if not self._controller.is_engaged:
                 continue
             if not reading.is_tracking:
-                return FaultKind.DEVICE.fault(
+                return FaultKind.CONTROLLER.fault(
                     f"The {side} arm follows no more commands, and says nothing about why."
                 )
             if (late := streamer.take_lateness()) > MAX_FREEZE_S:

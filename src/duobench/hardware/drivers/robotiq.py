@@ -153,7 +153,7 @@ class RobotiqGripper:
         while self._clock.now() < end:
             self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
             reading = self.read()
-            if reading.fault is not None and reading.fault.kind is not FaultKind.DEVICE:
+            if self._clock.now() - reading.time_s > SILENT_S:
                 break
             if not self._activation and reading.is_active and reading.fault is None:
                 return
@@ -211,10 +211,10 @@ class RobotiqGripper:
             return FaultKind.COMMUNICATION.fault(text)
         if (meaning := _FAULTS.get(status.fault)) is not None:
             text = f"The gripper at {port} reports fault 0x{status.fault:02X}: {meaning}."
-            return FaultKind.DEVICE.fault(text)
+            return FaultKind.COMMUNICATION.fault(text)
         if self._was_active and not status.is_activated and not self._activation:
             text = f"The gripper at {port} is active no more; it lost its power, or was reset."
-            return FaultKind.DEVICE.fault(text)
+            return FaultKind.COMMUNICATION.fault(text)
         return None
 
     def _tick(self) -> None:

@@ -98,7 +98,7 @@ class SimulatedArm:
         """Stop."""
         self.stop()
 
-    def fail(self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.REFLEX) -> None:
+    def fail(self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.CONTACT) -> None:
         """Report a fault from now on, and follow no more commands."""
         self.stop()
         self._fault = kind.fault(text)
