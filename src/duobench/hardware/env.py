@@ -44,8 +44,9 @@ class RealEnv(DuoEnv):
 
     Info also holds `late_s`, how many seconds too late the command came, `image_ages`, the age of
     the latest image in seconds of each camera that somebody sees, and `waits`, how often this
-    episode the arms rested until a late image came. Where a fault ended the episode, `fault_kind` says of
-    what sort it is: a `FaultKind`, such as "contact". It is not there where a person held the arms.
+    episode the arms rested until a late image came. Where a fault ended the episode, `fault_kind`
+    says of what sort it is: a `FaultKind`, such as "contact". It is not there where a person held
+    the arms.
 
     A reset brings the arms home, for which the operator has to have confirmed, and takes the
     options `layout` (where people are to put the objects, as a `Layout` or its JSON form), `split`

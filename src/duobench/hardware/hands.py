@@ -65,7 +65,7 @@ class Hands:
             )
 
     def activate(self) -> None:
-        """Activate those that are not active, or not well; the fingers move through their whole range.
+        """Activate those that are not active, or not well; fingers move through their whole range.
 
         Raises:
             BackendError: One did not become active, or a hold stopped it.
