@@ -36,7 +36,7 @@ def test_what_is_lifted_is_solid_and_has_a_target_mass(name: str) -> None:
     recipe = recipe_of(job(name))
     for each in recipe.parts:
         assert (each.infill_percent == 100) is (each.mass_g is not None)
-        assert each.infill_pattern == ("rectilinear" if each.mass_g is not None else "gyroid")
+        assert each.infill_pattern == ("rectilinear" if each.mass_g is not None else "grid")
         if each.mass_g is not None:
             least, target, most = each.mass_g
             assert target == pytest.approx(1.24 * each.volume_cm3, rel=0.01, abs=0.06)

@@ -24,7 +24,7 @@ WALLS, CAPS = 4, 5
 """Lines of a wall, and layers of a floor or a roof."""
 SPARSE = 0.15
 """Share that is filled of what may be lighter than simulated."""
-SOLID_PATTERN, SPARSE_PATTERN = "rectilinear", "gyroid"
+SOLID_PATTERN, SPARSE_PATTERN = "rectilinear", "grid"
 """Patterns of what is filled, by the names that slicers give them. A pattern has to be named: the
 one that some of them begin with is refused at 100 %."""
 TOLERANCE = 0.05
