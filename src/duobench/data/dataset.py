@@ -1,7 +1,5 @@
 """A data set: a folder of recorded episodes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
@@ -35,7 +33,7 @@ class Description:
     how: str = ""
     """The command that made it, if one command did."""
 
-    def differences(self, other: Description) -> list[str]:
+    def differences(self, other: "Description") -> list[str]:
         """What keeps its episodes out of another data set: suites have their own layouts."""
         name = "suite version"
         return differences({name: self.suite_version}, {name: other.suite_version})
@@ -48,7 +46,7 @@ class DataSet:
     path: Path
 
     @staticmethod
-    def open(path: str | Path, *, create: bool = True, how: str = "") -> DataSet:
+    def open(path: str | Path, *, create: bool = True, how: str = "") -> "DataSet":
         """The data set in a folder.
 
         Args:
@@ -160,7 +158,7 @@ class DataSet:
         return max((int(name) for name in names if re.fullmatch(r"[0-9]+", name)), default=-1) + 1
 
     @property
-    def discarded(self) -> DataSet:
+    def discarded(self) -> "DataSet":
         """What operators have discarded in sessions that go on, where no other reader looks."""
         return DataSet(self.path / "discarded")
 

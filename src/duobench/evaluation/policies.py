@@ -3,14 +3,12 @@
 Experts and other policies never import each other; they meet here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pkgutil import resolve_name
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 
@@ -80,7 +78,7 @@ class PolicyChoice:
     @classmethod
     def parse(
         cls, name: str, *, batching: Batching | None = None, server: RemoteServer | None = None
-    ) -> PolicyChoice:
+    ) -> Self:
         """Choose a policy, without making it.
 
         Args:

@@ -1,7 +1,5 @@
 """Videos of episodes, for people: the table, stage and time, and what the policy saw."""
 
-from __future__ import annotations
-
 import io
 import time
 from collections.abc import Callable, Mapping
@@ -68,7 +66,7 @@ class VideoRecorder:
         picture: Adds stage, time and the images of observations; None shows the image alone.
     """
 
-    def __init__(self, render: Callable[[], Image], picture: Picture | None = None) -> None:
+    def __init__(self, render: Callable[[], Image], picture: "Picture | None" = None) -> None:
         self._render, self._picture = render, picture
         self.seconds = 0.0
         """Seconds that the video has taken so far."""

@@ -3,11 +3,9 @@
 How much of it is played may grow, and writers are many: each writes the same description.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import msgspec
 
@@ -227,7 +225,7 @@ class Run:
                 return f"its {name} is {getattr(record, name)}, expected was {value}."
         return None
 
-    def differences(self, other: Run) -> list[str]:
+    def differences(self, other: Self) -> list[str]:
         """What another run has differently, field by field; it may have less to play."""
         # What another policy says about itself differs too, which says no more.
         ours, theirs = ([each.policy for each in run.candidates] for run in (self, other))
@@ -236,7 +234,7 @@ class Run:
         now, before = self.suite.episodes, other.suite.episodes
         return differing + [f"episodes {now} instead of {before} or more"] * (now < before)
 
-    def with_shifts_of(self, other: Run) -> Run:
+    def with_shifts_of(self, other: Self) -> Self:
         """The same run with the shifts of another one too."""
         both = {*self.suite.shifts, *other.suite.shifts}
         order = tuple(shift for shift in every_shift() if shift in both)

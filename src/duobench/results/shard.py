@@ -1,7 +1,5 @@
 """A shard: one of several parts of a run, each played by a writer of its own into one folder."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass
@@ -33,7 +31,7 @@ class Shard:
             )
 
     @classmethod
-    def parse(cls, text: str, between: str = "/") -> Shard:
+    def parse(cls, text: str, between: str = "/") -> "Shard":
         """A shard from text such as "3/16", the third of sixteen, or "3-of-16"."""
         found = re.fullmatch(rf"([0-9]{{1,9}}){between}([0-9]{{1,9}})", text)
         if not found:
@@ -61,7 +59,7 @@ class Shard:
         first = (self.number - 1 - task - episodes.start) % self.count
         return range(episodes.start + first, episodes.stop, self.count)
 
-    def overlaps(self, other: Shard) -> bool:
+    def overlaps(self, other: "Shard") -> bool:
         """Whether an episode may be in both."""
         return (self.number - other.number) % math.gcd(self.count, other.count) == 0
 

@@ -4,8 +4,6 @@ Inference happens in another thread than the server's, so that pings, `/healthz`
 are answered meanwhile.
 """
 
-from __future__ import annotations
-
 import asyncio
 import http
 import math
@@ -134,7 +132,7 @@ class PolicyHost:
         closing.add_done_callback(self._closing.discard)
         return True
 
-    async def _reply(self, session: ClientSession, frame: str | bytes) -> bytes:
+    async def _reply(self, session: "ClientSession", frame: str | bytes) -> bytes:
         """The answer of a session, which may have to wait for the place of a silent one first."""
         until = time.monotonic() + limits.SILENT_S
         sessions = self._clients.values()
@@ -190,7 +188,7 @@ class _RequestedEpisode:
     seed: int = 0
     session_id: object = None
 
-    def changed_by(self, request: dict[str, Any]) -> _RequestedEpisode:
+    def changed_by(self, request: dict[str, Any]) -> "_RequestedEpisode":
         """The episode that a request belongs to; takes what only says that out of it."""
         prompt, seed = request.get("prompt", self.prompt), request.pop("seed", self.seed)
         session_id = request.pop("session_id", self.session_id)
