@@ -10,7 +10,7 @@ from duobench.data import stream
 from duobench.data.recording import Recording
 from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.errors import DataError, check_known
-from duobench.files import begin_or_continue, differences, lock, read, write, writing
+from duobench.files import begin_or_continue, differences, lock, read, remove, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
@@ -169,8 +169,7 @@ class DataSet:
         """
         path, partial = self.episode(task, name), self.partial(task, name)
         write(path, content)
-        with writing(partial):
-            partial.unlink(missing_ok=True)
+        remove(partial)
         return path
 
     def recover(self, partial: Path) -> Path:

@@ -18,7 +18,7 @@ from duobench.data.recording import Recording, first_success
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
 from duobench.data.videos import Videos, recovered
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
-from duobench.files import decode, encode, lock, make_folder, writing
+from duobench.files import decode, encode, lock, make_folder, remove, writing
 
 SUFFIX = ".part"
 """Ending of the file of an episode that is being recorded."""
@@ -160,8 +160,7 @@ class EpisodeStream(EpisodeRows):
 
     def _remove(self) -> None:
         self._release()
-        with writing(self._partial):
-            self._partial.unlink(missing_ok=True)
+        remove(self._partial)
 
     def close(self) -> None:
         """Let go of the file, with all rows in it that can be written."""

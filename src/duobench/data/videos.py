@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from duobench.backend import Image
 from duobench.data.schema import EpisodeInfo, VideoFacts, video_path
 from duobench.errors import DataError, DuoBenchError, OutputError
-from duobench.files import writing
+from duobench.files import remove
 from duobench.types import CONTROL_HZ
 from duobench.video import H264, VideoWriter
 
@@ -259,6 +259,4 @@ class Videos:
     def discard(self) -> None:
         """End the videos and remove them."""
         self.close()
-        for encoder in self._encoders.values():
-            with writing(encoder.path):
-                encoder.path.unlink(missing_ok=True)
+        remove(*(encoder.path for encoder in self._encoders.values()))

@@ -42,7 +42,7 @@ from duobench.policy.serving.address import (
     PolicyAddress,
     RemoteServer,
 )
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from duobench.results.suite import TaskInfo
 
 _ANSWERING_S = 5.0

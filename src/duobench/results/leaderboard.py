@@ -12,7 +12,7 @@ import msgspec
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import escaped
-from duobench.files import make_folder, writing
+from duobench.files import make_folder, remove
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SALTED
 from duobench.results import figures
@@ -258,10 +258,8 @@ def write_site(board: Board, out: Path) -> Path:
     """
     pages = {entry.page: _policy_page(board, entry) for entry in board.entries}
     write_files(out, {**pages, PAGE: _front_page(board), DOCUMENT: _document(board)})
-    for path in out.glob("policies/*.html"):
-        if f"policies/{path.name}" not in pages:
-            with writing(path):
-                path.unlink()
+    there = out.glob("policies/*.html")
+    remove(*(path for path in there if f"policies/{path.name}" not in pages))
     return out / PAGE
 
 

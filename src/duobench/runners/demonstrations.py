@@ -19,8 +19,7 @@ from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
 from duobench.files import begin_or_continue, encode, locked, read, remove_temporary, write
 from duobench.randomness import TRAIN
-from duobench.results.limits import TimeLimits
-from duobench.results.run import RUN_SCHEMA, Run
+from duobench.results.run import RUN_SCHEMA, Run, TimeLimits
 from duobench.results.suite import Episode, Suite, TaskInfo
 from duobench.runners.executor import Executor, executor_for
 from duobench.runners.schedule import check_played

@@ -16,13 +16,11 @@ from duobench.evaluation.rollout import Observer
 from duobench.results.attempts import POLICY
 from duobench.results.folder import RunFolder
 from duobench.results.journal import Journal
-from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.report import write_report
-from duobench.results.run import Run
+from duobench.results.run import WHOLE, Run, Shard, TimeLimits
 from duobench.results.salt import Salt
 from duobench.results.scores import Results, summarize
-from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
 from duobench.runners.executor import executor_for
 from duobench.runners.ray_process import Cluster

@@ -20,8 +20,7 @@ from duobench.looks.look import Look
 from duobench.robot.cameras import check_image_size
 from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import OffscreenRenderer
-from duobench.sim.opengl import RenderingInfo, RenderThread, choose
-from duobench.sim.triton_library import load_triton
+from duobench.sim.opengl import RenderingInfo, RenderThread, choose, load_triton
 
 T = TypeVar("T")
 

@@ -22,8 +22,7 @@ from rich.progress import (
 
 from duobench.cli.shared.console import console, counted
 from duobench.results.records import EpisodeRecord
-from duobench.results.run import Run
-from duobench.results.shard import WHOLE, Shard
+from duobench.results.run import WHOLE, Run, Shard
 
 if TYPE_CHECKING:
     from duobench.runners.demonstrations import Attempt

@@ -22,7 +22,7 @@ from duobench.cli.verbs.data import opened
 from duobench.errors import DataError
 from duobench.files import remove_abandoned, replacing
 from duobench.results.folder import VIDEO_SUFFIX
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 

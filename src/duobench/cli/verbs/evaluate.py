@@ -23,10 +23,9 @@ from duobench.policy.serving.access import read_key
 from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
 from duobench.results.folder import RunFolder
-from duobench.results.limits import TimeLimits
+from duobench.results.run import WHOLE, Shard, TimeLimits
 from duobench.results.salt import make_salt, read_salt
 from duobench.results.scores import Results
-from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import PAPER_EXECUTE, SuiteChoice
 from duobench.runners.ray_process import Cluster
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
-from duobench.data.images import ImageSource
+from duobench.data.images import ImageSource, RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
@@ -31,7 +31,6 @@ from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
-from duobench.data.views import RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError, SeveralTasksError, check_known
 from duobench.files import encode, locked, replacing, write
