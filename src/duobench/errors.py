@@ -233,8 +233,7 @@ def traceback_text(error: BaseException, skip: int = 0) -> str:
     trace = error.__traceback__
     for _ in range(skip):
         trace = trace and trace.tb_next
-    lines = traceback.format_exception(type(error), error, trace)
-    text = escaped("".join(lines))
+    text = escaped("".join(traceback.format_exception(type(error), error, trace)))
     folders = sorted({str(Path(entry).resolve()) for entry in sys.path}, key=len, reverse=True)
     for folder in folders:
         text = text.replace(f'File "{folder}/', 'File "')

@@ -186,6 +186,12 @@ def remove_abandoned(folder: Path, suffix: str) -> None:
                 remove(path)
 
 
+def digest_of(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def checksum(document: Mapping[str, Any]) -> str:
     """SHA-256 of a JSON object but for its checksum; order of keys and spaces make no difference.
 

@@ -24,8 +24,7 @@ from duobench.results.report import write_report
 from duobench.results.run import Shard
 from duobench.results.salt import Salt, read_salt
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners.demonstrations import record as record_demonstrations
-from duobench.runners.evaluate import evaluate
+from duobench.runners.evaluate import evaluate, record as record_demonstrations
 from duobench.runners.process import WorkerProcess
 from duobench.tasks import catalog
 from tests.children import ran

@@ -112,8 +112,7 @@ def resized(image: Image, size: tuple[int, int]) -> Image:
     from PIL import Image as Pillow
 
     height, width = size
-    picture = Pillow.fromarray(image).resize((width, height), Pillow.Resampling.BOX)
-    return np.asarray(picture)
+    return np.asarray(Pillow.fromarray(image).resize((width, height), Pillow.Resampling.BOX))
 
 
 def plain_view(camera: str, about: Mapping[str, Any]) -> View:

@@ -179,8 +179,7 @@ class CartesianActions(ActionModeWrapper):
         """The action (16,) that leaves the commanded tool poses and openings as they are."""
         command = self.base.backend.last_command
         poses = self.kinematics.forward(command.joints)
-        rows = [[*poses[side].tquat, command.openings[side.index]] for side in SIDES]
-        return np.ravel(rows)
+        return np.ravel([[*poses[side].tquat, command.openings[side.index]] for side in SIDES])
 
     def step(self, action: Any) -> Transition:
         """Advance one control step towards the poses."""

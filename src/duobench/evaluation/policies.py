@@ -220,8 +220,7 @@ def _apart(address: PolicyAddress) -> PolicySource:
     remote = OwnPolicy(
         RemoteServer(url=address.url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S)
     )
-    found = _for_any(remote, remote.metadata, address.batching)
-    return replace(found, waits_for_others=True)
+    return replace(_for_any(remote, remote.metadata, address.batching), waits_for_others=True)
 
 
 def _for_any(policy: Any, metadata: PolicyMetadata, batching: Batching | None) -> PolicySource:

@@ -47,8 +47,7 @@ class Overview:
 
     def image(self) -> Image:
         """The current image (480, 640, 3), in the look of the episode."""
-        if self._renderer.look != self._base.look:
-            self._renderer.set_look(self._base.look)
+        self._renderer.set_look(self._base.look)
         return self._renderer.render(self._base.simulation.data, OVERVIEW)
 
     def close(self) -> None:

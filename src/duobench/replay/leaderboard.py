@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from duobench.data.processes import Progress
 from duobench.errors import DataError, DuoBenchError, EvaluationError, FileError, escaped
-from duobench.files import checksum, encode, locked, read, remove, write
+from duobench.files import checksum, digest_of, encode, locked, read, remove, write
 from duobench.randomness import SUITE_VERSION
 from duobench.replay.verify import Finding, Verdict, Verification, verify
 from duobench.results.bundle import BUNDLE_SUFFIX, MAX_BYTES, Bundle
@@ -241,5 +241,4 @@ def _digest(path: Path) -> str:
     """The SHA-256 of a file that is not too large for a bundle."""
     if path.stat().st_size > MAX_BYTES:
         raise FileError(f"It is larger than {MAX_BYTES} bytes.")
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return digest_of(path)

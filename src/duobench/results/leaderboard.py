@@ -267,8 +267,7 @@ def _front_page(board: Board) -> str:
     plain = board.groups[::2]
     title, hosted, _, ranked = next((each for each in plain if each[-1]), plain[-1])
     shown = [(str(rank), entry) for rank, entry in ranked[:MOST]]
-    privileged = board.ranked(privileged=True, hosted=hosted)
-    shown += [("P", entry) for _, entry in privileged[:1]]
+    shown += [("P", entry) for _, entry in board.ranked(privileged=True, hosted=hosted)[:1]]
     bars = [
         (row[0].task.title, [(word, one) for (word, _), one in zip(shown, row, strict=True)])
         for row in zip(*(entry.results.tasks for _, entry in shown), strict=True)

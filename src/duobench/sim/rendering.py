@@ -72,11 +72,6 @@ class Renderer:
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())
 
-    @property
-    def look(self) -> Look:
-        """How the images look."""
-        return self._look
-
     def set_look(self, look: Look) -> None:
         """Render in another look from the next image on; the model stays as it is."""
         if look != self._look:
