@@ -21,9 +21,8 @@ from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.judge import HumanJudge
-from duobench.results.limits import TimeLimits
 from duobench.results.records import REAL, EpisodeRecord, Judged
-from duobench.results.run import Candidate, Run
+from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.suite import Suite, TaskInfo
 from duobench.rig_sessions.cameras import Film, head_image, jpeg
 from duobench.rig_sessions.overlay import Overlay
