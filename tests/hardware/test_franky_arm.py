@@ -151,7 +151,7 @@ def test_every_error_of_the_state_has_a_kind() -> None:
     "text",
     [
         "libfranka: Move command aborted: command aborted: User Stop pressed!",
-        "libfranka: command not possible in the current mode (\"User stopped\")!",
+        'libfranka: command not possible in the current mode ("User stopped")!',
         "libfranka: Move command preempted: preempted due to activated safety function!",
     ],
 )

@@ -1,6 +1,6 @@
 """The operator at a terminal: what is said, what is asked, and keys that count at once."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Protocol
 
@@ -17,6 +17,7 @@ HOME = "Clear the space of the arms. h: they go home slowly, with open grippers;
 PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
 PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
 DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
+ASK_WHY = "{}\nIt is discarded. Why did the arms stop?\n{}\nq: end, and leave it undecided."
 
 
 class Operator(Protocol):
@@ -65,6 +66,8 @@ class TerminalView:
         if session.is_stopped:
             raise Stopped
         said, session.message = session.message, ""
+        if session.phase is Phase.JUDGING and session.reasons:
+            return messages.Invalid(self._why(said, session.reasons))
         if session.phase is Phase.JUDGING:
             is_kept = self._ask(DECIDE.format(said), "kd") == "k"
             return messages.Finish() if is_kept else messages.Invalid("Discarded.")
@@ -92,6 +95,12 @@ class TerminalView:
             yield
         finally:
             self._operator.listen(None)
+
+    def _why(self, said: str, reasons: Sequence[str]) -> str:
+        """What the operator says to why the arms stopped."""
+        choices = {str(number): reason for number, reason in enumerate(reasons, 1)}
+        lines = "\n".join(f"{key}: {reason}" for key, reason in choices.items())
+        return choices[self._ask(ASK_WHY.format(said, lines), "".join(choices))]
 
     def _ask(self, text: str, keys: str) -> str:
         key = self._operator.ask(text, f"{keys}{QUIT}")

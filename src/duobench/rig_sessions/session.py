@@ -8,6 +8,7 @@ operator sees is a view: a page, or a terminal.
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -26,6 +27,7 @@ CUT_SHORT = (
     "The press of the last stage ended this episode, and was taken back: the policy was cut short. "
     "Press it again, or mark the trial as invalid."
 )
+NEVER_COUNTS = "This cannot count, whatever the policy did: say why the arms stopped."
 
 
 class Phase(StrEnum):
@@ -95,6 +97,8 @@ class RigSession:
         """Why nobody was at the arms while they might move; empty if somebody was."""
         self.is_home = False
         """Whether the operator has sent the arms home for this episode."""
+        self.reasons: tuple[str, ...] = ()
+        """What may be said to why the arms stopped, where that is asked and nothing can count."""
         self._over = threading.Event()
 
     # --- from any thread -------------------------------------------------------------------------
@@ -141,14 +145,15 @@ class RigSession:
         """Write down what happens, before anybody sees its effect; see `LogEntry`."""
 
     def _write_label(self, label: StageLabel) -> None:
-        self.write(LogKind.PRESS, stage=label.stage, step=label.step, time_s=label.time_s)
+        about = {"stage": label.stage, "step": label.step, "time_s": label.time_s}
+        self.write(LogKind.PRESS, **about, yes=label.late or None)
 
     # --- one episode, in the session's own thread ------------------------------------------------
 
     def begin(self) -> None:
         """Another episode: no press of the one before counts for it."""
         self.phase = Phase.PLACING
-        self.note, self.at_end, self.lost, self.is_home = "", None, "", False
+        self.note, self.at_end, self.lost, self.is_home, self.reasons = "", None, "", False, ()
         self.judge.begin()
 
     def place(self) -> None:
@@ -185,13 +190,18 @@ class RigSession:
         self.view.publish()
         with self.view.moving():
             played = runner.play(seed, options, [*watchers, self])
+        self.judge.end()
+        fault = self.duo.fault
+        if played.failure is not None and fault is not None:
+            played = replace(played, fault=fault.kind)
         self.duo.hold("The episode is over.")
         failure = "" if played.failure is None else played.invalid
         self.write(
             LogKind.END,
             step=played.steps,
-            time_s=round(self.judge.time_s, 3),
+            time_s=round(self.judge.time_s, 3) if played.steps else None,
             text=failure or played.stopped or ("" if played.error is None else "error"),
+            fault=played.fault,
         )
         return played
 
@@ -211,7 +221,7 @@ class RigSession:
 
         The message is for the operator, and says how the episode ended.
         """
-        self.phase, self.message = Phase.JUDGING, message
+        self.phase, self.message, self.reasons = Phase.JUDGING, message, played.reasons
         while True:
             match self.view.next():
                 case messages.AtEnd(holds=holds):
@@ -223,14 +233,18 @@ class RigSession:
                 case messages.Invalid(reason=reason):
                     return reason
                 case messages.Finish():
-                    if (
-                        not played.ended_by_success
-                        or self.judge.labels.stage == self.judge.max_stage
-                    ):
+                    if not (objection := self.objection(played)):
                         return ""
-                    self.message = CUT_SHORT
+                    self.message = objection
                 case _:
                     pass
+
+    def objection(self, played: PlayedEpisode) -> str:
+        """Why an episode cannot count as it was judged, for the operator; empty if it can."""
+        if played.reasons:
+            return NEVER_COUNTS
+        is_solved = self.judge.labels.stage == self.judge.max_stage
+        return CUT_SHORT if played.ended_by_success and not is_solved else ""
 
     def _go_home(self) -> None:
         if not self._try(self.duo.supervisor.confirm):

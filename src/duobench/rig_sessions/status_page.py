@@ -96,6 +96,8 @@ class StatusPage:
                 "time_s": round(steps / CONTROL_HZ, 1),
                 "note": session.note,
                 "message": session.message,
+                "reasons": session.reasons,
+                "at_end": session.at_end,
                 "fault": None if fault is None else fault.text,
                 "image_size": [NATIVE_WIDTH, NATIVE_HEIGHT],
                 "images": self._images,

@@ -14,6 +14,12 @@ const PHASES = {
   judging: ["Judge the trial", "The arms are held. Correct what is wrong, then close the trial."],
   over: ["All trials are played", "The names of the policies stand in the table."],
 };
+const REASONS = [
+  "The objects were placed wrongly.",
+  "A person came into the way.",
+  "An object broke or was missing.",
+  "The light changed.",
+];
 const BUTTONS = {
   home: ["placing", "ready"],
   placed: ["placing"],
@@ -107,9 +113,9 @@ class Trials {
     document.title = `${status.title} · Trials · DuoBench`;
     write("h1", status.title);
     const again = trial.attempt > 1 ? `, attempt ${trial.attempt}` : "";
-    const hidden = blind ? " (name hidden)" : "";
+    const policy = blind ? "policy hidden" : trial.policy;
     const where =
-      `Trial ${trial.number} of ${trial.of}${again} · ${trial.policy}${hidden} · episode ` +
+      `Trial ${trial.number} of ${trial.of}${again} · ${policy} · episode ` +
       `${trial.episode} · ${trial.invalid} invalid so far`;
     write(".where", phase === "over" ? "" : where);
     const [title, todo] = PHASES[phase];
@@ -119,6 +125,10 @@ class Trials {
     write(".note", status.message);
     write(".problem", status.fault && `Fault: ${status.fault}`);
     write(".clock", `${status.time_s.toFixed(1)} s · step ${status.step} of ${status.horizon}`);
+    this.#showReasons(status.reasons.length ? status.reasons : REASONS);
+    if (status.at_end !== null) {
+      part(`[name=holds][value=${status.at_end ? "yes" : "no"}]`).checked = true;
+    }
     this.#showVariants(trial.variants);
     const isPlacing = ["placing", "ready"].includes(phase);
     this.#overlay.show({ ...status, isPlacing });
@@ -158,7 +168,7 @@ class Trials {
   /** Show what may be done now, to who may do it. */
   #allow() {
     if (!this.#status) return;
-    const { phase, stage, stages, fault, sheet, film } = this.#status;
+    const { phase, stage, stages, fault, sheet, film, reasons } = this.#status;
     const isPlacing = ["placing", "ready"].includes(phase);
     for (const [id, phases] of Object.entries(BUTTONS)) {
       part(`#${id}`).hidden = !this.#isDriver || !phases.includes(phase);
@@ -168,6 +178,7 @@ class Trials {
     const isJudging = this.#isDriver && phase === "judging";
     part("#closing").hidden = part("#spoiled").hidden = !isJudging;
     part("#at-end").hidden = stage !== stages.length;
+    part("#finish").disabled = reasons.length > 0; // it cannot count
     part("#trial").hidden = phase === "over";
     part("#film").hidden = !isJudging || !film;
     part(".scroller").hidden = !part("#film").hidden;
@@ -177,6 +188,15 @@ class Trials {
     if (sheet) part(".sheet a").href = sheet;
     this.#judging.isOpen = this.#isDriver && ["playing", "judging"].includes(phase);
     this.#judging.show(this.#status);
+  }
+
+  /** What is offered to why a trial does not count. */
+  #showReasons(reasons) {
+    const text = JSON.stringify(reasons);
+    const list = part("#reasons");
+    if (text === list.dataset.shown) return;
+    list.dataset.shown = text;
+    list.replaceChildren(...reasons.map((value) => make("option", { value })));
   }
 
   #showVariants(variants) {
