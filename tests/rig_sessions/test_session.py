@@ -11,6 +11,8 @@ from duobench.files import locked
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.judge import REACTION_S
 from duobench.results.records import InvalidTrial
+from duobench.rig_sessions import interruptible
+from duobench.rig_sessions.interruptible import GIVEN_UP
 from duobench.rig_sessions.session import HELD_BY_OPERATOR, NEVER_COUNTS
 from duobench.rig_sessions.trials import ASK_AT_END
 from duobench.rig_sessions.trials_folder import (
@@ -291,6 +293,48 @@ def test_late_press_counts_and_policy_that_raises_has_failed(tmp_path: Path) -> 
     assert "out of ideas" in (broken.error or "")
 
 
+def test_policy_that_does_not_answer_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It counts against the policy; where it never answers, the next trial of it fails as well."""
+    monkeypatch.setattr(interruptible, "PATIENCE_S", 0.1)
+
+    def script(operator: Operator) -> None:
+        for _ in range(2):
+            operator.begin()
+            operator.press(2)
+            operator.until(lambda status: status["waits"])
+            operator.say("hold")
+            operator.wait_for_hold()
+            operator.say("give_up")
+            assert GIVEN_UP in operator.phase("judging")["message"]
+            operator.say("give_up")
+            assert "Not now" in operator.page.hear_of("refused")["reason"]
+            operator.finish()
+        toys.Patient.gate.release()
+
+    stand = played(tmp_path / "t", script, ONE, episodes=2)
+    ((one, other),) = records(stand.folder).values()
+    for record in (one, other):
+        assert (record.steps, record.final_stage, record.success) == (0, 2, False)
+        assert GIVEN_UP in (record.error or "")
+    ends = [each.time_s for each in stand.folder.read_log() if each.kind is LogKind.END]
+    assert ends == [None, None]  # no step was made
+
+
+def test_session_that_is_stopped_does_not_wait_for_its_policy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruptible, "PATIENCE_S", 0.1)
+
+    def script(operator: Operator) -> None:
+        operator.begin()
+        operator.stand.session.stop()
+
+    assert played(tmp_path / "t", script, ONE, is_complete=False).session.is_stopped
+    toys.Patient.gate.release()
+
+
 def test_page_cannot_do_what_is_not_for_now(tmp_path: Path) -> None:
     def check(operator: Operator, words: str, kind: str, **fields: object) -> None:
         operator.say(kind, **fields)
@@ -300,6 +344,7 @@ def test_page_cannot_do_what_is_not_for_now(tmp_path: Path) -> None:
         check(operator, "stages are 1 to 5", "stage", stage=9)
         check(operator, "no press", "undo")
         check(operator, "Not now", "finish")
+        check(operator, "Not now", "invalid", reason="No.")
 
     def script(operator: Operator) -> None:
         operator.phase("placing")

@@ -30,7 +30,7 @@ class StageLabel:
     """Seconds since the episode began, on the rig's clock; those of its film, if it is corrected
     from that."""
     late: bool = False
-    """Whether a stage was said later than `REACTION_S` after the end; it counts at the last step."""
+    """Whether it is a stage that was said later than `REACTION_S` after the end."""
 
 
 @dataclass(frozen=True, slots=True)

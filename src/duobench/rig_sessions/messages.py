@@ -52,6 +52,10 @@ class Hold(PageMessage, frozen=True):
     """Both arms come to rest and are held."""
 
 
+class GiveUp(PageMessage, frozen=True):
+    """The policy that is waited for is given up: it has failed."""
+
+
 class AtEnd(PageMessage, frozen=True):
     """Whether the last stage still held at the end."""
 
@@ -86,6 +90,6 @@ class Recover(PageMessage, frozen=True):
 
 
 Message = (
-    Alive | Home | Placed | PlaceAgain | Start | Stage | Undo | Hold | AtEnd | Note | Finish
-    | Invalid | Recover
+    Alive | Home | Placed | PlaceAgain | Start | Stage | Undo | Hold | GiveUp | AtEnd | Note
+    | Finish | Invalid | Recover
 )  # fmt: skip

@@ -16,6 +16,7 @@ FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
 HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
 PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
 PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
+WAITING = "The policy does not answer. g: give it up."
 DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
 ASK_WHY = "{}\nIt is discarded. Why did the arms stop?\n{}\nq: end, and leave it undecided."
 
@@ -57,7 +58,9 @@ class TerminalView:
 
     def publish(self) -> None:
         """Say what the operator has to know while the arms move."""
-        if self._session.phase is Phase.PLAYING:
+        if self._session.waits:
+            self._operator.say(WAITING)
+        elif self._session.phase is Phase.PLAYING:
             self._operator.say(PLAYING.format(last=self._session.judge.max_stage))
 
     def next(self) -> messages.Message:
@@ -112,6 +115,8 @@ class TerminalView:
         session = self._session
         if key in {"", " "}:
             session.duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)
+        elif key == "g":
+            session.give_up()
         elif session.phase is Phase.PLAYING:
             stage = {"u": None, "s": session.judge.max_stage}.get(key, key)
             with suppress(DuoBenchError, ValueError):  # other keys say nothing

@@ -21,6 +21,7 @@ from duobench.hardware.env import FAULT_KIND
 from duobench.policy.serving.address import RemoteServer
 from duobench.results.limits import TimeLimits
 from duobench.results.suite import TaskInfo
+from duobench.rig_sessions.interruptible import InterruptiblePolicy
 
 
 class FixedLayout(DuoWrapper):
@@ -130,6 +131,8 @@ class PolicyRunner:
     def __init__(self, env: DuoWrapper, source: PolicySource) -> None:
         self.env = FixedLayout(env)
         self.policy = source.bind(self.env)
+        self.asked = InterruptiblePolicy(self.policy)
+        """The same, as episodes ask it."""
 
     def play(
         self,
@@ -142,7 +145,7 @@ class PolicyRunner:
         ending = _LastStep()
         error = failure = None
         try:
-            rollout(self.env, self.policy, seed=seed, watchers=[ending, *watchers])
+            rollout(self.env, self.asked, seed=seed, watchers=[ending, *watchers])
         except PolicyError as caught:
             error = caught
         except DuoBenchError as caught:

@@ -19,6 +19,7 @@ from duobench.evaluation.rollout import Info, Observation, Step, Watcher
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge, StageLabel
 from duobench.rig_sessions import messages
+from duobench.rig_sessions.interruptible import InterruptiblePolicy
 from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
 from duobench.rig_sessions.trials_folder import LogKind
 
@@ -50,8 +51,8 @@ _PLACING = (messages.Home, messages.Recover)
 _ALLOWED: dict[Phase, tuple[type, ...]] = {
     Phase.PLACING: (messages.Placed, *_PLACING),
     Phase.READY: (messages.PlaceAgain, messages.Start, *_PLACING),
-    Phase.MOVING: (),
-    Phase.PLAYING: _LABELS,
+    Phase.MOVING: (messages.GiveUp,),
+    Phase.PLAYING: (*_LABELS, messages.GiveUp),
     Phase.JUDGING: (
         *(*_LABELS, messages.AtEnd, messages.Note),
         *(messages.Finish, messages.Invalid),
@@ -99,6 +100,9 @@ class RigSession:
         """Whether the operator has sent the arms home for this episode."""
         self.reasons: tuple[str, ...] = ()
         """What may be said to why the arms stopped, where that is asked and nothing can count."""
+        self.waits = False
+        """Whether the policy has not answered for long, so that it may be given up."""
+        self._asked: InterruptiblePolicy | None = None  # in the episode that is played
         self._over = threading.Event()
 
     # --- from any thread -------------------------------------------------------------------------
@@ -112,6 +116,10 @@ class RigSession:
         """Let `run` end, and hold the arms; for signal handlers too."""
         self._over.set()
         self.duo.hold("The session was stopped.")
+
+    def give_up(self) -> bool:
+        """Let the policy fail that is waited for; False if none is."""
+        return self._asked is not None and self._asked.give_up()
 
     def lose(self, reason: str) -> None:
         """Nobody is at the arms: hold them, and let the episode not count."""
@@ -131,6 +139,10 @@ class RigSession:
             return True
         if not isinstance(message, _ALLOWED[self.phase]):
             raise MessageError(f"Not now: this is not for the state {self.phase.value!r}.")
+        if isinstance(message, messages.GiveUp):
+            if not self.give_up():
+                raise MessageError("The policy is not waited for: there is nothing to give up.")
+            return True
         if not isinstance(message, _LABELS):
             return False
         stage, film_s = None, None
@@ -188,8 +200,10 @@ class RigSession:
         self.write(LogKind.START)
         self.phase, self.message, self.lost = Phase.MOVING, "", ""
         self.view.publish()
+        self._asked, runner.asked.on_wait = runner.asked, self._wait
         with self.view.moving():
             played = runner.play(seed, options, [*watchers, self])
+        self._asked, self.waits = None, False
         self.judge.end()
         fault = self.duo.fault
         if played.failure is not None and fault is not None:
@@ -205,13 +219,20 @@ class RigSession:
         )
         return played
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """The arms are at home, and the policy begins."""
-        self.phase = Phase.PLAYING
+    def _wait(self) -> None:
+        if self.is_stopped:
+            self.give_up()
+        self.waits = True
         self.view.publish()
 
-    def on_step(self, step: Step) -> None:
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """The arms are at home, and the policy begins."""
+        self.phase, self.waits = Phase.PLAYING, False
+        self.view.publish()
+
+    def on_step(self, step: Step) -> None:  # noqa: ARG002 - the protocol's signature
         """A control step is over."""
+        self.waits = False
 
     def on_episode_end(self, error: BaseException | None) -> None:
         """The policy plays no more."""

@@ -98,6 +98,7 @@ class StatusPage:
                 "message": session.message,
                 "reasons": session.reasons,
                 "at_end": session.at_end,
+                "waits": session.waits,
                 "fault": None if fault is None else fault.text,
                 "image_size": [NATIVE_WIDTH, NATIVE_HEIGHT],
                 "images": self._images,

@@ -47,7 +47,6 @@ from duobench.tasks.task import Task
 from duobench.versions import package_source, package_versions, record_versions, source_hashes
 from duobench.web.server import PageServer
 
-
 ASK_AT_END = "Say first whether the last stage still held at the end: yes or no."
 
 
@@ -120,6 +119,8 @@ class TrialsSession(RigSession):
         self._runners = [
             self._runner(candidate, sources[candidate.policy], data) for candidate in plan.policies
         ]
+        for runner in self._runners:
+            ending.callback(runner.asked.close)
         self._log = folder.open_log(_now())
         ending.callback(self._log.close)
         self._progress = TrialsProgress.of(self._log.entries)
@@ -157,6 +158,7 @@ class TrialsSession(RigSession):
 
     def on_step(self, step: Step) -> None:
         """Hold where nobody is at the page, and show how it goes."""
+        super().on_step(step)
         self._page.on_step(step.number)
 
     def keep_placed(self) -> None:

@@ -18,8 +18,8 @@ import msgspec
 
 from duobench.errors import EvaluationError, FileError
 from duobench.files import begin_or_continue, encode, make_folder, read, write, writing
-from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.hardware.devices import FaultKind
+from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.hardware.judge import StageLabel, StageLabels
 from duobench.results.folder import RunFolder
 from duobench.results.records import InvalidTrial

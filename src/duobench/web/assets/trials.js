@@ -56,7 +56,7 @@ class Trials {
     setInterval(() => this.#isDriver && this.#tell("alive"), ALIVE_MS);
     this.#judging.onStage = (stage) => this.#tell("stage", { stage, ...this.#moment });
     this.#judging.onUndo = () => this.#tell("undo");
-    for (const kind of ["hold", "home", "placed", "place_again", "start", "recover"]) {
+    for (const kind of ["hold", "home", "placed", "place_again", "start", "recover", "give_up"]) {
       part(`#${kind}`).addEventListener("click", () => this.#tell(kind));
     }
     part("#closing").addEventListener("submit", (event) => {
@@ -168,12 +168,13 @@ class Trials {
   /** Show what may be done now, to who may do it. */
   #allow() {
     if (!this.#status) return;
-    const { phase, stage, stages, fault, sheet, film, reasons } = this.#status;
+    const { phase, stage, stages, fault, sheet, film, reasons, waits } = this.#status;
     const isPlacing = ["placing", "ready"].includes(phase);
     for (const [id, phases] of Object.entries(BUTTONS)) {
       part(`#${id}`).hidden = !this.#isDriver || !phases.includes(phase);
     }
     part("#recover").hidden = !this.#isDriver || !fault || !["placing", "ready"].includes(phase);
+    part("#give_up").hidden = !this.#isDriver || !waits;
     part("#hold").disabled = !this.#isDriver;
     const isJudging = this.#isDriver && phase === "judging";
     part("#closing").hidden = part("#spoiled").hidden = !isJudging;
