@@ -66,6 +66,10 @@ class Hold(PageMessage, frozen=True):
     """Both arms come to rest and are held."""
 
 
+class GiveUp(PageMessage, frozen=True):
+    """The policy that is waited for is given up: it has failed."""
+
+
 class AtEnd(PageMessage, frozen=True):
     """Whether the last stage still held at the end."""
 
@@ -100,6 +104,6 @@ class Recover(PageMessage, frozen=True):
 
 
 Message = (
-    Alive | Home | Activate | Open | Placed | PlaceAgain | Start | Stage | Undo | Hold | AtEnd
-    | Note | Finish | Invalid | Recover
+    Alive | Home | Activate | Open | Placed | PlaceAgain | Start | Stage | Undo | Hold | GiveUp
+    | AtEnd | Note | Finish | Invalid | Recover
 )  # fmt: skip

@@ -1,6 +1,6 @@
 """The operator at a terminal: what is said, what is asked, and keys that count at once."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from typing import Protocol
@@ -25,7 +25,9 @@ HOLDING = (
 HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
 PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
 PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
+WAITING = "The policy does not answer. g: give it up."
 DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
+ASK_WHY = "{}\nIt is discarded. Why did the arms stop?\n{}\nq: end, and leave it undecided."
 
 
 class Operator(Protocol):
@@ -91,7 +93,9 @@ class TerminalView:
 
     def publish(self) -> None:
         """Say what the operator has to know while the arms move."""
-        if self._session.phase is Phase.PLAYING:
+        if self._session.waits:
+            self._operator.say(WAITING)
+        elif self._session.phase is Phase.PLAYING:
             self._operator.say(PLAYING.format(last=self._session.judge.max_stage))
 
     def next(self) -> messages.Message:
@@ -100,6 +104,8 @@ class TerminalView:
         if session.is_stopped:
             raise Stopped
         said, session.message = session.message, ""
+        if session.phase is Phase.JUDGING and session.reasons:
+            return messages.Invalid(self._why(said, session.reasons))
         if session.phase is Phase.JUDGING:
             is_kept = self._ask(DECIDE.format(said), "kd") == "k"
             return messages.Finish() if is_kept else messages.Invalid("Discarded.")
@@ -128,6 +134,12 @@ class TerminalView:
         finally:
             self._operator.listen(None)
 
+    def _why(self, said: str, reasons: Sequence[str]) -> str:
+        """What the operator says to why the arms stopped."""
+        choices = {str(number): reason for number, reason in enumerate(reasons, 1)}
+        lines = "\n".join(f"{key}: {reason}" for key, reason in choices.items())
+        return choices[self._ask(ASK_WHY.format(said, lines), "".join(choices))]
+
     def _ask(self, text: str, keys: str) -> str:
         key = self._operator.ask(text, f"{keys}{QUIT}")
         if key == QUIT:
@@ -136,7 +148,11 @@ class TerminalView:
 
     def _take(self, key: str) -> None:
         session = self._session
-        if not hold_by_key(session.duo, key) and session.phase is Phase.PLAYING:
+        if hold_by_key(session.duo, key):
+            return
+        if key == "g":
+            session.give_up()
+        elif session.phase is Phase.PLAYING:
             stage = {"u": None, "s": session.judge.max_stage}.get(key, key)
             with suppress(DuoBenchError, ValueError):  # other keys say nothing
                 session.judge.declare(None if stage is None else int(stage))
