@@ -71,18 +71,26 @@ class GripperRegisters:
         if is_new:
             self._is_blocked, self._moved_at = False, -1.0
 
+    @property
+    def contact(self) -> int:
+        """gOBJ."""
+        if (target := self.target) is None:
+            return AT_GOAL
+        if self._is_blocked:
+            return STOPPED_CLOSING if target > self.position else STOPPED_OPENING
+        return MOVING if abs(target - self.position) > REACHED else AT_GOAL
+
+    @property
+    def has_object(self) -> bool:
+        """Whether something is between the fingers that they close on."""
+        return self.contact == STOPPED_CLOSING
+
     def read(self) -> list[int]:
         """The three status registers."""
-        goal, target = float(self._goal), self.target
-        contact = AT_GOAL
-        if target is not None:
-            if self._is_blocked:
-                contact = STOPPED_CLOSING if target > self.position else STOPPED_OPENING
-            elif abs(target - self.position) > REACHED:
-                contact = MOVING
+        contact = self.contact
         active = self._state != RESET
         bits = active | self._goes << 3 | self._state << 4 | contact << 6
-        return [bits << 8, self.fault << 8 | round(goal), round(self.position) << 8]
+        return [bits << 8, self.fault << 8 | self._goal, round(self.position) << 8]
 
     def move(self, position: float, now: float) -> None:
         """Say where the fingers are, in counts, at a time in seconds."""

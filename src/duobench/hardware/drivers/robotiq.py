@@ -130,9 +130,11 @@ class SerialPort:
 
     @property
     def is_open(self) -> bool:
+        """Whether the port is there."""
         return bool(self.client.connected)
 
     def open(self) -> bool:
+        """Open it, with quick answers where the adapter knows how."""
         if not self.client.connect():
             return False
         # Without this mode, which not every port has, an adapter waits 16 ms for each answer.
@@ -141,10 +143,12 @@ class SerialPort:
         return True
 
     def write(self, values: Sequence[int]) -> bool:
+        """Write the registers of the command."""
         write = self.client.write_registers
         return self._answer(write, COMMAND, list(values)) is not None
 
     def read(self) -> list[int] | None:
+        """Read the registers of the status."""
         answer = self._answer(self.client.read_input_registers, STATUS, count=REGISTERS)
         if answer is None or len(answer.registers) == REGISTERS:
             return answer and answer.registers
@@ -152,6 +156,7 @@ class SerialPort:
         return None
 
     def close(self) -> None:
+        """Close the port."""
         self.client.close()
 
     def _answer(self, ask: Callable[..., Any], *what: Any, **more: Any) -> Any:
