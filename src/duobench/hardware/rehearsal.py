@@ -8,7 +8,7 @@ the world goes on more slowly; it never stands still and leaps.
 
 import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -37,7 +37,9 @@ MAX_BEHIND_S = 0.05
 FILTER_S = 0.02
 """Time constant of what an arm feels, in seconds: a bump of one physics step is no contact."""
 FEEL_EVERY = 4
-"""Physics steps from one look at the force at the tool to the next."""
+"""Physics steps from one look at what the arms feel to the next: 120 a second."""
+HAND_EVERY = 8
+"""Physics steps from one look at the fingers to the next: 60 a second, twice as often as asked."""
 HAND_M = 0.002
 """Standard deviation of where a person puts an object, in metres along x and y (estimated)."""
 HAND_RAD = math.radians(1.5)
@@ -47,6 +49,7 @@ PLACING_S = 0.5
 STILL = 0.05
 """Speed in rad/s of a joint of the fingers under which they rest."""
 _TRIES = 20
+_DAMPED = 1e-6 * np.eye(6)
 _CONTACT = mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS.value
 """From this kind of constraint on they are contacts."""
 RELEASE = "The emergency stop is pressed. Release it, then recover the arms."
@@ -68,6 +71,8 @@ class MountedArm:
     def __init__(self) -> None:
         self.config = ArmConfig()
         """Gains and thresholds that it has been given."""
+        self.lead = np.zeros(ARM_JOINTS)
+        """Damping over stiffness, in seconds: damping acts on the speed that is missing."""
         self.target = np.zeros(ARM_JOINTS)
         self.speed = np.zeros(ARM_JOINTS)
         self.joints = np.zeros(ARM_JOINTS)
@@ -115,6 +120,8 @@ class RehearsalWorld:
         """Whether a person has pressed the emergency stop of both arms."""
         self.lost_s = 0.0
         """Seconds that the computer could not keep up with."""
+        self.look_again: Callable[[], None] = lambda: None
+        """Has cameras see the objects before `place` returns."""
         self._random = np.random.default_rng(seed)
         self._users: set[int] = set()
         self._ticker: Ticker | None = None
@@ -200,6 +207,7 @@ class RehearsalWorld:
                 before.set_state(state)
                 raise BackendError(objection or "The objects cannot be placed.")
         self.clock.wait_until(self.clock.now() + PLACING_S)
+        self.look_again()
 
     def _attempts(self, layout: Layout) -> Iterator[Layout]:
         """Layouts by hand, ever nearer to the one that is wanted, which is the last one."""
@@ -208,7 +216,7 @@ class RehearsalWorld:
             poses: dict[str, SE3] = {}
             for name, pose in layout.poses.items():
                 x, y, turn = share * self._random.normal(0.0, (HAND_M, HAND_M, HAND_RAD))
-                there = SE3.at(*(pose.translation + (x, y, 0.0)), yaw=turn)
+                there = SE3.at(*(pose.translation + np.array([x, y, 0.0])), yaw=turn)
                 poses[name] = there @ SE3(pose.rotation, np.zeros(3))
             yield Layout(poses=poses, variants=layout.variants)
 
@@ -264,6 +272,7 @@ class RehearsalWorld:
         """Lead an arm with the stiffness and damping of the rig, and let it stop by its limits."""
         with self.lock:
             self.arms[side].config = config
+            self.arms[side].lead = np.divide(config.damping, config.stiffness)
             motors, model = self._motors[side.index], self._model
             model.actuator_gainprm[motors, 0] = config.stiffness
             model.actuator_biasprm[motors, 1] = -np.array(config.stiffness)
@@ -283,10 +292,8 @@ class RehearsalWorld:
             self._time += late
         while self._time + 0.999 * STEP_S <= now:
             self._step()
-            self._time += STEP_S
         for side in SIDES:
             self._measure(side)
-            self._move_hand(side)
         if self._data.warning.number.any():
             self._fail("The physics of the rehearsal became unstable; place the objects again.")
 
@@ -294,32 +301,33 @@ class RehearsalWorld:
         """One physics step: forces and integration, then where everything is."""
         model, data = self._model, self._data
         for side, arm in self.arms.items():
-            gains = arm.config
-            lead = np.divide(gains.damping, gains.stiffness)
-            data.ctrl[self._motors[side.index]] = arm.target + lead * arm.speed
+            data.ctrl[self._motors[side.index]] = arm.target + arm.lead * arm.speed
         mujoco.mj_step2(model, data)
-        self._feel()
+        if self._steps % FEEL_EVERY == 0:
+            self._feel()
         mujoco.mj_step1(model, data)
         self._steps += 1
+        self._time += STEP_S
+        if self._steps % HAND_EVERY == 0:
+            for side in SIDES:
+                self._move_hand(side)
 
     def _feel(self) -> None:
-        """What the arms feel of the contacts of this step."""
+        """What the arms feel of the contacts of this step; a reflex where that is too much."""
         data, felt = self._data, self._felt
-        forces = np.where(data.efc_type >= _CONTACT, data.efc_force, 0.0)
+        felt[:] = 0.0
         if data.nefc:
+            forces = np.where(data.efc_type >= _CONTACT, data.efc_force, 0.0)
             mujoco.mj_mulJacTVec(self._model, data, felt, forces)
-        else:
-            felt[:] = 0.0
         for side, arm in self.arms.items():
-            dofs = self._dofs[side.index]
-            arm.external = arm.external + (STEP_S / FILTER_S) * (felt[dofs] - arm.external)
-            if self._steps % FEEL_EVERY or not arm.is_tracking:
-                continue
-            jacobian = self._jacobian
+            dofs, jacobian = self._dofs[side.index], self._jacobian
+            change = felt[dofs] - arm.external
+            arm.external = arm.external + FEEL_EVERY * STEP_S / FILTER_S * change
             tool = self._tools[side.index]
             mujoco.mj_jacSite(self._model, data, jacobian[:3], jacobian[3:], tool)
-            arm.wrench = np.linalg.lstsq(jacobian[:, dofs].T, arm.external, rcond=None)[0]
-            if (name := arm.reflex()) is not None:
+            own = jacobian[:, dofs]
+            arm.wrench = np.linalg.solve(own @ own.T + _DAMPED, own @ arm.external)
+            if arm.is_tracking and (name := arm.reflex()) is not None:
                 self._measure(side)
                 arm.stop(FaultKind.REFLEX.fault(f'motion aborted by reflex! ["{name}"]'))
 
@@ -333,7 +341,7 @@ class RehearsalWorld:
         """Lead the fingers of a gripper to where its registers say, and tell them how far it is."""
         gripper, data, index = self.grippers[side], self._data, side.index
         low, high = gripper.ends
-        share = float(np.mean(data.qpos[self._drivers[index]])) / DRIVER_CLOSED
+        share = sum(data.qpos[self._drivers[index]].tolist()) / (len(FINGERS) * DRIVER_CLOSED)
         gripper.move(low + min(max(share, 0.0), 1.0) * (high - low), self._time)
         hand = self._hands[index]
         if (target := gripper.target) is not None:

@@ -73,7 +73,7 @@ class GripperRegisters:
 
     @property
     def contact(self) -> int:
-        """gOBJ."""
+        """What gOBJ says of the fingers."""
         if (target := self.target) is None:
             return AT_GOAL
         if self._is_blocked:

@@ -15,8 +15,6 @@ from duobench.types import SIDES, Array, Side
 
 RENDER_S = 0.1
 """Seconds from one rendering of all cameras to the next."""
-OLDEST_S = 0.6
-"""Age of a rendering from which on a camera gives it no more, as one whose cable is out."""
 
 
 class RehearsalArm:
@@ -130,7 +128,6 @@ class RehearsalViews:
         self._process: RenderingProcess | None = None
         self._ticker: Ticker | None = None
         self._newest: dict[str, Image] = {}
-        self._time = 0.0
         self._trouble = ""
 
     def add(self, name: str, shape: tuple[int, int]) -> None:
@@ -144,6 +141,7 @@ class RehearsalViews:
         if self._process is None:
             self._process = RenderingProcess()
         self._render()
+        self._world.look_again = self._tick
         if self._ticker is None:
             self._ticker = self._clock.every(RENDER_S, self._tick, "rendering")
 
@@ -162,11 +160,10 @@ class RehearsalViews:
         """The newest image of a camera.
 
         Raises:
-            BackendError: It is too old.
+            BackendError: Nothing renders any more.
         """
-        age = self._clock.now() - self._time
-        if name not in self._newest or age > OLDEST_S:
-            raise BackendError(self._trouble or f"nothing was rendered for {age:.1f} s")
+        if self._trouble:
+            raise BackendError(self._trouble)
         return self._newest[name]
 
     def _tick(self) -> None:
@@ -177,9 +174,7 @@ class RehearsalViews:
 
     def _render(self) -> None:
         assert self._process is not None  # it renders while there are cameras
-        now = self._clock.now()
         self._newest = self._process.images(self._world.scene(), dict(self._shapes))
-        self._time = now
 
 
 class RehearsalCamera(TickedCamera):
@@ -188,8 +183,6 @@ class RehearsalCamera(TickedCamera):
     Images are rendered ten times a second, so that each comes several times, as new: what is asked
     of the age of real images is asked of these too, and a slow computer loses no trial by them.
     """
-
-    stale_s = OLDEST_S
 
     def __init__(
         self, config: CameraConfig, clock: Clock, name: str, views: RehearsalViews

@@ -1,4 +1,4 @@
-"""Images of a simulation from a process of its own, so that nobody who leads arms waits for them."""
+"""Images of a simulation from a process of its own: whoever leads arms does not wait for them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from multiprocessing import Pipe
@@ -45,6 +46,7 @@ class RenderingProcess:
         self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(),))
         theirs.close()
         self._connection = ours
+        self._lock = threading.Lock()
         self._model: mujoco.MjModel | None = None
 
     def images(self, scene: Scene, shapes: Shapes) -> dict[str, Image]:
@@ -53,13 +55,14 @@ class RenderingProcess:
         Raises:
             BackendError: There is none; the process has ended, or cannot render.
         """
-        is_new = scene.model is not self._model
         try:
-            self._connection.send((_packed(scene.model) if is_new else None, scene[1:], shapes))
-            self._model = scene.model
-            if not self._connection.poll(FIRST_S):
-                raise BackendError(f"No image was rendered in {FIRST_S:g} s.")
-            answer = self._connection.recv()
+            with self._lock:
+                is_new = scene.model is not self._model
+                self._connection.send((_packed(scene.model) if is_new else None, scene[1:], shapes))
+                self._model = scene.model
+                if not self._connection.poll(FIRST_S):
+                    raise BackendError(f"No image was rendered in {FIRST_S:g} s.")
+                answer = self._connection.recv()
         except (OSError, EOFError) as error:
             raise BackendError("The process that renders images has ended.") from error
         if isinstance(answer, str):
