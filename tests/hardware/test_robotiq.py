@@ -150,7 +150,7 @@ def test_a_program_that_starts_again_leaves_a_grip_alone() -> None:
 def test_faults_are_told(code: int, active: Bench) -> None:
     active.fake.registers.fault = code
     active.wait(0.1)
-    assert f"0x{code:02X}" in active.fault_text(FaultKind.DEVICE)
+    assert f"0x{code:02X}" in active.fault_text(FaultKind.COMMUNICATION)
     active.gripper.activate()
     assert active.gripper.read().fault is None
 
@@ -164,7 +164,7 @@ def test_notes_are_no_faults(code: int, bench: Bench) -> None:
 def test_lost_power_is_a_fault_until_the_next_activation(active: Bench) -> None:
     active.fake.lose_power()
     active.wait(0.1)
-    assert "lost its power" in active.fault_text(FaultKind.DEVICE)
+    assert "lost its power" in active.fault_text(FaultKind.COMMUNICATION)
     commands = len(active.fake.goals)
     active.go(0.0, 0.1)
     assert len(active.fake.goals) == commands

@@ -94,7 +94,7 @@ class Operator:
         act()
         toys.Patient.gate.release()
 
-    def fail(self, side: Side, text: str, kind: FaultKind = FaultKind.REFLEX) -> None:
+    def fail(self, side: Side, text: str, kind: FaultKind = FaultKind.CONTACT) -> None:
         """Let an arm have a fault."""
         self.stand.duo.arms[side].fail(text, kind)  # type: ignore[attr-defined]
 

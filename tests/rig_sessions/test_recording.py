@@ -95,7 +95,7 @@ def outcome_of(recording: Recording) -> Outcome:
 
 
 def fail(duo: FrankaDuo, text: str) -> None:
-    duo.arms[Side.LEFT].fail(text, FaultKind.REFLEX)  # type: ignore[attr-defined]
+    duo.arms[Side.LEFT].fail(text, FaultKind.CONTACT)  # type: ignore[attr-defined]
 
 
 def test_an_operator_records_what_a_policy_does(tmp_path: Path) -> None:

@@ -141,7 +141,7 @@ def test_arms_go_home_at_the_operators_word_alone(tmp_path: Path) -> None:
 def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "hrh")
     bench.lead(10)
-    bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.REFLEX)  # type: ignore[attr-defined]
+    bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.CONTACT)  # type: ignore[attr-defined]
     bench.send(1.0)
     assert bench.session.state is TeleopState.DECIDE
     assert "joint_reflex" in bench.session.note

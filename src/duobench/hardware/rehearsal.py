@@ -156,7 +156,7 @@ class RehearsalWorld:
         with self.lock:
             self.is_stopped = True
             for arm in self.arms.values():
-                arm.stop(FaultKind.DEVICE.fault("User Stop pressed!"))
+                arm.stop(FaultKind.PERSON.fault("User Stop pressed!"))
 
     def release_stop(self) -> None:
         """The emergency stop is released; the arms still have to be recovered."""
@@ -329,7 +329,7 @@ class RehearsalWorld:
             arm.wrench = np.linalg.solve(own @ own.T + _DAMPED, own @ arm.external)
             if arm.is_tracking and (name := arm.reflex()) is not None:
                 self._measure(side)
-                arm.stop(FaultKind.REFLEX.fault(f'motion aborted by reflex! ["{name}"]'))
+                arm.stop(FaultKind.CONTACT.fault(f'motion aborted by reflex! ["{name}"]'))
 
     def _measure(self, side: Side) -> None:
         arm, data, dofs = self.arms[side], self._data, self._dofs[side.index]
@@ -351,4 +351,4 @@ class RehearsalWorld:
 
     def _fail(self, text: str) -> None:
         for arm in self.arms.values():
-            arm.stop(FaultKind.DEVICE.fault(text))
+            arm.stop(FaultKind.CONTROLLER.fault(text))

@@ -83,7 +83,7 @@ class PlayedEpisode:
         """Why it cannot count, whatever a person says; empty if it can."""
         if self.failure is not None:
             return f"{type(self.failure).__name__}: {self.failure}"
-        if self.fault in {FaultKind.COMMUNICATION, FaultKind.DEVICE}:
+        if self.fault not in {None, FaultKind.CONTACT}:
             return self.stopped
         return ""
 

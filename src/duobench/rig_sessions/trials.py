@@ -244,7 +244,7 @@ class TrialsSession(RigSession):
                 note=self.note,
                 repeated=tuple(self._progress.invalid.get(trial.number, ())),
                 stopped=played.stopped,
-                reflex=played.fault is FaultKind.REFLEX,
+                reflex=played.fault is FaultKind.CONTACT,
             ),
         )
         return record if played.error is None else record.broken(played.error, played.steps)

@@ -234,7 +234,11 @@ class RobotiqGripper:
         while self._clock.now() < end:
             self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
             reading = self.read()
-            if reading.fault is not None and reading.fault.kind is not FaultKind.DEVICE:
+            if self._is_holding:
+                raise BackendError(
+                    f"The activation of the gripper at {self._config.port} was stopped."
+                )
+            if self._clock.now() - reading.time_s > SILENT_S:
                 break
             if not self._activation and reading.is_active and reading.fault is None:
                 return
@@ -272,9 +276,15 @@ class RobotiqGripper:
             self._goal, self._is_holding = goal, False
 
     def hold(self) -> None:
-        """Stop the fingers if they move; a grip keeps its force."""
+        """Stop the fingers if they move; a grip keeps its force, an activation ends unfinished."""
         with self._lock:
             self._is_holding = True
+            if self._activation:
+                self._activation = [0]
+
+    def recover(self) -> None:
+        """Forget that it was active: it lost its power, and has to be activated again."""
+        self._was_active = False
 
     def close(self) -> None:
         """Close the port; the gripper keeps what it holds. Closing twice is harmless."""
@@ -296,10 +306,10 @@ class RobotiqGripper:
             return FaultKind.COMMUNICATION.fault(text)
         if (meaning := _FAULTS.get(status.fault)) is not None:
             text = f"The gripper at {port} reports fault 0x{status.fault:02X}: {meaning}."
-            return FaultKind.DEVICE.fault(text)
+            return FaultKind.COMMUNICATION.fault(text)
         if self._was_active and not status.is_activated and not self._activation:
             text = f"The gripper at {port} is active no more; it lost its power, or was reset."
-            return FaultKind.DEVICE.fault(text)
+            return FaultKind.COMMUNICATION.fault(text)
         return None
 
     def _tick(self) -> None:
