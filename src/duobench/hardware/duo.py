@@ -1,8 +1,11 @@
 """Two real arms with grippers and cameras as a `DuoBackend`: commands in, motion out."""
 
+from __future__ import annotations
+
 import math
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -33,6 +36,11 @@ from duobench.hardware.watchdog import GRACE_S, Watchdog
 from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits, speed_limits
 from duobench.types import SIDES, Array, DuoCommand, DuoState, Side
+
+if TYPE_CHECKING:
+    from duobench.hardware.rehearsal import RehearsalWorld
+    from duobench.sim.layout import Layout
+    from duobench.tasks.task import Task
 
 REST_S = 1.0
 """Longest time in seconds that arms are given to come to rest before they stop, damped."""
@@ -66,9 +74,12 @@ class FrankaDuo:
         grippers: Mapping[Side, Gripper],
         cameras: Mapping[str, Camera],
         guard: Guard | None = None,
+        world: RehearsalWorld | None = None,
     ) -> None:
         self.rig, self.clock, self.guard = rig, clock, guard
         self.arms, self.grippers, self.cameras = dict(arms), dict(grippers), dict(cameras)
+        self.world = world
+        """What the arms of a rehearsal act on; None where arms are real, or act on nothing."""
         self.supervisor = Supervisor(self._recover)
         self.hands = Hands(self.grippers, self.supervisor, clock)
         """The grippers, as the operator has them activated and opened."""
@@ -150,6 +161,15 @@ class FrankaDuo:
 
     def _devices(self) -> tuple[Device, ...]:
         return (*self.arms.values(), *self.grippers.values(), *self.cameras.values())
+
+    def place(self, task: Task, layout: Layout) -> None:
+        """Put the objects of a rehearsal where a layout says; elsewhere a person has done it.
+
+        Raises:
+            BackendError: An arm or a grip is in the way.
+        """
+        if self.world is not None:
+            self.world.place(task, layout)
 
     # --- holding ---------------------------------------------------------------------------------
 

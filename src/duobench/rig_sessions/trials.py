@@ -124,6 +124,7 @@ class TrialsSession(RigSession):
         ending.callback(self._log.close)
         self._progress = TrialsProgress.of(self._log.entries)
         self._trial: RigEpisode | None = None
+        self._layout: Layout | None = None
         self._attempt = 0
         with folder.run.writer() as journal:
             folder.run.begin(plan.run)
@@ -162,6 +163,8 @@ class TrialsSession(RigSession):
 
     def keep_placed(self) -> None:
         """Store what the head camera sees."""
+        if self._layout is not None:
+            self.duo.place(self._overlay.task, self._layout)
         image = head_image(self.duo)
         if image is not None and self._trial is not None:
             write(self._folder.placed(self._trial.number, self._attempt), jpeg(image))
@@ -178,7 +181,7 @@ class TrialsSession(RigSession):
         self._attempt = self._progress.attempts.get(trial.number, 0) + 1
         self.begin()
         episode = self._plan.episode(trial)
-        layout = self._overlay.layout(episode.seed, episode.split)
+        self._layout = layout = self._overlay.layout(episode.seed, episode.split)
         self._page.begin(layout, self._about(trial, layout))
         name = f"episode {trial.episode}"
         self._page.offer_sheet(
