@@ -162,6 +162,7 @@ class RigRecording(RigSession):
         try:
             self._runner.env.close()
         finally:
+            self._runner.asked.close()
             self._source.close()
 
     def keep_placed(self) -> None:
@@ -187,8 +188,10 @@ class RigRecording(RigSession):
             self._operator.say(f"Nothing was recorded. {error}")
             return
         how = "It is solved." if outcome.success else f"It ended at stage {outcome.stage}."
-        if self.decide(played, f"{how} {error or outcome.reason or ''}".strip()):
+        why = played.ending if played.reasons else error or outcome.reason or ""
+        if reason := self.decide(played, f"{how} {why}".strip()):
             self.env.discard()
+            self._operator.say(reason)
         else:
             self.env.keep()
             self.kept += int(outcome.kept)

@@ -63,8 +63,8 @@ def _versions() -> dict[str, str]:
 def _graphics() -> dict[str, str]:
     load_engine()
     from duobench.envs.sim_env import SimEnv
+    from duobench.sim.opengl import load_triton
     from duobench.sim.rendering import Renderer
-    from duobench.sim.triton_library import load_triton
 
     base = SimEnv(catalog.get(catalog.names()[0]))
     base.reset()
