@@ -11,13 +11,15 @@ from duobench.rig_sessions import messages
 from duobench.rig_sessions.session import Phase, Stopped
 from duobench.stages.progress import Progress
 from duobench.tasks.task import Task
-from duobench.types import CONTROL_HZ
+from duobench.types import CONTROL_HZ, Side
 from tests.rig_sessions.operator import Stand
 
 ERRS = 0.05
 """Share of presses that are wrong at first."""
 PATIENCE = 2000
 """Turns in which a trial has to be placed."""
+IN_THE_AIR = 0.02
+"""Height in metres from which on something that is let go drops."""
 WRONG = "I pressed the wrong key."
 
 
@@ -30,6 +32,8 @@ class Meant:
     reached: dict[int, float] = field(default_factory=dict)
     """Seconds since the policy began at which each stage was reached."""
     was_held: bool = False
+    has_dropped: bool = False
+    """Whether a hand lost something in the air."""
     erred: int = 0
 
 
@@ -50,6 +54,7 @@ class RehearsalOperator:
         self._progress: Progress | None = None
         self._due: list[tuple[float, messages.Message]] = []
         self._began = 0.0
+        self._grips: set[Side] = set()
         self._turns = 0
         self._session.view = self
         self._duo.clock.every(1.0 / CONTROL_HZ, self._watch, "operator")
@@ -126,6 +131,11 @@ class RehearsalOperator:
                 self._progress, self._began = Progress(self._task.stages), now
                 self._progress.reset(simulation, simulation.variants)
             self._progress.update(simulation)
+            heights = [simulation.min_height(name) for name in simulation.props]
+        grips = {side for side, each in world.grippers.items() if each.has_object}
+        if not grips and self._grips and max(heights) > IN_THE_AIR:
+            self.trial.has_dropped = True
+        self._grips = grips
         trial, progress = self.trial, self._progress
         trial.holds = progress.final_holds
         if progress.stage > trial.stage:

@@ -1,11 +1,13 @@
 """Evaluations on the rehearsal, by an operator who errs as people do: records hold what was meant.
 
-`DUOBENCH_REHEARSAL_EPISODES=9` plays 108 trials, which takes a quarter of an hour.
+`DUOBENCH_REHEARSAL_EPISODES=9` plays 108 trials, and `--log-cli-level=INFO` tells what happened.
 """
 
 from __future__ import annotations
 
+import logging
 import os
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +27,10 @@ from tests.rig_sessions.rehearsal_operator import RehearsalOperator
 EPISODES = int(os.environ.get("DUOBENCH_REHEARSAL_EPISODES", "1"))
 """Episodes of each of three policies in each of four tasks."""
 TASKS = ("ball_maze", "hinge_chest", "bin_sort", "transfer_cube")
+ENOUGH = 9
+"""Episodes in which drops and reflexes are certain."""
+HOLDS = (1, 10, 20)
+"""Numbers of trials in which the operator holds the arms."""
 AFTER = 45
 """Control steps after the last command of an expert: 1.5 s for a stage to be pressed."""
 LATE_S = 1.2
@@ -52,7 +58,7 @@ def test_records_of_a_rehearsal_hold_what_the_operator_meant(task: str, tmp_path
         order_seed=1,
     )
     with stand.ending:
-        operator = RehearsalOperator(stand, catalog.get(task), TASKS.index(task), holds_in=(1,))
+        operator = RehearsalOperator(stand, catalog.get(task), TASKS.index(task), HOLDS)
         assert stand.session.run()
     plan = stand.folder.read_plan()
     found = stand.folder.run.read_records(stand.folder.run.read_run())
@@ -74,7 +80,17 @@ def test_records_of_a_rehearsal_hold_what_the_operator_meant(task: str, tmp_path
             for step, stage in record.stage_changes:
                 late = step / CONTROL_HZ - meant.reached[stage]
                 assert late <= LATE_S, (trial, stage, late)
-        print(task, trial.number, record.policy.split(":")[1], meant, judged.stopped, record.steps)
-    held = [meant for meant in operator.meant.values() if meant.was_held]
-    assert held
-    assert FaultKind.CONTACT
+    everything = operator.meant.values()
+    assert any(meant.was_held for meant in everything)
+    if EPISODES >= ENOUGH:
+        assert any(meant.has_dropped for meant in everything)
+        assert any(record.judged.fault == FaultKind.CONTACT for record in found if record.judged)
+    faults = [str(record.judged.fault) for record in found if record.judged and record.judged.fault]
+    stages = Counter(meant.stage for meant in everything)
+    tally = (
+        f"{task}: {len(trials)} trials, stages {dict(sorted(stages.items()))}, "
+        f"{sum(meant.was_held for meant in everything)} held, {Counter(faults)}, "
+        f"{sum(meant.has_dropped for meant in everything)} dropped, "
+        f"{sum(meant.erred for meant in everything)} wrong presses"
+    )
+    logging.getLogger(__name__).info(tally)
