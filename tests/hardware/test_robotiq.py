@@ -19,7 +19,7 @@ from duobench.hardware.drivers.robotiq import (
     Status,
     measure_ends,
 )
-from duobench.hardware.gripper_registers import ACTIVATE, GO
+from duobench.hardware.registers import ACTIVATE, GO
 from duobench.hardware.rig import GripperConfig, GripperDriver
 from tests.hardware.robotiq_fake import FakeGripper
 

@@ -40,6 +40,9 @@ _LARGEST = {
 REHEARSAL_SIZE = (180, 320)
 """Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
 processor renders ten times a second beside the arms."""
+REHEARSAL_FORCE = 60.0
+"""Force in N at which an arm of a rehearsal stops: hands that pass a cube on press each other with
+25 to 31 N [measured on the expert's commands]."""
 UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """The pose of a camera whose lens alone is known."""
 
@@ -240,6 +243,7 @@ class Rig:
                     address=side,
                     speed_fraction=MAX_SPEED_FRACTION,
                     acceleration=MAX_ACCELERATION,
+                    force_threshold=REHEARSAL_FORCE,
                     is_realtime=False,
                 )
                 for side in SIDES
