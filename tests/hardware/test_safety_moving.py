@@ -17,6 +17,7 @@ from duobench.hardware.rig import (
     MAX_ACCELERATION,
     MAX_SPEED_FRACTION,
     ArmConfig,
+    GripperConfig,
     Rig,
 )
 from duobench.hardware.supervisor import State
@@ -270,7 +271,11 @@ def test_arms_stop_damped_when_a_policy_says_nothing_for_long(soon: float) -> No
 
 def test_a_new_rig_starts_low() -> None:
     config = ArmConfig()
-    assert (config.torque_threshold, config.force_threshold) == (20.0, 30.0)
+    assert config.torque_threshold == (20.0,) * 4 + (8.0,) * 3
+    assert (config.force_threshold, config.moment_threshold) == (30.0, 8.0)
+    assert config.tool_speed == 0.25  # the reduced speed of ISO 10218-1
+    gripper = GripperConfig()
+    assert (gripper.mm_per_s < 60.0, gripper.newtons < 45.0) == (True, True)
     assert (config.speed_fraction, config.acceleration, config.home_fraction) == (0.25, 4.0, 0.1)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from duobench.errors import ActionError
 from duobench.hardware.rig import ArmConfig
+from duobench.robot.frames import tool_jacobians
 from duobench.robot.joints import JOINT_RANGES, RANGE_MARGIN, speed_limits
 from duobench.types import ARM_JOINTS, CONTROL_HZ, Array
 
@@ -20,6 +21,8 @@ GAIN = 25.0
 """Speed in rad/s for each radian that the reference is behind [measured: 8 mrad behind]."""
 MAX_STEP_S = 0.02
 """Longest time that one call moves a reference by: after a freeze it goes on, it does not leap."""
+NEAR = 0.02
+"""How far in radians a joint moves until the speed of the tool is looked at anew."""
 BRAKING_SHARE = 0.8
 """Part of the acceleration that the approach of a far target is planned with."""
 
@@ -47,6 +50,7 @@ class Follower:
         self.velocity = np.zeros(ARM_JOINTS)
         """How fast the reference moves (7,), in rad/s."""
         self._begin = self._end = start
+        self._near, self._jacobian = start, tool_jacobians(start)
         self._elapsed = PERIOD
         self._is_held = False
 
@@ -77,13 +81,25 @@ class Follower:
         if dt == 0.0:
             return self.reference.copy(), self.velocity.copy()
         wanted = np.zeros(ARM_JOINTS) if self._is_held else self._wanted(dt)
-        change = self.limits.acceleration * dt
-        velocity = np.minimum(np.maximum(wanted, self.velocity - change), self.velocity + change)
+        velocity = self._next_velocity(_within(self.reference, wanted, self.limits, dt), dt)
         self.velocity = velocity = _within(self.reference, velocity, self.limits, dt)
         self.reference = self.reference + velocity * dt
         if self._is_held and not velocity.any():
             self._begin = self._end = self.reference
         return self.reference.copy(), velocity.copy()
+
+    def _next_velocity(self, wanted: Array, dt: float) -> Array:
+        """The velocity next to the wanted one that acceleration and the tool's speed allow."""
+        if np.abs(self.reference - self._near).max() > NEAR:
+            self._near, self._jacobian = self.reference, tool_jacobians(self.reference)
+        most, change = self.limits.tool_speed, self.limits.acceleration * dt
+        wanted = wanted * tool_share(self._jacobian, wanted, most)
+        velocity = np.minimum(np.maximum(wanted, self.velocity - change), self.velocity + change)
+        if tool_share(self._jacobian, velocity, most) == 1.0:
+            return velocity
+        # Joints that change together lead from one speed that the tool may have to another.
+        turn = wanted - self.velocity
+        return self.velocity + turn * min(1.0, change / np.abs(turn).max())
 
     def _wanted(self, dt: float) -> Array:
         """The velocity that the targets ask for; without a new target it ends at rest."""
@@ -103,6 +119,15 @@ class Follower:
     def _ramped(self) -> Array:
         share = self._elapsed / PERIOD
         return self._begin + share * (self._end - self._begin)
+
+
+def tool_share(jacobian: Array, velocity: Array, most: float) -> float:
+    """The part of joint velocities (7,) in rad/s with which a tool moves at most so fast, in m/s.
+
+    The Jacobian (3, 7) is that of `tool_jacobians`.
+    """
+    speed = math.hypot(*(jacobian @ velocity).tolist())
+    return min(1.0, most / speed) if speed > 0.0 else 1.0
 
 
 def _within(reference: Array, velocity: Array, limits: ArmConfig, dt: float) -> Array:
