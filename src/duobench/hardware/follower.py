@@ -99,7 +99,7 @@ class Follower:
             return velocity
         # Joints that change together lead from one speed that the tool may have to another.
         turn = wanted - self.velocity
-        return self.velocity + turn * min(1.0, change / np.abs(turn).max())
+        return self.velocity + turn * min(1.0, change / max(np.abs(turn).max(), change))
 
     def _wanted(self, dt: float) -> Array:
         """The velocity that the targets ask for; without a new target it ends at rest."""
