@@ -16,9 +16,8 @@ from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.drivers.rehearsal import RehearsalViews
 from duobench.hardware.duo import FrankaDuo
-from duobench.hardware.opening import open_rig
+from duobench.hardware.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
 from duobench.hardware.rehearsal import HAND_M, HAND_RAD, MAX_BEHIND_S, STEP_S, RehearsalWorld
-from duobench.hardware.rig import REHEARSAL_SIZE, Rig
 from duobench.hardware.supervisor import State
 from duobench.robot.joints import HOME_JOINTS
 from duobench.sim.rendering import Renderer
@@ -35,7 +34,7 @@ CUBE = "cube"
 @contextmanager
 def rehearsal(*, cameras: bool = False, **changes: Any) -> Iterator[FrankaDuo]:
     """A rehearsal that is started and confirmed; changes are fields of its arms."""
-    rig = Rig.rehearsal()
+    rig = rehearsal_rig()
     arms = {side: replace(arm, **changes) for side, arm in rig.arms.items()}
     rig = replace(rig, arms=arms, cameras=rig.cameras if cameras else {})
     with closing(open_rig(rig, VirtualClock(), guard=False)) as duo:
@@ -203,7 +202,7 @@ def test_a_person_stops_the_arms_until_the_button_is_released(duo: FrankaDuo) ->
 
 
 def test_swapped_arms_are_told_by_gravity() -> None:
-    rig = Rig.rehearsal()
+    rig = rehearsal_rig()
     swapped = {side: replace(rig.arms[side], address=side.other) for side in SIDES}
     duo = open_rig(replace(rig, arms=swapped, cameras={}), VirtualClock(), guard=False)
     with closing(duo), pytest.raises(BackendError, match="swapped"):
@@ -211,7 +210,7 @@ def test_swapped_arms_are_told_by_gravity() -> None:
 
 
 def test_an_address_is_a_mount() -> None:
-    rig = Rig.rehearsal()
+    rig = rehearsal_rig()
     arms = {side: replace(arm, address="middle") for side, arm in rig.arms.items()}
     with pytest.raises(UnknownNameError, match="left"):
         open_rig(replace(rig, arms=arms), VirtualClock())

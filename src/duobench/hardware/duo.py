@@ -25,7 +25,7 @@ from duobench.hardware.devices import (
     Gripper,
     GripperReading,
 )
-from duobench.hardware.follower import PERIOD
+from duobench.hardware.follower import PERIOD, tool_share
 from duobench.hardware.guard import Guard
 from duobench.hardware.hands import OPEN, Hands
 from duobench.hardware.mounts import SWAPPED, are_swapped
@@ -33,7 +33,7 @@ from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import HELD, State, Supervisor
 from duobench.hardware.watchdog import Watchdog
 from duobench.hardware.way_home import path_home, points
-from duobench.robot.frames import tcp_poses
+from duobench.robot.frames import tcp_poses, tool_jacobians
 from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits
 from duobench.types import SIDES, Array, DuoCommand, DuoState, Side
 
@@ -277,6 +277,7 @@ class FrankaDuo:
                     reason = self.held or "they were stopped"
                     raise BackendError(f"The arms did not get home: {reason}")
                 self._controller.aim(point)
+                self._watchdog.feed()
             self._tick()
 
     def _settle(self) -> None:
@@ -341,6 +342,7 @@ class FrankaDuo:
     def _send(self, targets: Array) -> None:
         last = self.last_command
         sent = DuoCommand.from_flat(self._limits.clip(targets, last.flat))
+        sent = self._as_fast_as_tools_may(last, sent)
         if (fault := self._guard_fault(last.joints, sent.joints)) is not None:
             self.hold(fault.text, fault)
             return
@@ -351,6 +353,19 @@ class FrankaDuo:
             self.hands.have_grasped |= bool(sent.openings.min() < OPEN)
             self._last = sent
             self._watchdog.feed()
+
+    def _as_fast_as_tools_may(self, last: DuoCommand, sent: DuoCommand) -> DuoCommand:
+        """A command on the way to another one, where a tool would get there too fast.
+
+        Both arms go the same part of it, so that hands that hold one thing stay together.
+        """
+        way = sent.joints - last.joints
+        jacobians, arms = tool_jacobians(last.joints), self.rig.arms
+        speeds = [arms[side].tool_speed * PERIOD for side in SIDES]
+        share = min(map(tool_share, jacobians, way, speeds))
+        if share == 1.0:
+            return sent
+        return DuoCommand(joints=last.joints + share * way, openings=sent.openings)
 
     def _guard_fault(self, last: Array, target: Array) -> Fault | None:
         """Why the guard does not let a command pass; None if it does."""

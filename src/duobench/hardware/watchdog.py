@@ -90,14 +90,11 @@ class Watchdog:
             _log.exception("The watch failed.")
             text = f"What is wrong cannot be told: {escaped(repr(error))}"
             self._hold(text, FaultKind.CONTROLLER.fault(text))
-        now, state = self._clock.now(), self._supervisor.state
-        if not self._controller.is_engaged or state in {State.HOMING, State.READY}:
-            return
-        if now - self._fed > STOP_AFTER_S:
-            if state is State.RUNNING:
+        if self._controller.is_engaged and self._clock.now() - self._fed > STOP_AFTER_S:
+            self._controller.disengage()
+            if self._supervisor.state in {State.HOMING, State.RUNNING}:  # asked now: it may be new
                 reason = f"No command came for {STOP_AFTER_S:g} s; the arms were stopped."
                 self._hold(reason, None)
-            self._controller.disengage()
 
     def _arm_fault(self) -> Fault | None:
         for side, arm in self._controller.arms.items():
