@@ -134,8 +134,8 @@ def in_the_air(text: str) -> list[Line]:
 def longest_bridge(mesh: Mesh, lines: list[Line]) -> float:
     """How far in mm a line reaches over nothing of the part, the longest of all.
 
-    A slicer bridges over sparse infill too, but there the part is below. What hangs over the edge of
-    what is below by less than `BESIDE`, as all of a slope does, is no bridge either.
+    A slicer bridges over sparse infill too, but there the part is below. What hangs over the edge
+    of what is below by less than `BESIDE`, as all of a slope does, is no bridge either.
     """
     solid, longest = manifold_from(mesh), 0.0
     polygons: dict[float, list[Array]] = {}
