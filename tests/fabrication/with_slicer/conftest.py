@@ -1,4 +1,4 @@
-"""These tests need a slicer; `make test-printing` installs one where it may, and names it."""
+"""These tests need a slicer; `make test-printing` installs one where it may, and says where."""
 
 import os
 
