@@ -48,7 +48,7 @@ def test_it_lies_against_the_front_and_the_left_side_of_its_foot(foot: Foot) -> 
     assert len(lies.decompose()) == 1
     assert (lies ^ block(foot)).volume() < NOISE
     play = 1e-4
-    front, side = block(foot, x=play), block(foot, y=play)
+    front, side = block(foot, x=play), block(foot, x=-play, y=play)
     against_front, against_side = (lies ^ front).bounding_box(), (lies ^ side).bounding_box()
     # Two points far apart at the front, and one at the side, decide where it lies.
     assert against_front[4] - against_front[1] >= 0.09
