@@ -122,7 +122,7 @@ def test_an_episode_on_arms_without_a_simulation_is_played_recorded_and_reported
 
 
 def test_an_episode_on_simulated_drivers_needs_no_engine_without_guard() -> None:
-    assert printed(BLOCKED + REAL % (ENGINES,)) == "1 (24, 32, 3) True reflex\n[]\n"
+    assert printed(BLOCKED + REAL % (ENGINES,)) == "1 (24, 32, 3) True contact\n[]\n"
 
 
 def test_few_modules_load_mujoco() -> None:

@@ -13,7 +13,12 @@ from duobench.errors import BackendError
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.drivers import franky_arm
-from duobench.hardware.drivers.franky_arm import fault_of_errors, fault_of_exception
+from duobench.hardware.drivers.franka_errors import (
+    KINDS,
+    MODES_OF_PEOPLE,
+    fault_of_errors,
+    fault_of_exception,
+)
 from duobench.hardware.rig import ArmConfig
 
 CONFIG = ArmConfig(
@@ -100,8 +105,8 @@ def test_an_arm_with_errors_does_not_begin_to_track(
 
 # --- what an arm stopped for -----------------------------------------------------------------
 
-LOST = "communication_constraints_violation"
-FAST = "joint_velocity_violation"
+LOST, FAST, MET = "communication_constraints_violation", "joint_velocity_violation", "joint_reflex"
+UNSTABLE = "controller_torque_discontinuity"
 ABORTED = "libfranka: Move command aborted: motion aborted by reflex! [{}]\nsuccess rate: 0.71"
 """As the library says it."""
 
@@ -110,27 +115,57 @@ class NetworkError(Exception):
     """Stands for the library's errors of networks."""
 
 
+def kind_of(text: str) -> FaultKind:
+    return fault_of_exception(RuntimeError(text), (NetworkError,)).kind
+
+
 @pytest.mark.parametrize(
     ("names", "kind"),
     [
         ([LOST], FaultKind.COMMUNICATION),
-        ([FAST], FaultKind.REFLEX),
-        ([LOST, FAST], FaultKind.REFLEX),
+        ([FAST], FaultKind.LIMIT),
+        ([LOST, MET], FaultKind.CONTACT),
+        ([FAST, MET], FaultKind.CONTACT),
+        ([UNSTABLE, MET], FaultKind.CONTROLLER),
+        (["tau_J_range_violation"], FaultKind.CONTROLLER),  # as the text has it, not the state
+        (["an_error_of_tomorrow"], FaultKind.LIMIT),
     ],
 )
-def test_lost_packets_alone_are_no_failure_of_who_led_the_arm(
+def test_several_errors_have_the_kind_that_blames_least_but_for_lost_packets(
     names: list[str], kind: FaultKind
 ) -> None:
     text = ABORTED.format(", ".join(f'"{name}"' for name in names))
-    fault = fault_of_exception(RuntimeError(text), (NetworkError,))
-    assert (fault.kind, fault.text) == (kind, text)
+    assert kind_of(text) is kind
     told = fault_of_errors(names)
     assert told is not None
     assert told.kind is kind
 
 
-def test_errors_of_the_network_are_communication_and_others_reflexes() -> None:
-    lost = (NetworkError,)
-    assert fault_of_exception(NetworkError("gone"), lost).kind is FaultKind.COMMUNICATION
-    assert fault_of_exception(RuntimeError("contact"), lost).kind is FaultKind.REFLEX
+def test_every_error_of_the_state_has_a_kind() -> None:
+    assert len(KINDS) == 41
+    assert {kind for name, kind in KINDS.items() if "reflex" in name} == {FaultKind.CONTACT}
+    assert set(KINDS.values()) == set(FaultKind) - {FaultKind.PERSON}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "libfranka: Move command aborted: command aborted: User Stop pressed!",
+        'libfranka: command not possible in the current mode ("User stopped")!',
+        "libfranka: Move command preempted: preempted due to activated safety function!",
+    ],
+)
+def test_what_a_person_or_a_door_stopped_is_no_reflex(text: str) -> None:
+    assert kind_of(text) is FaultKind.PERSON
+    for mode in MODES_OF_PEOPLE:
+        told = fault_of_errors([], mode)
+        assert told is not None
+        assert told.kind is FaultKind.PERSON
+
+
+def test_errors_of_the_network_are_communication_and_unknown_ones_are_asked_about() -> None:
+    error = fault_of_exception(NetworkError("gone"), (NetworkError,))
+    assert error.kind is FaultKind.COMMUNICATION
+    assert kind_of("motion aborted by reflex!") is FaultKind.CONTACT
+    assert kind_of("something else") is FaultKind.LIMIT
     assert fault_of_errors([]) is None

@@ -115,7 +115,7 @@ def test_arms_rest_before_they_meet_and_that_counts_against_who_led(
         change += pace
         duo.command(DuoCommand(joints=leaning(change), openings=np.ones(2)))
     assert duo.fault is not None
-    assert duo.fault.kind is FaultKind.REFLEX
+    assert duo.fault.kind is FaultKind.CONTACT
     assert duo.fault.text.startswith("The guard refused a command")
     wait(duo, 0.5)
     assert np.abs(speeds(duo)).max() < 1e-3
@@ -132,7 +132,7 @@ def test_a_guard_that_fails_holds_both_arms(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(duo.guard, "problem", fail)
     duo.command(DuoCommand(joints=leaning(0.01), openings=np.ones(2)))
     failed = "The guard failed: RuntimeError('no picture')"
-    assert (duo.fault, duo.held) == (FaultKind.DEVICE.fault(failed), failed)
+    assert (duo.fault, duo.held) == (FaultKind.CONTROLLER.fault(failed), failed)
 
 
 def check_free(guard: Guard, start: Array, way: list[Array]) -> None:

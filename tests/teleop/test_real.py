@@ -44,6 +44,11 @@ class Terminal:
         assert key in keys, f"{key} is no answer to: {text}"
         return key
 
+    def say(self, text: str) -> None:
+        self.asked.append(text)
+
+    def listen(self, call: Any) -> None: ...
+
 
 class Bench:
     """A session on a rig on a virtual clock, and hands that are sent thirty times a second."""
@@ -141,7 +146,7 @@ def test_arms_go_home_at_the_operators_word_alone(tmp_path: Path) -> None:
 def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "hrh")
     bench.lead(10)
-    bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.REFLEX)  # type: ignore[attr-defined]
+    bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.CONTACT)  # type: ignore[attr-defined]
     bench.send(1.0)
     assert bench.session.state is TeleopState.DECIDE
     assert "joint_reflex" in bench.session.note

@@ -1,6 +1,6 @@
 """What is recorded of a rig beside the environment's observation: its cameras and its arms."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
 
 import msgspec
@@ -34,6 +34,9 @@ class RigState(Protocol):
     def clock(self) -> Any:
         """The clock of the rig, whose `now` gives seconds."""
         ...
+
+    def see(self, cameras: Iterable[str]) -> None:
+        """Say through which cameras somebody looks: an episode waits for their images alone."""
 
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""
@@ -82,6 +85,7 @@ class RigRecorder:
     def begin(self, episode: EpisodeStream) -> None:
         """Begin the videos that an episode says it has."""
         if episode.info.videos:
+            self._duo.see(self._duo.cameras)
             cameras = {name: self._duo.cameras[name] for name in episode.info.videos}
             rates = {name: self._cameras[name]["fps"] for name in cameras}
             episode.videos = Videos(episode.path, cameras, rates, self._waits)

@@ -20,13 +20,17 @@ from duobench.types import Array
 class FaultKind(StrEnum):
     """What sort of fault it is, which decides what it means for a trial."""
 
-    REFLEX = "reflex"
-    """The arm stopped because of a contact or of what it was told to do; it counts as a failure of
-    who led it."""
+    PERSON = "person"
+    """Somebody stopped an arm: the emergency stop, a door, a button of the arm."""
+    CONTACT = "contact"
+    """An arm ran into something, or was about to; it counts as a failure of who led it."""
+    LIMIT = "limit"
+    """An arm was told to go where, or as fast as, it may not; the operator says whose doing it
+    was."""
+    CONTROLLER = "controller"
+    """Our own software did what it should not."""
     COMMUNICATION = "communication"
-    """A network, a cable, a computer or a camera; the trial is invalid."""
-    DEVICE = "device"
-    """Anything else that a device reports; the trial is invalid."""
+    """A network, a cable, a computer, a gripper or a camera."""
 
     def fault(self, text: str) -> Fault:
         """A fault of this sort, in words for people."""
@@ -126,11 +130,14 @@ class Gripper(Device, Protocol):
     """One gripper."""
 
     def activate(self) -> None:
-        """Move the fingers through their whole range, on a person's word only.
+        """Move the fingers through their whole range, on a person's word only; `hold` stops it.
 
         Raises:
-            BackendError: It does not become active.
+            BackendError: It does not become active, or was held.
         """
+
+    def recover(self) -> None:
+        """Forget on a person's word that it lost its power; it moves nowhere before `activate`."""
 
     def read(self) -> GripperReading:
         """The latest reading, after `connect`."""

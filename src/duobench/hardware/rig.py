@@ -37,6 +37,9 @@ _LARGEST = {
     **dict.fromkeys(("torque_threshold", "force_threshold"), 100.0),
 }
 """Numbers of an arm that are over 0, and their largest values."""
+REHEARSAL_SIZE = (180, 320)
+"""Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
+processor renders ten times a second beside the arms."""
 UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """The pose of a camera whose lens alone is known."""
 
@@ -45,6 +48,7 @@ class ArmDriver(StrEnum):
     """What talks to an arm."""
 
     FRANKY = "franky"
+    REHEARSAL = "rehearsal"
     SIMULATED = "simulated"
 
 
@@ -52,6 +56,7 @@ class GripperDriver(StrEnum):
     """What talks to a gripper."""
 
     ROBOTIQ = "robotiq"
+    REHEARSAL = "rehearsal"
     SIMULATED = "simulated"
 
 
@@ -61,6 +66,7 @@ class CameraDriver(StrEnum):
     REALSENSE = "realsense"
     UVC = "uvc"
     FILE = "file"
+    REHEARSAL = "rehearsal"
     SIMULATED = "simulated"
 
 
@@ -220,10 +226,36 @@ class Rig:
             grippers=dict.fromkeys(SIDES, gripper),
         )
 
+    @staticmethod
+    def rehearsal() -> Rig:
+        """A rig without hardware whose arms and grippers act on our own simulation of a task.
+
+        Mounts are named by address and port, so that arms can be swapped as cables can.
+        """
+        return Rig(
+            name="rehearsal",
+            arms={
+                side: ArmConfig(
+                    driver=ArmDriver.REHEARSAL,
+                    address=side,
+                    speed_fraction=MAX_SPEED_FRACTION,
+                    acceleration=MAX_ACCELERATION,
+                    is_realtime=False,
+                )
+                for side in SIDES
+            },
+            grippers={
+                side: GripperConfig(driver=GripperDriver.REHEARSAL, port=side) for side in SIDES
+            },
+            cameras=dict.fromkeys(
+                POLICY_CAMERAS, CameraConfig(driver=CameraDriver.REHEARSAL, size=REHEARSAL_SIZE)
+            ),
+        )
+
     @property
     def is_computed(self) -> bool:
         """Whether no part of it is hardware, so that its time may be computed as well."""
-        return self.drivers <= {ArmDriver.SIMULATED, CameraDriver.FILE}
+        return self.drivers <= {ArmDriver.SIMULATED, ArmDriver.REHEARSAL, CameraDriver.FILE}
 
     @property
     def drivers(self) -> set[str]:

@@ -5,9 +5,8 @@ a reflex, and takes a second to notice that a robot is gone. So a thread for eac
 time, and whoever leads it sends smooth paths. Not yet tried on an arm.
 """
 
-import re
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from types import ModuleType
 from typing import Any
@@ -16,7 +15,12 @@ import numpy as np
 
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock, Ticker
-from duobench.hardware.devices import ArmReading, Fault, FaultKind
+from duobench.hardware.devices import ArmReading, Fault
+from duobench.hardware.drivers.franka_errors import (
+    errors_in,
+    fault_of_errors,
+    fault_of_exception,
+)
 from duobench.hardware.rig import ArmConfig
 from duobench.machine import install_extra
 from duobench.types import ARM_JOINTS, Array
@@ -31,8 +35,6 @@ filter of 100 Hz lets 0.39 of it pass, 770 N·m/s, and an arm takes 1000 [libfra
 library's own 1.0 stiff joints swung themselves up to twice their speed in a strict simulator."""
 FORCES = 6
 """Numbers of a force and torque at the tool."""
-COMMUNICATION = "communication_constraints_violation"
-"""The error of an arm that has missed too many packets in a row."""
 ARRAYS = (
     *("q", "q_d", "dq", "dq_d", "ddq_d", "tau_J", "tau_J_d", "dtau_J", "tau_ext_hat_filtered"),
     *("theta", "dtheta", "joint_contact", "joint_collision", "cartesian_contact"),
@@ -44,8 +46,6 @@ POSES = ("O_T_EE", "O_T_EE_d", "O_T_EE_c", "F_T_EE", "F_T_NE", "NE_T_EE", "EE_T_
 """Poses of the robot state, written as matrices (16,), column by column as libfranka has them."""
 NUMBERS = ("m_ee", "m_load", "m_total", "control_command_success_rate")
 """Single numbers of the robot state."""
-MODES_OF_PEOPLE = ("UserStopped", "Guiding")
-"""Modes into which people bring an arm with buttons."""
 
 
 class FrankyArm:
@@ -236,43 +236,6 @@ def _library() -> ModuleType:
             f"Arms need the library franky, which is not installed. {install_extra('hardware')}"
         ) from error
     return franky
-
-
-# --- what the library says, in our words; nothing below needs it ---
-
-
-def errors_in(errors: Any) -> tuple[str, ...]:
-    """Names of the errors that a set of them (`current_errors`) has raised."""
-    names = (name for name in dir(errors) if not name.startswith("_"))
-    return tuple(name for name in names if getattr(errors, name) is True)
-
-
-def fault_of_errors(names: Iterable[str], mode: str = "") -> Fault | None:
-    """The fault that errors and the mode of an arm are; None where there is none.
-
-    A packet that was lost is nobody's fault who leads the arm; a reflex is.
-    """
-    names = tuple(names)
-    if names:
-        is_lost = all(name == COMMUNICATION for name in names)
-        kind = FaultKind.COMMUNICATION if is_lost else FaultKind.REFLEX
-        return kind.fault(", ".join(names))
-    if mode == "Reflex":
-        return FaultKind.REFLEX.fault("The arm is in its reflex mode.")
-    if mode in MODES_OF_PEOPLE:
-        return FaultKind.DEVICE.fault(f"The arm is in the mode {mode}.")
-    return None
-
-
-def fault_of_exception(error: BaseException, lost: tuple[type[BaseException], ...]) -> Fault:
-    """The fault that an error of the library is; `lost` are those of networks and packets.
-
-    What stopped an arm stands in the text as a list of names in quotation marks.
-    """
-    text = str(error).strip() or type(error).__name__
-    names = set(re.findall(r'"(\w+)"', text))
-    is_lost = isinstance(error, lost) or names == {COMMUNICATION}
-    return (FaultKind.COMMUNICATION if is_lost else FaultKind.REFLEX).fault(text)
 
 
 def state_of(state: Any) -> Mapping[str, Array]:

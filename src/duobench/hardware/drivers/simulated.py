@@ -98,7 +98,7 @@ class SimulatedArm:
         """Stop."""
         self.stop()
 
-    def fail(self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.REFLEX) -> None:
+    def fail(self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.CONTACT) -> None:
         """Report a fault from now on, and follow no more commands."""
         self.stop()
         self._fault = kind.fault(text)
@@ -143,6 +143,9 @@ class SimulatedGripper:
     def activate(self) -> None:
         """Become active."""
         self.is_active = True
+
+    def recover(self) -> None:
+        """Nothing has to be forgotten."""
 
     def read(self) -> GripperReading:
         """The state at this moment; the last one, and then a fault, while it is silent."""
@@ -195,8 +198,6 @@ class SimulatedCamera(TickedCamera):
 
     The source gives the image (720, 1280, 3) of a number and a time.
     """
-
-    stale_s = 0.5
 
     def __init__(
         self,
