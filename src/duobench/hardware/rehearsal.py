@@ -18,7 +18,7 @@ import numpy as np
 from duobench.errors import BackendError, escaped
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind
-from duobench.hardware.drivers.registers import GripperRegisters
+from duobench.hardware.registers import GripperRegisters
 from duobench.hardware.rig import ArmConfig
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
@@ -94,7 +94,8 @@ class MountedArm:
         """What the arm stops at, as its library says it; None while nothing is too much."""
         if (np.abs(self.external) > self.config.torque_threshold).any():
             return "joint_reflex"
-        if (np.abs(self.wrench) > self.config.force_threshold).any():
+        limits = [self.config.force_threshold] * 3 + [self.config.moment_threshold] * 3
+        if (np.abs(self.wrench) > limits).any():
             return "cartesian_reflex"
         return None
 
