@@ -11,17 +11,11 @@ from playwright.sync_api import Browser, Page
 from dev.tools.pages import DESKTOP, PHONE, View
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
 from duobench.rig_sessions.trials_folder import LogKind
-from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
+from tests.pages.windows import DARK_PHONE, broken_rules, opened, until
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import POLICIES, STEPS, Stand, records
 
 LAST = 5
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Browser]:
-    with started() as window:
-        yield window
 
 
 class Led:
