@@ -50,6 +50,7 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "real": {
         "doctor": doctor.examine_rig,
         "home": arms.home,
+        "grippers": arms.grippers,
         "calibrate": calibrate.calibrate,
         "record": arms.record,
         "eval": arms.evaluate,

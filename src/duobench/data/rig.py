@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
@@ -38,6 +38,9 @@ class RigState(Protocol):
     def clock(self) -> Any:
         """The clock of the rig, whose `now` gives seconds."""
         ...
+
+    def see(self, cameras: Iterable[str]) -> None:
+        """Say through which cameras somebody looks: an episode waits for their images alone."""
 
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""
@@ -86,6 +89,7 @@ class RigRecorder:
     def begin(self, episode: EpisodeStream) -> None:
         """Begin the videos that an episode says it has."""
         if episode.info.videos:
+            self._duo.see(self._duo.cameras)
             from duobench.data.videos import Videos
 
             cameras = {name: self._duo.cameras[name] for name in episode.info.videos}

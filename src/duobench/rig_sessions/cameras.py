@@ -22,7 +22,7 @@ from duobench.data.views import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
 from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.hardware.canonical import CanonicalView
-from duobench.hardware.devices import Frame
+from duobench.hardware.devices import Frame, image_ages
 from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig
@@ -165,7 +165,7 @@ class CameraFeed:
             if before is None or before[0] is not frame:
                 content = jpeg(frame.image, SHOWN_WIDTH)
                 self._shown[name] = frame, self._server.publish_image(f"camera-{name}", content)
-        ages = self._duo.image_ages()
+        ages = image_ages(self._duo.cameras, self._duo.clock.now())
         self._server.publish_cameras([self._about(*each) for each in ages.items()])
 
     def _about(self, name: str, age_s: float) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import Protocol
 
 from duobench.errors import DuoBenchError
@@ -13,6 +14,14 @@ QUIT = "q"
 """Key that ends a session."""
 OPERATOR_LOST = "The operator's terminal is gone."
 FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
+INACTIVE = (
+    "Not active since it was switched on: the {} gripper. Take away what is between the fingers, "
+    "which will close and open.\na: activate; q: end."
+)
+HOLDING = (
+    "Something is held by the {} hand. Take it, so that it does not drop.\n"
+    "l: open the left hand; r: open the right hand; q: end."
+)
 HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
 PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
 PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
@@ -38,13 +47,39 @@ class Operator(Protocol):
         """
 
 
-def ask_to_recover(duo: FrankaDuo, operator: Operator) -> bool:
-    """Have what is wrong with the arms set right; False if the operator ends it instead."""
-    while duo.supervisor.fault is not None:
-        if operator.ask(FAULT.format(duo.supervisor.reason), f"r{QUIT}") == QUIT:
+def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
+    """Have set right what keeps the arms from going home; False if the operator ends it instead.
+
+    That is a fault, a gripper that is not active, and what the hands hold. Who has looked presses a
+    key for each; any that counts at once holds the fingers.
+    """
+    while True:
+        if duo.supervisor.fault is not None:
+            question, acts = FAULT.format(duo.supervisor.reason), {"r": duo.supervisor.recover}
+        elif inactive := duo.hands.inactive:
+            question, acts = INACTIVE.format(" and ".join(inactive)), {"a": duo.hands.activate}
+        elif holding := duo.hands.holding:
+            question = HOLDING.format(" and ".join(holding))
+            acts = {side[0]: partial(duo.hands.open, [side]) for side in holding}
+        else:
+            return True
+        key = operator.ask(question, f"{''.join(acts)}{QUIT}")
+        if key == QUIT:
             return False
-        with suppress(DuoBenchError):  # then it is said again, with what is still wrong
-            duo.supervisor.recover()
+        operator.listen(lambda pressed: hold_by_key(duo, pressed))
+        try:
+            acts[key]()
+        except DuoBenchError as error:  # it is asked again, with what is still wrong
+            operator.say(str(error))
+        finally:
+            operator.listen(None)
+
+
+def hold_by_key(duo: FrankaDuo, key: str) -> bool:
+    """Hold both arms where a key says so, or nobody is there any more; whether it did."""
+    if key not in {"", " "}:
+        return False
+    duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)
     return True
 
 
@@ -77,10 +112,10 @@ class TerminalView:
         if said:
             self._operator.say(said)
         if session.duo.supervisor.fault is not None:
-            if not ask_to_recover(session.duo, self._operator):
-                raise Stopped
             session.is_home = False
         if not session.is_home:
+            if not ask_to_make_ready(session.duo, self._operator):
+                raise Stopped
             if session.phase is Phase.READY:
                 return messages.PlaceAgain()
             self._ask(HOME, "h")
@@ -113,9 +148,9 @@ class TerminalView:
 
     def _take(self, key: str) -> None:
         session = self._session
-        if key in {"", " "}:
-            session.duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)
-        elif key == "g":
+        if hold_by_key(session.duo, key):
+            return
+        if key == "g":
             session.give_up()
         elif session.phase is Phase.PLAYING:
             stage = {"u": None, "s": session.judge.max_stage}.get(key, key)

@@ -39,7 +39,7 @@ class Phase(StrEnum):
     READY = "ready"
     """They lie there; the operator may start the policy."""
     MOVING = "moving"
-    """The arms go home."""
+    """The arms go home, or the fingers move at the operator's word."""
     PLAYING = "playing"
     JUDGING = "judging"
     """It is over; the operator says what came of it."""
@@ -47,7 +47,7 @@ class Phase(StrEnum):
 
 
 _LABELS = (messages.Stage, messages.Undo)
-_PLACING = (messages.Home, messages.Recover)
+_PLACING = (messages.Home, messages.Activate, messages.Open, messages.Recover)
 _ALLOWED: dict[Phase, tuple[type, ...]] = {
     Phase.PLACING: (messages.Placed, *_PLACING),
     Phase.READY: (messages.PlaceAgain, messages.Start, *_PLACING),
@@ -179,16 +179,14 @@ class RigSession:
                 case messages.PlaceAgain():
                     self.phase = Phase.PLACING
                 case messages.Start() if self.phase is Phase.READY:
-                    if self._try(self.duo.supervisor.confirm):
+                    if self._try(self._confirm_start):
                         return
-                case messages.Home():
-                    self._go_home()
                 case messages.Recover():
                     self.is_home = False
                     if self._try(self.duo.supervisor.recover):
                         self.message = "Recovered. Nothing moves before you confirm."
-                case _:
-                    pass
+                case other:
+                    self._handle(other)
 
     def keep_placed(self) -> None:
         """The operator says that the objects lie where they shall."""
@@ -267,17 +265,41 @@ class RigSession:
         is_solved = self.judge.labels.stage == self.judge.max_stage
         return CUT_SHORT if played.ended_by_success and not is_solved else ""
 
-    def _go_home(self) -> None:
-        if not self._try(self.duo.supervisor.confirm):
-            return
+    def _handle(self, message: messages.Message | None) -> None:
+        """What moves arms or fingers while objects are placed."""
+        match message:
+            case messages.Home(with_object=with_object):
+                self._go_home(with_object)
+            case messages.Activate():
+                self._move(self.duo.hands.activate, "The grippers are active.")
+            case messages.Open(hands=hands):
+                self._move(lambda: self.duo.hands.open(hands), "Opened.")
+            case _:
+                pass
+
+    def _confirm_start(self) -> None:
+        self.duo.hands.check_active()
+        self.duo.hands.check_free()
+        self.duo.supervisor.confirm()
+
+    def _go_home(self, with_object: bool) -> None:
+        def home() -> None:
+            self.duo.supervisor.confirm()
+            self.duo.home(with_object=with_object)
+            self.duo.supervisor.revoke()  # people's hands are among the objects now
+
+        self.is_home = self._move(home, "The arms are at home.")
+
+    def _move(self, act: Callable[[], None], done: str) -> bool:
+        """Have arms or fingers moved while objects are placed; whether it was done."""
         before, self.phase = self.phase, Phase.MOVING
         self.view.publish()
         with self.view.moving():
-            self.is_home = self._try(self.duo.home)
-        if self.is_home:
-            self.duo.supervisor.revoke()  # hands are among the objects now
-            self.message = "The arms are at home."
-        self.phase = before
+            is_done = self._try(act)
+        if is_done:
+            self.message = done
+        self.phase, self.lost = before, ""
+        return is_done
 
     def _try(self, act: Callable[[], None]) -> bool:
         """Do something with the arms; what hinders it is said to the operator."""

@@ -157,7 +157,7 @@ class TrialsSession(RigSession):
             self._log.add(LogEntry(kind=kind, trial=number, attempt=attempt, at=_now(), **more))
 
     def on_step(self, step: Step) -> None:
-        """Hold where nobody is at the page, and show how it goes."""
+        """Show how it goes."""
         super().on_step(step)
         self._page.on_step(step.number)
 

@@ -153,6 +153,10 @@ class RobotiqGripper:
         while self._clock.now() < end:
             self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
             reading = self.read()
+            if self._is_holding:
+                raise BackendError(
+                    f"The activation of the gripper at {self._config.port} was stopped."
+                )
             if self._clock.now() - reading.time_s > SILENT_S:
                 break
             if not self._activation and reading.is_active and reading.fault is None:
@@ -191,9 +195,15 @@ class RobotiqGripper:
             self._goal, self._is_holding = goal, False
 
     def hold(self) -> None:
-        """Stop the fingers if they move; a grip keeps its force."""
+        """Stop the fingers if they move; a grip keeps its force, an activation ends unfinished."""
         with self._lock:
             self._is_holding = True
+            if self._activation:
+                self._activation = [0]
+
+    def recover(self) -> None:
+        """Forget that it was active: it lost its power, and has to be activated again."""
+        self._was_active = False
 
     def close(self) -> None:
         """Close the port; the gripper keeps what it holds. Closing twice is harmless."""
