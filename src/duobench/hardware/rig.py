@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -37,6 +37,9 @@ _LARGEST = {
     **dict.fromkeys(("torque_threshold", "force_threshold"), 100.0),
 }
 """Numbers of an arm that are over 0, and their largest values."""
+MEASURED = ("name", "open_count", "closed_count", "calibration")
+"""Fields of the file that may change while a rig stays the same: it is called otherwise, or its
+grippers' ends, lenses and mounts are measured again."""
 UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """The pose of a camera whose lens alone is known."""
 
@@ -250,6 +253,23 @@ class Rig:
             OutputError: It cannot be written.
         """
         files.write(path, self._json())
+
+    @property
+    def chosen(self) -> dict[str, object]:
+        """All values but those of `MEASURED`, by their places in the file: what makes it this rig.
+
+        `hash` says more: what was measured when an episode was played.
+        """
+
+        def leaves(value: object, place: str) -> Iterator[tuple[str, object]]:
+            if not isinstance(value, dict):
+                yield place, value
+                return
+            for key, inner in value.items():
+                if key not in MEASURED:
+                    yield from leaves(inner, f"{place}.{key}" if place else key)
+
+        return dict(leaves(msgspec.to_builtins(self), ""))
 
     @property
     def hash(self) -> str:

@@ -16,11 +16,20 @@ from pathlib import Path
 
 import msgspec
 
-from duobench.errors import EvaluationError, FileError
-from duobench.files import begin_or_continue, encode, make_folder, read, write, writing
+from duobench.errors import EvaluationError, FileError, OtherRunError
+from duobench.files import (
+    begin_or_continue,
+    differences,
+    encode,
+    make_folder,
+    read,
+    write,
+    writing,
+)
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.hardware.judge import StageLabel, StageLabels
+from duobench.hardware.rig import MEASURED, Rig
 from duobench.results.folder import RunFolder
 from duobench.results.records import InvalidTrial
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
@@ -185,7 +194,7 @@ class TrialsFolder:
         self.description = self.path / DESCRIPTION
         self.log_file = self.path / "log.jsonl"
         self.rig = self.path / "rig.json"
-        """The rig's file, as it was."""
+        """The rig's file, as it was last."""
         self.page = self.path / "index.html"
         self.run = RunFolder(self.path / "run")
         """Records, films and report of all policies."""
@@ -197,6 +206,26 @@ class TrialsFolder:
     def invalid_film(self, trial: int, attempt: int) -> Path:
         """Film of a trial that does not count."""
         return self.path / "invalid" / f"{trial:04d}.{attempt}.webm"
+
+    def check_rig(self, rig: Rig) -> None:
+        """Reject another rig than that of the evaluation here; one measured again is the same."""
+        if not self.rig.exists():
+            return
+        now, before = rig.chosen, Rig.read(self.rig).chosen
+        places = {**before, **now}
+        found = differences(
+            *({place: each.get(place) for place in places} for each in (now, before))
+        )
+        if found:
+            raise OtherRunError(
+                f"{self.path} holds an evaluation on another rig; this one has {'; '.join(found)}. "
+                f"Of a rig, {', '.join(MEASURED)} may change while an evaluation goes on."
+            )
+
+    def keep_rig(self, rig: Rig) -> None:
+        """Write the file of the rig as it is now, beside those that it had before."""
+        rig.write(self.path / "rigs" / f"{rig.hash}.json")
+        rig.write(self.rig)
 
     def begin(self, plan: TrialsPlan) -> TrialsPlan:
         """Begin an evaluation, or continue the one that is there, perhaps with more episodes.
