@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import pytest
+from markupsafe import escape
 
 from duobench.errors import EvaluationError
 from duobench.results.mixed import MixedTable, Place, markdown, read_mixed, write_mixed
@@ -83,7 +84,7 @@ def test_files_hold_the_same(table: MixedTable, tmp_path: Path) -> None:
     assert text == markdown(table)
     for test in table.tests:
         assert test.text in text
-        assert test.text.replace("<", "&lt;") in page
+        assert str(escape(test.text)) in page
     with (tmp_path / "mixed" / "mixed.csv").open() as file:
         rows = list(csv.DictReader(file))
     document = json.loads((tmp_path / "mixed" / "mixed.json").read_text())
