@@ -126,19 +126,22 @@ class Stand:
         self,
         path: Path,
         policies: Sequence[tuple[str, str]],
-        rig: Rig | None = None,
+        *,
+        rig: Rig | str = "simulated",
+        task: TaskInfo | None = None,
         **options: Any,
     ) -> None:
         self.folder = TrialsFolder(path)
         self.ending = ExitStack()
-        self.duo: FrankaDuo = open_rig(rig or Rig.simulated(), VirtualClock(), guard=False)
+        self.duo: FrankaDuo = open_rig(rig, VirtualClock(), guard=False)
         self.ending.callback(self.duo.close)
         self.server = PageServer(assets("trials_page.html"))
         self.ending.callback(self.server.close)
         chosen: dict[str, Any] = {"rater": "operator", "silence_s": 60.0} | options
         try:
             self.session = TrialsSession(
-                *(self.folder, self.duo, short_task(), policies, self.server, self.ending), **chosen
+                *(self.folder, self.duo, task or short_task(), policies, self.server, self.ending),
+                **chosen,
             )
         except DuoBenchError:
             self.ending.close()

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from duobench.errors import OtherRunError
+from duobench.hardware.cell import Obstacle
 from duobench.hardware.rig import CameraCalibration, CameraConfig, CameraDriver, GripperConfig, Rig
 from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, read_source, write_bundle
@@ -78,15 +79,21 @@ def test_evaluation_goes_on_where_its_rig_was_measured_again(tmp_path: Path) -> 
     ("change", "words"),
     [
         (lambda rig: arm(rig, speed_fraction=0.25), "arms.right.speed_fraction 0.25 instead of"),
-        (lambda rig: arm(rig, damping=(40.0,) * 7), "arms.right.damping"),
-        (lambda rig: gripper(rig, force=200), "grippers.left.force 200 instead of 128"),
+        (lambda rig: arm(rig, moment_threshold=5.0), "arms.right.moment_threshold 5.0 instead of"),
+        (lambda rig: gripper(rig, force=200), "grippers.left.force 200 instead of"),
         (
             lambda rig: head(rig, CameraConfig(driver=CameraDriver.SIMULATED, gain=2.0)),
             "cameras.head.gain 2.0 instead of None",
         ),
+        (
+            lambda rig: replace(
+                rig, obstacles={"name": Obstacle(centre=(1.0, 1.0, 0.1), size=(0.1, 0.1, 0.1))}
+            ),
+            "obstacles.name",  # whatever it is called
+        ),
         (lambda rig: replace(rig, cameras={}), "cameras.head.driver None instead of simulated"),
     ],
-    ids=("speed", "gains", "force", "gain", "fewer cameras"),
+    ids=("speed", "threshold", "force", "gain", "obstacle", "fewer cameras"),
 )
 def test_another_rig_is_refused_with_what_is_different(
     change: Callable[[Rig], Rig], words: str, tmp_path: Path

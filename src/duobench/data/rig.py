@@ -1,21 +1,17 @@
 """What is recorded of a rig beside the environment's observation: its cameras and its arms."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
 
 from duobench.data.schema import RigFacts, VideoFacts
 from duobench.data.stream import EpisodeRows, EpisodeStream
+from duobench.data.videos import Camera, Videos
 from duobench.robot.frames import tcp_poses
+from duobench.sim.layout import Layout
 from duobench.types import SIDES, DuoState, Side
-
-if TYPE_CHECKING:
-    from duobench.data.videos import Camera
-    from duobench.sim.layout import Layout
 
 _MEASURED = ("time_s", "joints", "velocities", "torques")
 """What every driver measures, beside its own robot state."""
@@ -90,8 +86,6 @@ class RigRecorder:
         """Begin the videos that an episode says it has."""
         if episode.info.videos:
             self._duo.see(self._duo.cameras)
-            from duobench.data.videos import Videos
-
             cameras = {name: self._duo.cameras[name] for name in episode.info.videos}
             rates = {name: self._cameras[name]["fps"] for name in cameras}
             episode.videos = Videos(episode.path, cameras, rates, self._waits)

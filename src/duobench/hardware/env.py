@@ -18,10 +18,9 @@ from duobench.envs.config import (
     checked_reset_options,
     checked_seed,
 )
-from duobench.envs.duo_env import DuoEnv, Info, Observation
+from duobench.envs.duo_env import DuoEnv, DuoWrapper, Info, Observation
 from duobench.envs.episode_wrappers import Judge, TaskStages
 from duobench.envs.protocol import stack_on
-from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import OptionError, check_known
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge

@@ -18,7 +18,7 @@ import msgspec
 from PIL import Image as Pillow
 
 from duobench.backend import Image
-from duobench.data.views import View
+from duobench.data.images import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
 from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.hardware.canonical import CanonicalView

@@ -10,8 +10,7 @@ import gymnasium as gym
 
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder
-from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
-from duobench.envs.wrapper import DuoWrapper
+from duobench.envs.duo_env import TRUNCATION_REASON, DuoWrapper, ResetOptions, Start
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollout import Info, Observation, Step, Watcher, rollout
@@ -21,8 +20,8 @@ from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import FAULT_KIND
 from duobench.policy.registry import PolicyKind, PolicyName
 from duobench.policy.serving.address import RemoteServer
-from duobench.results.limits import TimeLimits
 from duobench.results.records import REAL
+from duobench.results.run import TimeLimits
 from duobench.results.suite import TaskInfo
 from duobench.rig_sessions.interruptible import InterruptiblePolicy
 

@@ -26,6 +26,7 @@ from duobench.results.suite import find_tasks
 from duobench.rig_sessions.operator import Operator, TerminalView
 from duobench.rig_sessions.policy_runner import PolicyRunner, find_rig_policy, make_rig_recorder
 from duobench.rig_sessions.session import RigSession, Stopped
+from duobench.sim.layout import Layout
 from duobench.types import Array
 
 EPISODE_SUFFIX = ".parquet"
@@ -142,6 +143,7 @@ class RigRecording(RigSession):
         self._runner = PolicyRunner(self.env, source)
         if isinstance(self._runner.policy, Playback):
             self.env.actor = Actor(kind=ActorKind.PROGRAM, name=who.name, version=who.version)
+        self._layout = Layout(poses={})
         self._options = {SPLIT: TRAIN} | ({INSTRUCTION: instruction} if instruction else {})
         self.view = self._terminal = TerminalView(self, operator)
         self.kept = data.kept(self.env.task)
@@ -163,11 +165,15 @@ class RigRecording(RigSession):
             self._runner.asked.close()
             self._source.close()
 
+    def keep_placed(self) -> None:
+        """Have the objects of a rehearsal placed."""
+        self.duo.place(self.env.base.definition, self._layout)
+
     def _record_one(self) -> None:
         self.begin()
         number = self._data.next_number(self.env.task)
         seed = episode_seed(self.env.task, number, TRAIN)
-        layout = next(self.env.base.definition.layouts(seed, TRAIN))
+        self._layout = layout = next(self.env.base.definition.layouts(seed, TRAIN))
         self._terminal.placing = placement(layout)
         self.place()
         self.env.next_name = f"{number:05d}"

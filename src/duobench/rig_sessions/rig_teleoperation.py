@@ -90,6 +90,11 @@ class RigTeleoperation(Teleoperation):
         layout = next(self.env.base.definition.layouts(seed, TRAIN))
         return {**super()._reset_options(seed), LAYOUT: layout}
 
+    def _reset(self) -> None:
+        super()._reset()
+        real = cast("RealEnv", self.env.base)
+        real.rig.place(real.definition, real.layout)
+
     def _keep(self) -> None:
         if self.state is TeleopState.RECORDING:
             judge = self.env.get_wrapper_attr("judge")

@@ -172,8 +172,7 @@ class RigSession:
         """Wait until the objects are placed and the operator has said that the arms may move."""
         while True:
             match self.view.next():
-                case messages.Placed():
-                    self.keep_placed()
+                case messages.Placed() if self._try(self.keep_placed):
                     self.write(LogKind.PLACED)
                     self.phase = Phase.READY
                 case messages.PlaceAgain():
@@ -189,7 +188,11 @@ class RigSession:
                     self._handle(other)
 
     def keep_placed(self) -> None:
-        """The operator says that the objects lie where they shall."""
+        """The operator says that the objects lie where they shall; in a rehearsal they do now.
+
+        Raises:
+            BackendError: They cannot lie there.
+        """
 
     def play(
         self, runner: PolicyRunner, seed: int, options: dict[str, Any], *watchers: Watcher

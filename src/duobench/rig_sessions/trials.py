@@ -20,9 +20,8 @@ from duobench.files import checksum, write
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.judge import HumanJudge
-from duobench.results.limits import TimeLimits
 from duobench.results.records import REAL, EpisodeRecord, Judged
-from duobench.results.run import Candidate, Run
+from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.suite import Suite, TaskInfo
 from duobench.rig_sessions.cameras import Film, head_image, jpeg
 from duobench.rig_sessions.overlay import Overlay
@@ -126,6 +125,7 @@ class TrialsSession(RigSession):
         ending.callback(self._log.close)
         self._progress = TrialsProgress.of(self._log.entries)
         self._trial: RigEpisode | None = None
+        self._layout: Layout | None = None
         self._attempt = 0
         with folder.run.writer() as journal:
             folder.run.begin(plan.run)
@@ -164,6 +164,8 @@ class TrialsSession(RigSession):
 
     def keep_placed(self) -> None:
         """Store what the head camera sees."""
+        if self._layout is not None:
+            self.duo.place(self._overlay.task, self._layout)
         image = head_image(self.duo)
         if image is not None and self._trial is not None:
             write(self._folder.placed(self._trial.number, self._attempt), jpeg(image))
@@ -180,7 +182,7 @@ class TrialsSession(RigSession):
         self._attempt = self._progress.attempts.get(trial.number, 0) + 1
         self.begin()
         episode = self._plan.episode(trial)
-        layout = self._overlay.layout(episode.seed, episode.split)
+        self._layout = layout = self._overlay.layout(episode.seed, episode.split)
         self._page.begin(layout, self._about(trial, layout))
         name = f"episode {trial.episode}"
         self._page.offer_sheet(

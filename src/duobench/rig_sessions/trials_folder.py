@@ -29,7 +29,7 @@ from duobench.files import (
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.hardware.judge import StageLabel, StageLabels
-from duobench.hardware.rig import MEASURED, Rig
+from duobench.hardware.rig import Rig
 from duobench.results.folder import RunFolder
 from duobench.results.records import InvalidTrial
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
@@ -219,7 +219,8 @@ class TrialsFolder:
         if found:
             raise OtherRunError(
                 f"{self.path} holds an evaluation on another rig; this one has {'; '.join(found)}. "
-                f"Of a rig, {', '.join(MEASURED)} may change while an evaluation goes on."
+                "Its name, its grippers' ends and its cameras' calibrations alone may change while an "
+                "evaluation goes on."
             )
 
     def keep_rig(self, rig: Rig) -> None:

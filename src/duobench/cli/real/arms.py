@@ -52,9 +52,9 @@ def home(rig: str, check: bool = False, fast: bool = False, with_object: bool = 
     `home`. Ctrl-C brings them to rest. The only emergency stop is that of the hardware.
 
     Args:
-        rig: The rig's file, rig.json, or "simulated" for a rig without hardware.
+        rig: The rig's file, rig.json, or a rig without hardware: simulated, or rehearsal.
         check: Only connect, and say where the arms are and which way they would go.
-        fast: Do not wait for the clock, which only simulated drivers can do.
+        fast: Do not wait for the clock, which only rigs without hardware can do.
         with_object: Carry home what one hand holds, where it is let go.
     """
     with closing(RigOptions(rig=rig, fast=fast).open()) as duo:

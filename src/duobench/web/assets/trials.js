@@ -20,13 +20,13 @@ const REASONS = [
   "An object broke or was missing.",
   "The light changed.",
 ];
-const PLAIN = ["hold", "home", "activate", "placed", "place_again", "start", "recover", "give_up"];
 const BUTTONS = {
   home: ["placing", "ready"],
   placed: ["placing"],
   place_again: ["ready"],
   start: ["ready"],
 };
+const KINDS = ["hold", "home", "activate", "placed", "place_again", "start", "recover", "give_up"];
 
 /** The page. */
 class Trials {
@@ -60,7 +60,7 @@ class Trials {
     part("#open_left").addEventListener("click", () => this.#tell("open", { hands: ["left"] }));
     part("#open_right").addEventListener("click", () => this.#tell("open", { hands: ["right"] }));
     part("#carry").addEventListener("click", () => this.#tell("home", { with_object: true }));
-    for (const kind of PLAIN) {
+    for (const kind of KINDS) {
       part(`#${kind}`).addEventListener("click", () => this.#tell(kind));
     }
     part("#closing").addEventListener("submit", (event) => {
@@ -179,7 +179,6 @@ class Trials {
       part(`#${id}`).hidden = !this.#isDriver || !phases.includes(phase);
     }
     part("#recover").hidden = !this.#isDriver || !fault || !["placing", "ready"].includes(phase);
-    part("#give_up").hidden = !this.#isDriver || !waits;
     const { inactive, holding } = hands;
     const mayHandle = this.#isDriver && isPlacing;
     part("#activate").hidden = !mayHandle || !inactive.length;
@@ -187,6 +186,7 @@ class Trials {
       part(`#open_${side}`).hidden = !mayHandle || !holding.includes(side);
     }
     part("#carry").hidden = !mayHandle || fault || holding.length !== 1;
+    part("#give_up").hidden = !this.#isDriver || !waits;
     part("#hold").disabled = !this.#isDriver;
     const isJudging = this.#isDriver && phase === "judging";
     part("#closing").hidden = part("#spoiled").hidden = !isJudging;
