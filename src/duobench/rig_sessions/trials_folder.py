@@ -219,8 +219,8 @@ class TrialsFolder:
         if found:
             raise OtherRunError(
                 f"{self.path} holds an evaluation on another rig; this one has {'; '.join(found)}. "
-                "Its name, its grippers' ends and its cameras' calibrations alone may change while an "
-                "evaluation goes on."
+                "While an evaluation goes on, only its name, its grippers' ends and its cameras' "
+                "calibrations may change."
             )
 
     def keep_rig(self, rig: Rig) -> None:
