@@ -409,6 +409,28 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
     assert {record.final_stage for (record,) in records(stand.folder).values()} == {1, 2}
 
 
+@pytest.mark.parametrize(
+    ("end", "is_chosen"), [(None, False), ("", True), ("person", False), ("limit", True)]
+)
+def test_program_that_ends_after_the_outcome_was_seen_is_told_as_a_choice(
+    end: str | None, is_chosen: bool, tmp_path: Path
+) -> None:
+    Stand(tmp_path / "t", ONE, episodes=1).ending.close()
+    folder = TrialsFolder(tmp_path / "t")
+    log, about = folder.open_log(""), {"trial": 0, "attempt": 1}
+    for kind in (LogKind.BEGIN, LogKind.START):
+        log.add(LogEntry(kind=kind, **about))
+    for stage in (2, 1, None):
+        log.add(LogEntry(kind=LogKind.PRESS, **about, stage=stage, step=1))
+    fault = FaultKind(end) if end else None
+    if end is not None:
+        log.add(LogEntry(kind=LogKind.END, **about, fault=fault))
+    log.close()
+    folder.open_log("").close()
+    (one,) = TrialsProgress.of(folder.read_log()).invalid[0]
+    assert one == InvalidTrial(reason=CUT, stage=2, fault=fault, is_chosen=is_chosen)
+
+
 def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
     for episodes in (1, 2):
         Stand(tmp_path / "t", ONE, episodes=episodes).ending.close()

@@ -130,6 +130,7 @@ def test_page_hides_the_names_until_the_end(whole: Whole) -> None:
     shown = " ".join(whole.script.names)
     assert "Patient" not in shown
     assert "Keen" not in shown
+    assert {json.loads(status)["trial"]["policy"] for status in whole.script.names} == {""}
     assert "Patient" in json.dumps(whole.script.over)
 
 

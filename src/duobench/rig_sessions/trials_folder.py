@@ -256,11 +256,20 @@ class TrialsFolder:
         return read(self.description, TrialsPlan, PLAN_SCHEMA)
 
     def open_log(self, at: str) -> TrialLog:
-        """The log to write on; a trial that was cut is closed as invalid first."""
+        """The log to write on; a trial that was cut is closed as invalid first.
+
+        One that was over is told as a person's choice: who ended the program had seen the outcome.
+        """
         log = TrialLog(self.log_file)
         if (cut := TrialsProgress.of(log.entries).cut) is not None:
+            is_seen = any(
+                entry.kind is LogKind.END
+                and (entry.trial, entry.attempt) == cut
+                and (entry.fault is None or entry.fault.may_count)
+                for entry in log.entries
+            )
             about = {"trial": cut[0], "attempt": cut[1]}
-            log.add(LogEntry(kind=LogKind.INVALID, **about, text=CUT, yes=True, at=at))
+            log.add(LogEntry(kind=LogKind.INVALID, **about, text=CUT, yes=not is_seen, at=at))
         return log
 
     def read_log(self) -> list[LogEntry]:
