@@ -18,6 +18,7 @@ from duobench.hardware.drivers.rehearsal import RehearsalViews
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
 from duobench.hardware.rehearsal import HAND_M, HAND_RAD, MAX_BEHIND_S, STEP_S, RehearsalWorld
+from duobench.hardware.rig import JOINT_TORQUES
 from duobench.hardware.supervisor import State
 from duobench.robot.joints import HOME_JOINTS
 from duobench.sim.rendering import Renderer
