@@ -28,7 +28,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test test-all fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo demo-robust test test-all fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -76,6 +76,17 @@ test-ray: $(RAY_VENV)/.installed  ## Test evaluations on a Ray cluster.
 # Of several gigabytes: PyTorch is the default wheel, which brings Triton and CUDA.
 test-ecosystem: $(ECOSYSTEM_VENV)/.installed  ## Test with Gymnasium, Stable-Baselines3, TorchRL, MuJoCo's programs.
 	OMP_NUM_THREADS=1 $(ECOSYSTEM_VENV)/bin/python -m pytest -W default tests/ecosystem
+
+# PrusaSlicer is of the system: installed where the machine is ours to change (root, apt).
+test-printing: setup-test  ## Test the files to print with a slicer, PrusaSlicer.
+	@command -v prusa-slicer >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null || { \
+		apt-get update; apt-get install --yes --no-install-recommends prusa-slicer; }
+	@if command -v prusa-slicer >/dev/null; then \
+		OMP_NUM_THREADS=1 DUOBENCH_SLICER=prusa-slicer \
+			$(BIN)/python -m pytest -n $(TEST_WORKERS) tests/fabrication/with_slicer; \
+	else \
+		echo "Skipped: there is no prusa-slicer here. On Debian: apt-get install prusa-slicer"; \
+	fi
 
 # Needs npm, and Chromium as `chromium`, `chromium-browser` or `google-chrome`.
 test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER)  ## Test pages in a browser: accessibility, phone, paper, driving.

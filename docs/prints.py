@@ -71,9 +71,9 @@ def together(name: str) -> Iterator[Drawn]:
             yield mesh_of(manifold_of(cylinder(0.00275, 0.003, at=head))), STEEL
     elif name == "ball_maze":
         (board,), (ball,) = solids["board"], solids["ball"]
-        below = [SE3.at(z=-0.05)] * (len(board.pieces) - 1)
-        yield from pieces(board, (SE3(), *below))
-        yield from pieces(ball, (SE3.at(-0.08, 0.08, 0.06),))
+        below = [SE3.at(z=-0.05)] * (len(board.pieces) - 2)
+        yield from pieces(board, (SE3(), SE3.at(z=0.07), *below))
+        yield from pieces(ball, (SE3.at(-0.08, 0.08, 0.13),))
     elif name == "transfer_gate":
         (gate,) = solids["gate"]
         yield from pieces(gate, (SE3(), SE3.at(z=0.05), SE3.at(z=0.10)))

@@ -69,13 +69,13 @@ def _section(recipe: Recipe, pictures: Path) -> Iterator[str]:
     if recipe.parts:
         yield ""
         yield "| part | count | size (mm) | up | infill | mass of one (g) | hours |"
-        yield "| --- | ---: | --- | --- | ---: | ---: | ---: |"
+        yield "| --- | ---: | --- | --- | --- | ---: | ---: |"
         for part in recipe.parts:
             mass = "any" if part.mass_g is None else f"{part.mass_g[1]:.0f}"
             size = " × ".join(f"{edge:.0f}" for edge in part.size_mm)
             yield (
                 f"| `{part.name}` | {part.count} | {size} | {part.orientation} | "
-                f"{part.infill_percent} % | {mass} | {part.hours:.1f} |"
+                f"{part.infill_percent} %, {part.infill_pattern} | {mass} | {part.hours:.1f} |"
             )
         yield ""
         yield f"About {recipe.filament_g:.0f} g of filament and {recipe.hours:.1f} hours."

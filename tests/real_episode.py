@@ -27,9 +27,8 @@ from duobench.evaluation import rollout
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.policy import PolicyMetadata
 from duobench.results.folder import RunFolder
-from duobench.results.limits import TimeLimits
 from duobench.results.report import write_report
-from duobench.results.run import Candidate, Run
+from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
 from duobench.stages.progress import ProgressState

@@ -3,8 +3,6 @@
 A message says what was wrong, what was given, what would have worked, and what to try next.
 """
 
-from __future__ import annotations
-
 import difflib
 import re
 import sys
@@ -114,7 +112,7 @@ class PolicyTimeoutError(PolicyError):
     """A policy took longer than its time limit."""
 
     @classmethod
-    def of_answer(cls, limit_s: float) -> PolicyTimeoutError:
+    def of_answer(cls, limit_s: float) -> Self:
         """The error of an answer that took longer than so many seconds."""
         return cls(
             f"The policy did not answer within {limit_s:g} s, its limit for one reset or act."
@@ -197,7 +195,7 @@ class UnplayedError(MachineryError):
     """Episodes could not be played because a process died in them, each time."""
 
     @classmethod
-    def of(cls, episodes: Mapping[str, str]) -> UnplayedError:
+    def of(cls, episodes: Mapping[str, str]) -> Self:
         """The error of episodes by their names, with how their processes ended."""
         (name, *others), why = episodes, next(iter(episodes.values()))
         what = f"{len(episodes)} episodes" if others else "1 episode"
@@ -235,8 +233,7 @@ def traceback_text(error: BaseException, skip: int = 0) -> str:
     trace = error.__traceback__
     for _ in range(skip):
         trace = trace and trace.tb_next
-    lines = traceback.format_exception(type(error), error, trace)
-    text = escaped("".join(lines))
+    text = escaped("".join(traceback.format_exception(type(error), error, trace)))
     folders = sorted({str(Path(entry).resolve()) for entry in sys.path}, key=len, reverse=True)
     for folder in folders:
         text = text.replace(f'File "{folder}/', 'File "')

@@ -162,7 +162,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def remove_temporary(folder: Path) -> None:
     """Remove what interrupted writers left anywhere under a folder."""
-    for path in folder.rglob(f".*{TEMPORARY_SUFFIX}"):
+    remove(*folder.rglob(f".*{TEMPORARY_SUFFIX}"))
+
+
+def remove(*paths: Path) -> None:
+    """Remove files; those that are not there are none to remove."""
+    for path in paths:
         with writing(path):
             path.unlink(missing_ok=True)
 
@@ -178,8 +183,13 @@ def remove_abandoned(folder: Path, suffix: str) -> None:
             try:
                 os.kill(int(path.suffixes[-2][1:]), 0)
             except ProcessLookupError:
-                with writing(path):
-                    path.unlink(missing_ok=True)
+                remove(path)
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def checksum(document: Mapping[str, Any]) -> str:
@@ -216,11 +226,10 @@ def _is_checked(kind: type, schema: int) -> bool:
     return schema >= getattr(kind, "CHECKED_FROM", math.inf)
 
 
-def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = None) -> T:
+def decode(text: bytes | str, kind: type[T], schema: int) -> T:
     """A data class from the text that `encode` gave.
 
-    `schema` is the version of its fields that is written today, `oldest` the first one whose fields
-    it can take too; by default that of today.
+    `schema` is the version of its fields, the one that is read.
     """
     try:
         document: Any = msgspec.json.decode(text)
@@ -229,12 +238,9 @@ def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = N
     if not isinstance(document, dict):
         raise FileError(f"A JSON object is expected, not a {type(document).__name__}.")
     actual = document.pop("schema", None)
-    readable = range(schema if oldest is None else oldest, schema + 1)
-    if actual not in readable or isinstance(actual, bool):
-        raise FileError(
-            f"Schema {actual!r}; this version reads {' and '.join(map(str, readable))}."
-        )
-    is_checked = _is_checked(kind, actual)
+    if actual != schema or isinstance(actual, bool):
+        raise FileError(f"Schema {actual!r}; this version reads {schema}.")
+    is_checked = _is_checked(kind, schema)
     known = {field.name for field in fields(kind)} | ({CHECKSUM} if is_checked else set())
     if unknown := sorted(document.keys() - known):
         raise FileError(f"Unknown fields: {', '.join(unknown)}.")
@@ -244,17 +250,15 @@ def decode(text: bytes | str, kind: type[T], schema: int, oldest: int | None = N
         raise FileError(f"{error}.".replace("`$.", "`")) from error
     except DuoBenchError as error:  # of a value that names what does not exist
         raise FileError(str(error)) from error
-    if is_checked and document.get(CHECKSUM) != checksum({"schema": actual, **document}):
+    if is_checked and document.get(CHECKSUM) != checksum({"schema": schema, **document}):
         raise FileError("Its checksum does not fit: it was changed after it was written.")
     return value
 
 
-def read(
-    path: Readable, kind: type[T], schema: int, oldest: int | None = None, *, advice: str = ""
-) -> T:
+def read(path: Readable, kind: type[T], schema: int, *, advice: str = "") -> T:
     """A data class from a file that `encode` filled."""
     try:
-        return decode(path.read_bytes(), kind, schema, oldest)
+        return decode(path.read_bytes(), kind, schema)
     except (FileError, OSError) as error:
         reason = f"{error.strerror}." if isinstance(error, OSError) else error
         raise FileError(f"Cannot read {path}: {reason} {advice}".strip()) from error
@@ -266,7 +270,6 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
     value: Described,
     schema: int,
     *,
-    oldest: int | None = None,
     what: str,
     advice: str = "",
     foreign: str = "**/*",
@@ -280,7 +283,6 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
         description: The file in it that says what it holds; one that is there is left as it is.
         value: What it is to hold.
         schema: Version of the value's class.
-        oldest: The first version that is read, see `decode`.
         what: What that is, for messages: "export".
         advice: A sentence that ends the message of an error.
         foreign: Pattern of files that may not be in the folder before it is described.
@@ -296,7 +298,7 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
             return
         if not description.exists():  # else another process has begun the same
             raise OtherRunError(f"{folder} is not empty and holds no {what}. {advice}".strip())
-    found = value.differences(read(description, type(value), schema, oldest))
+    found = value.differences(read(description, type(value), schema))
     if found and is_final:
         raise OtherRunError(
             f"{folder} holds another {what}; this one has {'; '.join(found)}. {advice}".strip()

@@ -1,7 +1,5 @@
 """From an import path `module:attribute` to what it names, and public names loaded on first use."""
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Callable, Mapping

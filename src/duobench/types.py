@@ -1,11 +1,9 @@
 """Words that every floor shares: sides, states and commands of the two arms, checked numbers."""
 
-from __future__ import annotations
-
 import operator
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,7 +30,7 @@ class Side(StrEnum):
     RIGHT = "right"
 
     @property
-    def other(self) -> Side:
+    def other(self) -> "Side":
         """The opposite side."""
         return Side.RIGHT if self is Side.LEFT else Side.LEFT
 
@@ -116,11 +114,11 @@ class DuoCommand:
     openings: Array
     """Gripper openings (2,), 0 closed to 1 open."""
 
-    @staticmethod
-    def from_flat(flat: ArrayLike) -> DuoCommand:
+    @classmethod
+    def from_flat(cls, flat: ArrayLike) -> Self:
         """From 16 numbers: left joints 1-7, left opening, right joints 1-7, right opening."""
         rows = np.asarray(flat, dtype=np.float64).reshape(2, SIDE_SIZE)
-        return DuoCommand(joints=rows[:, :ARM_JOINTS], openings=rows[:, ARM_JOINTS])
+        return cls(joints=rows[:, :ARM_JOINTS], openings=rows[:, ARM_JOINTS])
 
     @property
     def flat(self) -> Array:

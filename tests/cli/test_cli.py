@@ -26,7 +26,7 @@ from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.console import console
 from duobench.cli.shared.options import command_line, options_of
 from duobench.cli.shared.spelling import check_spelling
-from duobench.cli.verbs.evaluate import evaluate as eval_verb
+from duobench.cli.verbs.episodes import evaluate as eval_verb
 from duobench.data import DataSet
 from duobench.files import decode, encode, locked
 from duobench.results.folder import RunFolder

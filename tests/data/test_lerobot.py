@@ -14,12 +14,12 @@ import pytest
 
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.arrange import merge
+from duobench.data.images import plain_view, resized
 from duobench.data.lerobot import metadata
 from duobench.data.lerobot.export import Exported, export_lerobot, write_videos
 from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
 from duobench.data.schema import Domain
-from duobench.data.views import plain_view, resized
 from duobench.errors import DataError, OtherRunError, OutputError, RenderingError, UnknownNameError
 from duobench.files import locked
 from duobench.rig_sessions.cameras import view_of

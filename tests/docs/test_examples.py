@@ -186,7 +186,7 @@ def test_the_commands_write_what_the_table_says(
     written = {path.suffix for path in (tmp_path / "prints" / "gate").rglob("*") if path.is_file()}
     assert written == {Path(file).suffix for file in listed if "." in file}
     boards = {path.name for path in (tmp_path / "prints" / "mazes" / "ball_maze").glob("board*")}
-    assert {name.partition("-")[0] for name in boards} == {"board_0", "board_7"}
+    assert {name.partition("-")[0] for name in boards} == {"board", "board_0", "board_7"}
 
 
 # --- robustness ----------------------------------------------------------------------------------

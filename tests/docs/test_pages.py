@@ -17,10 +17,9 @@ from duobench.envs.duo_env import base_of
 from duobench.envs.registration import VERSION
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
-from duobench.results.limits import TimeLimits
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.results.report import SUMMARY_SCHEMA
-from duobench.results.run import RUN_SCHEMA
+from duobench.results.run import RUN_SCHEMA, TimeLimits
 from duobench.robot.joints import HOME_JOINTS
 from duobench.scene.compose import SUBSTEPS
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS

@@ -13,8 +13,8 @@ from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, write_bundle
 from duobench.results.compare import compare, write_comparison
 from duobench.results.folder import RunFolder
-from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
+from duobench.results.run import TimeLimits
 from tests.evaluation.conftest import Play
 
 Toss = Callable[[Play], RunFolder]

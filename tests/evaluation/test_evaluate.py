@@ -13,7 +13,7 @@ from duobench.errors import (
 )
 from duobench.results.folder import RunFolder
 from duobench.results.journal import PARTS, Begun, Ended
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_tasks

@@ -17,8 +17,8 @@ from duobench.results import leaderboard as results_leaderboard
 from duobench.results.bundle import write_bundle
 from duobench.results.folder import RunFolder
 from duobench.results.leaderboard import DOCUMENT, VERDICTS, Board
+from duobench.results.run import WHOLE
 from duobench.results.salt import ROUNDS, make_salt, read_salt
-from duobench.results.shard import WHOLE
 from tests.evaluation import toy_tasks
 from tests.evaluation.forging import Document, copied, rewritten
 

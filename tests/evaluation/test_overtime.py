@@ -11,9 +11,8 @@ from duobench.policy import Batching
 from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
-from duobench.results.limits import TimeLimits
 from duobench.results.report import read_parts
-from duobench.results.shard import Shard
+from duobench.results.run import Shard, TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.evaluation import toy_batches, toy_tasks

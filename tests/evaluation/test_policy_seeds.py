@@ -19,8 +19,7 @@ from duobench.randomness import TRAIN, policy_seed
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.suite import find_tasks
-from duobench.runners.demonstrations import record as record_demonstrations
-from duobench.runners.evaluate import evaluate
+from duobench.runners.evaluate import evaluate, record as record_demonstrations
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import small_suite
 from tests.evaluation.toy_tasks import WAVE_NAME, seed_of

@@ -17,9 +17,8 @@ from duobench.evaluation.rollout import rollout
 from duobench.files import decode, encode
 from duobench.policy import PolicyMetadata, RandomPolicy, make
 from duobench.randomness import episode_seed, policy_seed
-from duobench.results.limits import TimeLimits
 from duobench.results.records import RECORD_SCHEMA, EpisodeRecord, StateHashes
-from duobench.results.run import Candidate, Run
+from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.suite import Episode, Suite, find_tasks
 from duobench.versions import package_versions, record_versions
 from tests.evaluation import toy_tasks

@@ -21,11 +21,10 @@ from duobench.results.bundle import Bundle, open_source, write_bundle
 from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
+from duobench.results.run import Shard
 from duobench.results.salt import Salt, read_salt
-from duobench.results.shard import Shard
 from duobench.results.suite import Suite, find_tasks
-from duobench.runners.demonstrations import record as record_demonstrations
-from duobench.runners.evaluate import evaluate
+from duobench.runners.evaluate import evaluate, record as record_demonstrations
 from duobench.runners.process import WorkerProcess
 from duobench.tasks import catalog
 from tests.children import ran

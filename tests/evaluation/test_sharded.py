@@ -14,8 +14,7 @@ from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.compare import compare
 from duobench.results.folder import RunFolder
 from duobench.results.report import write_report
-from duobench.results.run import Run
-from duobench.results.shard import WHOLE, Shard
+from duobench.results.run import WHOLE, Run, Shard
 from duobench.runners.evaluate import evaluate
 from duobench.shifts.shift import every_shift
 from tests.evaluation import toy_tasks
@@ -130,7 +129,7 @@ WRITER = """
 import sys
 from pathlib import Path
 from duobench.results.folder import RunFolder
-from duobench.results.shard import Shard
+from duobench.results.run import Shard
 from duobench.runners.evaluate import evaluate
 from tests.evaluation.conftest import small_suite
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from io import BytesIO
 
@@ -24,6 +25,11 @@ def job(name: str) -> PrintJob:
 
 JOBS = ("coupon", *TASKS)
 PARTS = [(name, part.name) for name in JOBS for part in job(name).parts]
+
+
+def belongs(part_body: str, body: str) -> bool:
+    """Whether a part is one of an object, or of all its variants, such as "board" of "board_3"."""
+    return part_body in (body, re.sub(r"_[0-9]+(?=/|$)", "", body))
 
 
 @cache

@@ -14,6 +14,8 @@ from duobench.objects import chest, gate, hexagon_peg, joint_blocks, maze_board
 from duobench.objects.mazes import MAZES
 from tests.fabrication.printed import reach, solid, width
 
+NOISE = 1e-12
+"""Volume in m³ that arithmetic leaves of nothing."""
 NEAR = 0.05
 """How far in mm a mating size may be off."""
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -27,7 +29,7 @@ BAR_Z = TOP - gate.RING_THICKNESS / 2
 KEY_Z = TOP - gate.RING_THICKNESS + gate.KEY[1] / 2
 STAY = (maze_board.BAR[1] + maze_board.STAY) / 2
 RIM = maze_board.EDGE / 2
-FLOOR, GRIP = "board_0-floor", "board_0-grip"
+FRAME, GRIP = "board-frame", "board-grip"
 OUTSIDE = (RIM - 1e-6, STAY, 0.0)
 DOVETAIL_END = (RIM - maze_board.DOVETAIL[0] + 1e-6, STAY, 0.0)
 SLOT_END = (DOVETAIL_END[0] - 0.0002, STAY, 0.0)
@@ -44,8 +46,9 @@ PLACES = {
     ("hinge_chest/chest/lid", "hole in the barrel, diameter"): ("chest-lid", BARREL, Z),
     ("pour_marbles/left_cup", "inside, between flats"): ("left_cup", (0, 0, 0.04), X),
     ("pour_marbles/right_cup", "inside, between flats"): ("right_cup", (0, 0, 0.04), Y),
-    ("ball_maze/board/floor", "slot for a dovetail, at the rim's outside"): (FLOOR, OUTSIDE, Y),
-    ("ball_maze/board/floor", "slot for a dovetail, at its end"): (FLOOR, SLOT_END, Y),
+    ("ball_maze/board/frame", "slot for a dovetail, at the rim's outside"): (FRAME, OUTSIDE, Y),
+    ("ball_maze/board/frame", "slot for a dovetail, at its end"): (FRAME, SLOT_END, Y),
+    ("ball_maze/board/frame", "opening for a floor, above its shoulders"): (FRAME, (0, 0, 0), X),
     ("ball_maze/board/grip", "dovetail where it leaves the stay"): (GRIP, OUTSIDE, Y),
     ("ball_maze/board/grip", "dovetail at its end"): (GRIP, DOVETAIL_END, Y),
     ("ball_maze/board/grip", "bar, thickness"): (GRIP, (maze_board.GRIP_OFFSET, 0.0, 0.0), X),
@@ -148,13 +151,34 @@ def test_the_ring_lies_on_the_floor_of_its_slot_over_the_key() -> None:
     assert (slot - across) / 2 == pytest.approx(0.2, abs=NEAR)
 
 
-@pytest.mark.parametrize("number", range(len(MAZES)))
-def test_a_dovetail_has_its_play_in_the_slot_of_any_board(number: int) -> None:
+def test_a_dovetail_has_its_play_in_the_slot_of_the_frame() -> None:
     for inwards in (0.0005, 0.004, 0.0075):
         at = (RIM - inwards, STAY, 0.0)
-        slot = width("ball_maze", f"board_{number}-floor", at, Y)
-        dovetail = width("ball_maze", f"board_{number}-grip", at, Y)
+        slot, dovetail = (width("ball_maze", of, at, Y) for of in (FRAME, GRIP))
         assert (slot - dovetail) / 2 == pytest.approx(0.2, abs=NEAR)
+
+
+@pytest.mark.parametrize("number", range(len(MAZES)))
+def test_any_floor_stands_in_the_frame_and_the_frame_lifts_it(number: int) -> None:
+    frame, floor = solid("ball_maze", FRAME), solid("ball_maze", f"board_{number}-floor")
+    assert floor.bounding_box()[2] == pytest.approx(frame.bounding_box()[2], abs=1e-7)
+    assert floor.bounding_box()[5] == pytest.approx(maze_board.WALL_HEIGHT, abs=1e-7)
+    play = maze_board.FLOOR_PLAY
+    for way in (X, Y):
+        for sign in (-1, 1):
+            here, there = (
+                floor.translate([share * sign * play * each for each in way])
+                for share in (0.95, 1.05)
+            )
+            assert (here ^ frame).volume() < NOISE
+            assert (there ^ frame).volume() > NOISE
+    # In the air it sinks by the play, and no further; upwards nothing holds it.
+    assert (floor.translate([0, 0, -0.95 * play]) ^ frame).volume() < NOISE
+    assert (floor.translate([0, 0, -1.05 * play]) ^ frame).volume() > NOISE
+    for rise in (0.002, 0.01, 0.03):
+        assert (floor.translate([0, 0, rise]) ^ frame).volume() < NOISE
+    # The other way up it does not go in, so that nobody lays it wrongly.
+    assert (floor.rotate([180, 0, 0]) ^ frame).volume() > NOISE
 
 
 def test_a_ball_has_the_ways_of_the_maze_to_itself() -> None:

@@ -18,6 +18,7 @@ from duobench.errors import FabricationError, UnknownNameError
 from duobench.fabrication import PrintedPart, PrintJob, job_of, lay_out, stl_bytes, threemf_bytes
 from duobench.fabrication.formats import BED_STEP, hex_colour
 from duobench.objects import Part, Prop, block
+from duobench.objects.mazes import MAZES
 from duobench.objects.shapes import KEPT_FREE, PRINTER
 from duobench.spatial import SE3
 from duobench.tasks import catalog
@@ -70,7 +71,7 @@ def test_what_hangs_over_is_little_where_nothing_supports_it(name: str, of: str)
     elif of == "chest-lid":
         assert area < 1100
     else:
-        assert area < (600 if of.startswith("board_") else 220)
+        assert area < (600 if of == "board-frame" else 220)
 
 
 @jobs
@@ -159,15 +160,39 @@ def test_titles_with_any_characters_can_be_read() -> None:
 def test_equal_grips_are_one_part_that_is_printed_four_times() -> None:
     maze = job_of(catalog.get("ball_maze"))
     counts = {each.name: each.count for each in maze.parts}
-    assert counts == {"board_0-floor": 1, "board_0-grip": 4, "ball": 1}
-    assert len({each.rgba for each in maze.parts}) == 3
+    assert counts == {"board-frame": 1, "board_0-floor": 1, "board-grip": 4, "ball": 1}
+    assert len({each.rgba for each in maze.parts}) == 4
 
 
 def test_mazes_are_chosen_by_their_numbers() -> None:
     names = [each.name for each in job_of(catalog.get("ball_maze"), ("3", "7")).parts]
-    assert names == ["board_3-floor", "board_3-grip", "board_7-floor", "board_7-grip", "ball"]
+    assert names == ["board-frame", "board_3-floor", "board-grip", "board_7-floor", "ball"]
     with pytest.raises(UnknownNameError, match="Unknown variant of board '12'"):
         job_of(catalog.get("ball_maze"), ("12",))
+
+
+def test_ten_mazes_are_one_frame_and_ten_floors() -> None:
+    task = catalog.get("ball_maze")
+    counts = {each.name: each.count for each in job("ball_maze").parts}
+    floors = [f"board_{number}-floor" for number in range(len(MAZES))]
+    assert counts == {"board-frame": 1, "board-grip": 4, "ball": 1, **dict.fromkeys(floors, 1)}
+    whole = sum(each.count * each.mass for each in job_of(task).parts)
+    floor = part("ball_maze", "board_0-floor").mass
+    together = sum(each.count * each.mass for each in job("ball_maze").parts)
+    assert together == pytest.approx(whole + 9 * floor, rel=1e-3)
+    assert together < 0.5 * len(MAZES) * whole
+
+
+def test_what_variants_share_is_the_same_in_all_of_them() -> None:
+    shared: dict[str, PrintedPart] = {}
+    for number in map(str, range(len(MAZES))):
+        for each in job_of(catalog.get("ball_maze"), (number,)).parts:
+            if not each.is_shared:
+                continue
+            first = shared.setdefault(each.name, each)
+            assert np.array_equal(first.mesh.vertices, each.mesh.vertices)
+            assert np.array_equal(first.mesh.faces, each.mesh.faces)
+    assert set(shared) == {"board-frame", "board-grip"}
 
 
 def test_what_is_too_large_is_refused_with_its_size() -> None:

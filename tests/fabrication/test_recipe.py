@@ -18,7 +18,7 @@ from duobench.fabrication.recipe import (
 )
 from duobench.files import decode, encode
 from duobench.tasks import catalog
-from tests.fabrication.printed import JOBS, PARTS, TASKS, job, part
+from tests.fabrication.printed import JOBS, PARTS, TASKS, belongs, job, part
 
 jobs = pytest.mark.parametrize("name", JOBS)
 
@@ -36,12 +36,13 @@ def test_what_is_lifted_is_solid_and_has_a_target_mass(name: str) -> None:
     recipe = recipe_of(job(name))
     for each in recipe.parts:
         assert (each.infill_percent == 100) is (each.mass_g is not None)
+        assert each.infill_pattern == ("rectilinear" if each.mass_g is not None else "grid")
         if each.mass_g is not None:
             least, target, most = each.mass_g
             assert target == pytest.approx(1.24 * each.volume_cm3, rel=0.01, abs=0.06)
             assert (least, most) == pytest.approx((0.95 * target, 1.05 * target), abs=0.1)
     for each in recipe.objects:
-        parts = [p for p in recipe.parts if p.body == each.body]
+        parts = [p for p in recipe.parts if belongs(p.body, each.body)]
         assert {p.infill_percent for p in parts} == {15 if each.mass_g is None else 100}
         if each.mass_g is not None:
             together = sum(p.count * p.mass_g[1] for p in parts if p.mass_g)
@@ -101,7 +102,7 @@ def test_screws_of_the_chest_are_on_its_list() -> None:
 
 def test_colours_change_where_the_simulated_ones_do() -> None:
     (floor,) = (p for p in recipe_of(job("ball_maze")).parts if p.name == "board_4-floor")
-    assert floor.colour_changes == [(4.0, "#1C406B")]
+    assert floor.colour_changes == [(4.0, "#29578F")]
     (bowl,) = (p for p in recipe_of(job("bin_sort")).parts if p.name == "black_bowl")
     assert bowl.colour_changes == [(25.0, "#B8B8BA")]
 

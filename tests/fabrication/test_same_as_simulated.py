@@ -15,7 +15,7 @@ from duobench.fabrication import neutral_layout
 from duobench.objects.solid import placed
 from duobench.spatial import SE3
 from duobench.tasks import catalog
-from tests.fabrication.printed import TASKS, as_read, job
+from tests.fabrication.printed import TASKS, as_read, belongs, job
 
 NEAR = 0.02
 """Share by which volume and mass may differ."""
@@ -76,7 +76,7 @@ def test_volume_and_mass_are_those_of_the_simulation(name: str, label: str) -> N
     body, variant = body_and_variant(label)
     model = model_of(name, variant)
     simulated = model.body(body).id
-    parts = [each for each in job(name).parts if each.body == label]
+    parts = [each for each in job(name).parts if belongs(each.body, label)]
     volume = sum(each.count * as_read(each).volume * 1e-9 for each in parts)
     assert volume == pytest.approx(collides(model, simulated), rel=NEAR)
     mass = sum(each.count * each.mass for each in parts)

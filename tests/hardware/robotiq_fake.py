@@ -9,12 +9,12 @@ from collections.abc import Callable
 from pymodbus.server import ModbusSerialServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
+from duobench.hardware.drivers.registers import GripperRegisters
 from tests.ptys import Cable
 
 COMMAND, STATUS = 1000, 2000
 READ_INPUT, WRITE_HOLDING = 4, 16
 COUNTS_A_SECOND = 400.0
-ACTIVATION_S = 1.0
 
 
 class FakeGripper:
@@ -26,13 +26,9 @@ class FakeGripper:
         self.now = now
         self.goals: list[tuple[int, int, int]] = []
         """Every command that came: action bits, goal, speed and force."""
-        self.ends = (3, 228)
+        self.registers = GripperRegisters(is_active=active)
         self.object_at: int | None = None
-        self.fault = 0
-        self.jams = False
-        self._position, self._goal, self._time = float(self.ends[0]), float(self.ends[0]), now()
-        self._active_at: float | None = now() - ACTIVATION_S if active else None
-        self._goes = self._blocked = False
+        self._time = now()
         self.cable = Cable()
         self._loop = asyncio.new_event_loop()
         self._is_ready = threading.Event()
@@ -55,10 +51,12 @@ class FakeGripper:
     @property
     def position(self) -> float:
         self._move()
-        return self._position
+        return self.registers.position
 
     def lose_power(self) -> None:
-        self._active_at, self._goes = None, False
+        """Lose the power for a moment."""
+        self.registers.lose_power()
+        self.registers.has_power = True
 
     def close(self) -> None:
         asyncio.run_coroutine_threadsafe(self._server.shutdown(), self._loop).result(30.0)
@@ -91,40 +89,18 @@ class FakeGripper:
         self._move()
         if function == WRITE_HOLDING and values is not None:
             assert (address, count) == (COMMAND, 3)
-            self._obey(*map(int, values))
+            action, goal, speed_and_force = map(int, values)
+            self.goals.append((action, goal, speed_and_force))
+            self.registers.write((action, goal, speed_and_force))
         elif function == READ_INPUT:
             assert (address, count) == (STATUS, 3)
-            registers[STATUS - start : STATUS - start + 3] = self._status()
-
-    def _obey(self, bits: int, goal: int, speed_and_force: int) -> None:
-        self.goals.append((bits, goal, speed_and_force))
-        if not bits & 1 << 8:
-            self._active_at, self.fault = None, 0
-        elif self._active_at is None:
-            self._active_at = self.now()
-        self._goes = bool(bits & 1 << 11)
-        self._goal = float(min(max(goal, self.ends[0]), self.ends[1]))
-
-    def _state(self) -> int:
-        """gSTA: 0 reset, 1 activating, 3 active."""
-        if self._active_at is None:
-            return 0
-        return 3 if self.now() - self._active_at >= ACTIVATION_S and not self.jams else 1
+            registers[STATUS - start : STATUS - start + 3] = self.registers.read()
 
     def _move(self) -> None:
-        now = self.now()
+        now, position, goal = self.now(), self.registers.position, self.registers.target
         most, self._time = COUNTS_A_SECOND * (now - self._time), now
-        if not (self._goes and self._state() == 3):
-            return
-        goal = self._goal
-        if self.object_at is not None and self._position <= self.object_at < goal:
-            goal = float(self.object_at)
-        self._position += min(max(goal - self._position, -most), most)
-        self._blocked = self._position == goal != self._goal
-
-    def _status(self) -> list[int]:
-        contact = 2 if self._blocked else 3 if self._position == self._goal else 0
-        if not self._goes:
-            contact = 3
-        bits = (self._active_at is not None) | self._goes << 3 | self._state() << 4 | contact << 6
-        return [bits << 8, self.fault << 8 | round(self._goal), round(self._position) << 8]
+        if goal is not None:
+            if self.object_at is not None and position <= self.object_at < goal:
+                goal = float(self.object_at)
+            position += min(max(goal - position, -most), most)
+        self.registers.move(position, now)

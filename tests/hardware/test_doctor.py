@@ -19,11 +19,11 @@ from duobench.hardware.doctor.computer import computer_checks
 from duobench.hardware.doctor.examine import (
     SUCCESS_RATE,
     examine,
-    gravity_torques,
     mount_check,
 )
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera
 from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.mounts import gravity_torques
 from duobench.hardware.rig import ArmConfig, Rig
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import SIDES, Side

@@ -209,3 +209,63 @@ def test_near_an_end_of_its_range_a_joint_may_only_move_slowly_towards_it() -> N
     _, nearly = speed_limits(end - 0.1)
     assert (nearly < np.array(VELOCITY_LIMITS)).all()
     assert (nearly > 0.0).all()
+
+
+@pytest.mark.parametrize("acceleration", [1.0, 4.0, MAX_ACCELERATION])
+@pytest.mark.parametrize("seed", range(2))
+def test_no_order_of_calls_breaks_a_bound(seed: int, acceleration: float) -> None:
+    """Targets, holds, resets to where it is told to be, limits and uneven calls at random."""
+    rng = np.random.default_rng(seed)
+    follower = Follower(HOME, replace(FULL, acceleration=acceleration))
+    low, high = JOINT_RANGES.T
+    slowing = 0.0
+    """Seconds in which a speed that was allowed before may still be too fast."""
+    for _ in range(150):
+        match rng.integers(6):
+            case 0:
+                follower.hold()
+            case 1:
+                fraction = float(rng.choice([0.02, 0.1, 0.25, MAX_SPEED_FRACTION]))
+                slowing = max(VELOCITY_LIMITS) * MAX_SPEED_FRACTION / acceleration
+                follower.speed_fraction = fraction
+            case 2 if follower.is_at_rest:
+                follower.reset(follower.reference)
+            case _:
+                follower.aim(rng.uniform(low - 0.5, high + 0.5))
+        for _ in range(rng.integers(1, 20)):
+            dt = float(rng.choice([DT, rng.uniform(1e-4, MAX_STEP_S), 10.0]))
+            before, lowest_highest = follower.velocity, speed_limits(follower.reference)
+            joints, speed = follower.advance(dt)
+            took = min(dt, MAX_STEP_S)
+            assert np.abs(speed - before).max() <= acceleration * took * (1 + 1e-9)
+            assert joints == pytest.approx(np.clip(joints, LOWEST, HIGHEST), abs=1e-9)
+            slowing -= took
+            allowed = follower.speed_fraction if slowing < 0.0 else MAX_SPEED_FRACTION
+            slowest, fastest = (allowed * each for each in lowest_highest)
+            # Where the limits fall faster than a slow arm brakes, its own braking bounds it.
+            assert (speed >= np.minimum(slowest, before + acceleration * took) - 1e-9).all()
+            assert (speed <= np.maximum(fastest, before - acceleration * took) + 1e-9).all()
+            assert (speed >= lowest_highest[0] - 1e-9).all()
+            assert (speed <= lowest_highest[1] + 1e-9).all()
+
+
+def test_ten_thousand_resets_in_full_motion_keep_the_acceleration() -> None:
+    """A limit that narrows to a tenth in any motion, with and without a hold before it."""
+    rng = np.random.default_rng(0)
+    follower, fastest = Follower(HOME, FULL), 0.0
+    middle = JOINT_RANGES.mean(axis=1)
+    for number in range(10_000):
+        follower.speed_fraction = FULL.speed_fraction
+        follower.aim(middle + rng.uniform(-1.0, 1.0, 7))
+        speeds = [follower.advance(MAX_STEP_S)[1] for _ in range(rng.integers(6, 18))]
+        fastest = max(fastest, np.abs(speeds[-1]).max())
+        follower.speed_fraction = 0.1
+        if number % 2:
+            follower.hold()
+        else:
+            follower.aim(HOME)
+        speeds += [follower.advance(DT)[1] for _ in range(4)]
+        changes = np.abs(np.diff(speeds, axis=0)).max(axis=1)
+        steps = np.array([MAX_STEP_S] * (len(changes) - 4) + [DT] * 4)
+        assert (changes <= MAX_ACCELERATION * steps * (1 + 1e-9)).all()
+    assert fastest > 0.9

@@ -13,9 +13,8 @@ import pytest
 from duobench.errors import ActionError, BackendError
 from duobench.hardware.clock import Clock, SystemClock, VirtualClock
 from duobench.hardware.devices import FaultKind, GripperReading
+from duobench.hardware.drivers.registers import ACTIVATE, GO
 from duobench.hardware.drivers.robotiq import (
-    ACTIVATE,
-    GO,
     READ_HZ,
     RobotiqGripper,
     Status,
@@ -57,7 +56,7 @@ class Bench:
 
     def set_silent(self, is_silent: bool) -> None:
         """Have no answer come; it is given up at once, which costs real time."""
-        self.gripper._client.comm_params.timeout_connect = 0.01 if is_silent else PATIENT_S
+        self.gripper._port.client.comm_params.timeout_connect = 0.01 if is_silent else PATIENT_S
         self.fake.cable.is_silent = is_silent
 
 
@@ -149,7 +148,7 @@ def test_a_program_that_starts_again_leaves_a_grip_alone() -> None:
 
 @pytest.mark.parametrize("code", [0x08, 0x0A, 0x0B, 0x0C, 0x0D, 0x0E, 0x0F])
 def test_faults_are_told(code: int, active: Bench) -> None:
-    active.fake.fault = code
+    active.fake.registers.fault = code
     active.wait(0.1)
     assert f"0x{code:02X}" in active.fault_text(FaultKind.COMMUNICATION)
     active.gripper.activate()
@@ -158,7 +157,7 @@ def test_faults_are_told(code: int, active: Bench) -> None:
 
 @pytest.mark.parametrize("code", [0x05, 0x07, 0x09])
 def test_notes_are_no_faults(code: int, bench: Bench) -> None:
-    bench.fake.fault = code
+    bench.fake.registers.fault = code
     assert bench.wait(0.1).fault is None
 
 
@@ -174,7 +173,7 @@ def test_lost_power_is_a_fault_until_the_next_activation(active: Bench) -> None:
 
 
 def test_an_activation_that_does_not_end_raises(bench: Bench) -> None:
-    bench.fake.jams = True
+    bench.fake.registers.jams = True
     with pytest.raises(BackendError, match="was not activated: it took over 15 s"):
         bench.gripper.activate()
 
@@ -237,7 +236,7 @@ def test_an_opening_that_is_no_number_is_refused(bench: Bench) -> None:
 
 def test_ends_are_measured() -> None:
     with benched(connect=False) as bench:
-        bench.fake.ends = (5, 221)
+        bench.fake.registers.ends = (5, 221)
         config = GripperConfig(port=bench.fake.port, force=50)
         found = measure_ends(config, bench.clock, answer_s=PATIENT_S)
         assert found == replace(config, open_count=5, closed_count=221)

@@ -111,14 +111,14 @@ def test_a_film_that_vanishes_becomes_a_fault(film: Path, tmp_path: Path) -> Non
     camera = FileCamera(config_of(str(copy), is_side_by_side=True), clock, "head")
     camera.connect()
     copy.unlink()
-    clock.wait_until(COUNT / 30 + 0.2)
+    clock.wait_until(COUNT / 30 + 0.6)
     assert camera.fault is None
-    clock.wait_until(COUNT / 30 + 0.5)
+    clock.wait_until(COUNT / 30 + 0.9)
     fault = camera.fault
     camera.close()
     assert fault is not None
     assert fault.kind is FaultKind.COMMUNICATION
-    assert "has given no image for 0.5 s: The camera head cannot be opened" in fault.text
+    assert "has given no image for 0.9 s: The camera head cannot be opened" in fault.text
 
 
 @pytest.mark.parametrize(

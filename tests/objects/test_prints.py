@@ -178,7 +178,7 @@ def test_the_ring_comes_off_its_stand_upwards_only() -> None:
 
 
 def test_a_grip_goes_into_the_board_from_below_and_carries_it() -> None:
-    board, *grips = map(exact, pieces_of(maze_board.printable_board(maze_board.MAZES[0])))
+    board, _, *grips = map(exact, pieces_of(maze_board.printable_board(maze_board.MAZES[0])))
     grip, *others = grips
     for drop in (0.005, 0.010, 0.020):
         assert clash(grip.translate((0.0, 0.0, -drop)), board) == 0.0

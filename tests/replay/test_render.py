@@ -18,8 +18,7 @@ from duobench.replay.render import (
 )
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
-from duobench.results.report import read_parts, write_report
-from duobench.results.report_check import check_report
+from duobench.results.report import check_report, read_parts, write_report
 from duobench.results.scores import Results
 from duobench.results.suite import find_tasks
 from duobench.web import track

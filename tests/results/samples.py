@@ -13,9 +13,8 @@ from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION, episode_seed, policy_seed
 from duobench.results.excess import Excess
 from duobench.results.folder import RunFolder
-from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord, Key
-from duobench.results.run import Candidate, Run
+from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.scores import RunPart, summarize
 from duobench.results.suite import CUSTOM, Suite, TaskInfo
 

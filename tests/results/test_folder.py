@@ -17,8 +17,8 @@ from duobench.files import encode, locked
 from duobench.policy import PolicyMetadata
 from duobench.randomness import SUITE_VERSION
 from duobench.results.folder import RunFolder
-from duobench.results.limits import TimeLimits
 from duobench.results.records import RECORD_SCHEMA
+from duobench.results.run import TimeLimits
 from tests.evaluation.processes import is_running
 from tests.results.samples import (
     LIFT,

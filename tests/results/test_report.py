@@ -14,8 +14,7 @@ from duobench.results.folder import RunFolder
 from duobench.results.journal import PARTS, EpisodeTimes
 from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
-from duobench.results.run import Run
-from duobench.results.shard import Shard
+from duobench.results.run import Run, Shard
 from tests.results.samples import (
     DEGREES,
     LIFT,

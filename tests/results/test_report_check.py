@@ -14,8 +14,7 @@ from duobench.errors import escaped
 from duobench.results import figures
 from duobench.results.folder import RunFolder
 from duobench.results.pages import software
-from duobench.results.report import read_parts, write_report
-from duobench.results.report_check import check_report
+from duobench.results.report import check_report, read_parts, write_report
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.results.samples import SORT, key, sample_folder, sample_records, sample_run
 

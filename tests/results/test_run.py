@@ -6,8 +6,7 @@ import pytest
 
 from duobench.errors import DuoBenchError, EvaluationError, FileError, UnknownNameError
 from duobench.files import decode, encode
-from duobench.results.limits import TimeLimits
-from duobench.results.run import RUN_SCHEMA, Run
+from duobench.results.run import RUN_SCHEMA, Run, TimeLimits
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.results.samples import LIFT, SORT, sample_run
 

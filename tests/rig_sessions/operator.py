@@ -104,8 +104,11 @@ class Operator:
     def attempt(self, number: int) -> None:
         self.until(lambda status: status["trial"]["attempt"] == number)
 
-    def finish(self) -> None:
+    def finish(self, *, holds: bool = True) -> None:
+        """Close the trial; of a solved one say first whether it held at the end."""
         before = self.status["trial"]
+        if self.status["stage"] == len(self.status["stages"]):
+            self.say("at_end", holds=holds)
         self.say("finish")
         self.until(lambda status: status["trial"] != before or status["phase"] == "over")
 

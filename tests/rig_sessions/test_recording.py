@@ -18,6 +18,7 @@ from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.policy import PolicyMetadata
+from duobench.rig_sessions.policy_runner import REASONS
 from duobench.rig_sessions.recording import Playback, RigRecording, find_policy, slowed
 from duobench.types import POLICY_CAMERAS, Side
 
@@ -94,8 +95,8 @@ def outcome_of(recording: Recording) -> Outcome:
     return recording.info.outcome
 
 
-def fail(duo: FrankaDuo, text: str) -> None:
-    duo.arms[Side.LEFT].fail(text, FaultKind.CONTACT)  # type: ignore[attr-defined]
+def fail(duo: FrankaDuo, text: str, kind: FaultKind = FaultKind.CONTACT) -> None:
+    duo.arms[Side.LEFT].fail(text, kind)  # type: ignore[attr-defined]
 
 
 def test_an_operator_records_what_a_policy_does(tmp_path: Path) -> None:
@@ -176,6 +177,20 @@ def test_a_fault_is_in_the_record_and_recovered_by_the_operator(tmp_path: Path) 
     assert len(whole) == HORIZON
     assert any("Something is wrong" in text for text in script.asked)
     assert find_problems(DataSet(tmp_path)) == []
+
+
+def test_an_emergency_stop_is_asked_about_and_nothing_is_kept(tmp_path: Path) -> None:
+    def stop(duo: FrankaDuo, step: int) -> None:
+        if step == 5:
+            fail(duo, "User Stop pressed!", FaultKind.PERSON)
+
+    script = Script("hp2rq")
+    with session(tmp_path, script, on_step=stop) as recording:
+        assert recording.run() == 0
+    assert script.answers == []
+    assert "Why did the arms stop?" in script.asked[2]
+    assert REASONS[FaultKind.PERSON][1] in script.said
+    assert list(DataSet(tmp_path).recordings()) == []
 
 
 def test_a_policy_that_fails_loses_nothing(tmp_path: Path) -> None:

@@ -9,7 +9,12 @@ import pytest
 from duobench.errors import EvaluationError, LockedError, OtherRunError, PolicyError
 from duobench.files import locked
 from duobench.hardware.devices import FaultKind
-from duobench.rig_sessions.session import HELD_BY_OPERATOR
+from duobench.hardware.judge import REACTION_S
+from duobench.results.records import InvalidTrial
+from duobench.rig_sessions import interruptible
+from duobench.rig_sessions.interruptible import GIVEN_UP
+from duobench.rig_sessions.session import HELD_BY_OPERATOR, NEVER_COUNTS
+from duobench.rig_sessions.trials import ASK_AT_END
 from duobench.rig_sessions.trials_folder import (
     CUT,
     LogEntry,
@@ -29,7 +34,7 @@ from tests.rig_sessions.operator import (
     played,
     records,
 )
-from tests.web.pages import open_page
+from tests.web.pages import open_page, wait_until
 
 LAST = 5
 ONE = [(f"{toys.MODULE}:Patient", "")]
@@ -37,8 +42,13 @@ ONE = [(f"{toys.MODULE}:Patient", "")]
 
 def reasons(stand: Stand) -> list[str]:
     """Why trials were invalid."""
-    invalid = TrialsProgress.of(stand.folder.read_log()).invalid
-    return [reason for each in invalid.values() for reason in each]
+    return [one.reason for one in invalid(stand)]
+
+
+def invalid(stand: Stand) -> list[InvalidTrial]:
+    """Trials that do not count."""
+    found = TrialsProgress.of(stand.folder.read_log()).invalid
+    return [one for each in found.values() for one in each]
 
 
 def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path: Path) -> None:
@@ -57,12 +67,16 @@ def test_fault_of_the_network_makes_a_trial_invalid_and_it_comes_again(tmp_path:
 
     stand = played(tmp_path / "t", script, ONE)
     record, judged = only_record(stand)
-    (reason,) = judged.repeated
+    (one,) = judged.repeated
     assert record.final_stage == 2
-    assert "no answer" in reason
-    invalid = [each.yes for each in stand.folder.read_log() if each.kind is LogKind.INVALID]
-    assert invalid == [True]  # a machine found it so
-    assert write_trials_report(stand.folder).invalid == ((reason, 1),)
+    assert "no answer" in one.reason
+    assert (one.stage, one.fault, one.is_chosen) == (1, FaultKind.COMMUNICATION, False)
+    report = write_trials_report(stand.folder)
+    assert report.invalid == ((one.reason, 1),)
+    (row,) = report.invalid_by_policy
+    assert (row.trials, row.chosen, row.stages[:3]) == (1, 0, (0, 1, 0))
+    assert "At stage 1" in stand.folder.page.read_text()
+    assert "communication (1)" in stand.folder.run.page.read_text()
 
 
 def test_reflex_counts_against_the_policy(tmp_path: Path) -> None:
@@ -76,10 +90,122 @@ def test_reflex_counts_against_the_policy(tmp_path: Path) -> None:
     stand = played(tmp_path / "t", script, ONE)
     record, judged = only_record(stand)
     assert (record.final_stage, record.success, record.truncated) == (1, False, True)
-    assert judged.reflex
+    assert judged.fault is FaultKind.CONTACT
     assert "cartesian_reflex" in judged.stopped
-    assert write_trials_report(stand.folder).policies[0].reflexes == 1
+    assert write_trials_report(stand.folder).policies[0].stops == "contact (1)"
     assert "cartesian_reflex" in stand.folder.run.page.read_text()
+
+
+@pytest.mark.parametrize("kind", [FaultKind.PERSON, FaultKind.CONTROLLER])
+def test_what_a_person_or_our_controller_did_is_asked_about_and_never_counts(
+    kind: FaultKind, tmp_path: Path
+) -> None:
+    def script(operator: Operator) -> None:
+        operator.begin()
+        operator.press(2)
+        operator.next_chunk(lambda: operator.fail(Side.LEFT, "User Stop pressed!", kind))
+        status = operator.phase("judging")
+        assert "User Stop" in status["message"]
+        assert "never counts" in status["message"]
+        assert len(status["reasons"]) > 1
+        operator.say("finish")
+        operator.until(lambda status: status["message"] == NEVER_COUNTS)
+        operator.invalid("A visitor came near.")
+        assert operator.status["reasons"] == []
+        operator.say("recover")
+        operator.until(lambda status: not status["fault"])
+        operator.begin()
+        operator.play([[1]])
+        operator.finish()
+
+    stand = played(tmp_path / "t", script, ONE)
+    record, judged = only_record(stand)
+    assert (record.final_stage, judged.fault) == (1, None)
+    expected = InvalidTrial(reason="A visitor came near.", stage=2, fault=kind)
+    assert judged.repeated == (expected,)
+    assert invalid(stand) == [expected]
+    write_trials_report(stand.folder)
+    assert f"stopped by {kind} (1)" in stand.folder.run.page.read_text()
+    assert f"{kind} (1)" in stand.folder.page.read_text()
+
+
+@pytest.mark.parametrize("counts", [True, False])
+def test_operator_says_whose_doing_a_limit_was(counts: bool, tmp_path: Path) -> None:
+    def script(operator: Operator) -> None:
+        operator.begin()
+        operator.press(1)
+        operator.next_chunk(lambda: operator.fail(Side.LEFT, "too far", FaultKind.LIMIT))
+        assert "the policy's doing" in operator.phase("judging")["message"]
+        assert operator.status["reasons"] == []
+        if counts:
+            operator.finish()
+            return
+        operator.invalid("Our gains are too soft.")
+        operator.stand.session.stop()
+
+    stand = played(tmp_path / "t", script, ONE, is_complete=counts)
+    if counts:
+        record, judged = only_record(stand)
+        assert (record.final_stage, judged.fault) == (1, FaultKind.LIMIT)
+    else:
+        (one,) = invalid(stand)
+        assert (one.fault, one.is_chosen, one.stage) == (FaultKind.LIMIT, True, 1)
+
+
+def test_fault_in_the_step_of_the_success_does_not_take_it_back(tmp_path: Path) -> None:
+    def stop(operator: Operator) -> None:
+        operator.press(LAST)
+        operator.fail(Side.LEFT, "User Stop pressed!", FaultKind.PERSON)
+
+    def script(operator: Operator) -> None:
+        operator.begin()
+        operator.next_chunk(lambda: stop(operator))
+        assert operator.phase("judging")["reasons"] == []
+        operator.finish()
+
+    record, judged = only_record(played(tmp_path / "t", script, ONE))
+    assert record.success
+    assert judged.fault is FaultKind.PERSON
+
+
+def test_whether_success_held_is_asked_before_a_trial_counts(tmp_path: Path) -> None:
+    def script(operator: Operator) -> None:
+        operator.begin()
+        operator.play([[LAST]])
+        operator.say("finish")
+        operator.until(lambda status: status["message"] == ASK_AT_END)
+        operator.finish(holds=False)
+
+    record, _ = only_record(played(tmp_path / "t", script, ONE))
+    assert (record.success, record.success_at_end) == (True, False)
+
+
+@pytest.mark.parametrize("is_late", [False, True])
+def test_press_long_after_the_end_counts_at_the_last_step_and_is_marked(
+    is_late: bool, tmp_path: Path
+) -> None:
+    def script(operator: Operator) -> None:
+        operator.begin()
+        operator.play([[2]])
+        clock = operator.stand.duo.clock
+        if is_late:
+            end = clock.now()
+            wait_until(lambda: clock.now() > end + REACTION_S)
+        operator.press(LAST)
+        operator.say("stage", stage=1, time_s=0.2)
+        operator.finish()
+
+    stand = played(tmp_path / "t", script, ONE)
+    record, judged = only_record(stand)
+    assert record.stage_changes == ((0, 2), (STEPS, LAST))
+    assert [press.late for press in judged.presses] == [False, is_late, False]
+    assert judged.is_late == is_late
+    logged = [each.yes for each in stand.folder.read_log() if each.kind is LogKind.PRESS]
+    assert logged == [None, is_late or None, None]
+    write_trials_report(stand.folder)
+    page = stand.folder.run.page.read_text()
+    assert ("pressed long after the end" in page) == is_late
+    assert ("1: 1 episodes have" in page) == is_late
 
 
 def test_operator_holds_the_arms_at_once(tmp_path: Path) -> None:
@@ -94,7 +220,7 @@ def test_operator_holds_the_arms_at_once(tmp_path: Path) -> None:
         operator.finish()
 
     record, judged = only_record(played(tmp_path / "t", script, ONE))
-    assert (record.steps, judged.stopped, judged.reflex) == (1, HELD_BY_OPERATOR, False)
+    assert (record.steps, judged.stopped, judged.fault) == (1, HELD_BY_OPERATOR, None)
 
 
 def test_lost_page_holds_the_arms_and_the_trial_does_not_count(tmp_path: Path) -> None:
@@ -167,6 +293,48 @@ def test_late_press_counts_and_policy_that_raises_has_failed(tmp_path: Path) -> 
     assert "out of ideas" in (broken.error or "")
 
 
+def test_policy_that_does_not_answer_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It counts against the policy; where it never answers, the next trial of it fails as well."""
+    monkeypatch.setattr(interruptible, "PATIENCE_S", 0.1)
+
+    def script(operator: Operator) -> None:
+        for _ in range(2):
+            operator.begin()
+            operator.press(2)
+            operator.until(lambda status: status["waits"])
+            operator.say("hold")
+            operator.wait_for_hold()
+            operator.say("give_up")
+            assert GIVEN_UP in operator.phase("judging")["message"]
+            operator.say("give_up")
+            assert "Not now" in operator.page.hear_of("refused")["reason"]
+            operator.finish()
+        toys.Patient.gate.release()
+
+    stand = played(tmp_path / "t", script, ONE, episodes=2)
+    ((one, other),) = records(stand.folder).values()
+    for record in (one, other):
+        assert (record.steps, record.final_stage, record.success) == (0, 2, False)
+        assert GIVEN_UP in (record.error or "")
+    ends = [each.time_s for each in stand.folder.read_log() if each.kind is LogKind.END]
+    assert ends == [None, None]  # no step was made
+
+
+def test_session_that_is_stopped_does_not_wait_for_its_policy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruptible, "PATIENCE_S", 0.1)
+
+    def script(operator: Operator) -> None:
+        operator.begin()
+        operator.stand.session.stop()
+
+    assert played(tmp_path / "t", script, ONE, is_complete=False).session.is_stopped
+    toys.Patient.gate.release()
+
+
 def test_page_cannot_do_what_is_not_for_now(tmp_path: Path) -> None:
     def check(operator: Operator, words: str, kind: str, **fields: object) -> None:
         operator.say(kind, **fields)
@@ -176,6 +344,7 @@ def test_page_cannot_do_what_is_not_for_now(tmp_path: Path) -> None:
         check(operator, "stages are 1 to 5", "stage", stage=9)
         check(operator, "no press", "undo")
         check(operator, "Not now", "finish")
+        check(operator, "Not now", "invalid", reason="No.")
 
     def script(operator: Operator) -> None:
         operator.phase("placing")

@@ -11,6 +11,7 @@ from duobench.errors import EvaluationError
 from duobench.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.mixed import read_mixed, write_mixed
+from duobench.results.records import InvalidTrial
 from duobench.results.scores import wilson_interval
 from duobench.rig_sessions.trials_folder import LogKind, TrialsFolder
 from duobench.rig_sessions.trials_report import TrialsReport, write_trials_report
@@ -53,11 +54,9 @@ class Scripted:
                 continue
             else:
                 operator.play([[stage] if stage else []])
-                if stage == LAST and number % 2:
-                    operator.say("at_end", holds=False)
                 if number == 0:
                     operator.say("note", text="The first one.")
-                operator.finish()
+                operator.finish(holds=number % 2 == 0)
             number += 1
         self.over = operator.until(lambda status: status.get("results"))
 
@@ -100,7 +99,7 @@ def test_every_trial_is_recorded_as_it_was_judged(whole: Whole) -> None:
         assert record.targets() is not None
     again = played["AB"[trials[INVALID].policy]][trials[INVALID].episode]
     assert again.judged is not None
-    assert again.judged.repeated == (REASON,)
+    assert again.judged.repeated == (InvalidTrial(reason=REASON, stage=1, is_chosen=True),)
 
 
 def test_undone_presses_stay(whole: Whole) -> None:

@@ -22,7 +22,7 @@ from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.connection import is_healthy
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.results.folder import RunFolder
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import compared, small_suite

@@ -16,7 +16,7 @@ from duobench.files import locked
 from duobench.policy import HoldPolicy, PolicyMetadata
 from duobench.randomness import instruction_number
 from duobench.results.suite import find_tasks
-from duobench.runners.demonstrations import record
+from duobench.runners.evaluate import record
 from duobench.tasks import catalog
 from tests.data.tools import room
 from tests.evaluation import toy_tasks

@@ -20,7 +20,7 @@ from duobench.errors import (
 )
 from duobench.policy import Batching
 from duobench.results.journal import Ended
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from duobench.results.suite import find_tasks
 from duobench.runners import executor, process
 from duobench.runners.process import Channel

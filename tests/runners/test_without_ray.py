@@ -59,7 +59,7 @@ def test_missing_ray_names_the_extra(monkeypatch, tmp_path):
 
 
 def test_nothing_loads_ray_that_does_not_need_it():
-    modules = "duobench.cli.verbs.evaluate, duobench.runners.evaluate, duobench.runners.ray_cluster"
+    modules = "duobench.cli.verbs.episodes, duobench.runners.evaluate, duobench.runners.ray_cluster"
     code = f"import sys, {modules}; sys.exit('ray' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

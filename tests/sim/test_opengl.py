@@ -226,7 +226,7 @@ def test_the_library_of_triton_comes_before_opengl_and_may_be_broken(
             lambda event, words: opened.append(str(words[0])) if event == "ctypes.dlopen" else None
         )
         from duobench.sim.rendering import describe
-        from duobench.sim.triton_library import load_triton
+        from duobench.sim.opengl import load_triton
         describe()
         names = [path.rpartition("/")[2] for path in opened]
         gl = next(n for n, name in enumerate(names) if name.startswith(("libEGL", "libOSMesa")))

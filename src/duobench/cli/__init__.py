@@ -9,8 +9,8 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
-from duobench.cli.shared.names import check_names
 from duobench.cli.shared.process import leave, leaving_at_once
+from duobench.cli.shared.spelling import check_names
 from duobench.errors import DuoBenchError, escaped
 
 VERBOSE = "--verbose"

@@ -7,7 +7,7 @@ import tyro
 from duobench.cli.real import arms, calibrate
 from duobench.cli.shared.console import say
 from duobench.cli.shared.spelling import check_spelling
-from duobench.cli.verbs import data, doctor, episodes, evaluate, policies, runs, tasks, teleop
+from duobench.cli.verbs import data, doctor, episodes, policies, runs, tasks, teleop
 from duobench.versions import __version__
 
 DESCRIPTION = (
@@ -17,13 +17,13 @@ DESCRIPTION = (
 )
 
 VERBS: Mapping[str, Callable[..., None]] = {
-    "eval": evaluate.evaluate,
+    "eval": episodes.evaluate,
     "report": runs.report,
     "compare": runs.compare,
     "verify": runs.verify,
     "bundle": runs.bundle,
     "leaderboard": runs.leaderboard,
-    "salt": evaluate.salt,
+    "salt": episodes.salt,
     "record": episodes.record,
     "replay": episodes.replay,
     "view": tasks.view,
@@ -50,6 +50,7 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "real": {
         "doctor": doctor.examine_rig,
         "home": arms.home,
+        "grippers": arms.grippers,
         "calibrate": calibrate.calibrate,
         "record": arms.record,
         "eval": arms.evaluate,

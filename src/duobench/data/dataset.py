@@ -1,7 +1,5 @@
 """A data set: a folder of recorded episodes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
@@ -12,7 +10,7 @@ from duobench.data import stream
 from duobench.data.recording import Recording
 from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.errors import DataError, check_known
-from duobench.files import begin_or_continue, differences, lock, read, write, writing
+from duobench.files import begin_or_continue, differences, lock, read, remove, write, writing
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
@@ -35,7 +33,7 @@ class Description:
     how: str = ""
     """The command that made it, if one command did."""
 
-    def differences(self, other: Description) -> list[str]:
+    def differences(self, other: "Description") -> list[str]:
         """What keeps its episodes out of another data set: suites have their own layouts."""
         name = "suite version"
         return differences({name: self.suite_version}, {name: other.suite_version})
@@ -48,7 +46,7 @@ class DataSet:
     path: Path
 
     @staticmethod
-    def open(path: str | Path, *, create: bool = True, how: str = "") -> DataSet:
+    def open(path: str | Path, *, create: bool = True, how: str = "") -> "DataSet":
         """The data set in a folder.
 
         Args:
@@ -160,7 +158,7 @@ class DataSet:
         return max((int(name) for name in names if re.fullmatch(r"[0-9]+", name)), default=-1) + 1
 
     @property
-    def discarded(self) -> DataSet:
+    def discarded(self) -> "DataSet":
         """What operators have discarded in sessions that go on, where no other reader looks."""
         return DataSet(self.path / "discarded")
 
@@ -171,8 +169,7 @@ class DataSet:
         """
         path, partial = self.episode(task, name), self.partial(task, name)
         write(path, content)
-        with writing(partial):
-            partial.unlink(missing_ok=True)
+        remove(partial)
         return path
 
     def recover(self, partial: Path) -> Path:

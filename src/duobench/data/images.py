@@ -1,13 +1,20 @@
-"""Images of recorded states, and the numbers of their objects."""
+"""Images of recorded states, with the numbers of their objects, and of recorded videos.
 
-from collections.abc import Sequence
+Those of videos are as the simulation's cameras would have seen the same.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
+from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.recording import Recording
+from duobench.data.schema import video_path
 from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import DataError, DuoBenchError
 from duobench.looks.catalog import DEFAULT, as_look
@@ -90,3 +97,119 @@ class ImageSource:
     def close(self) -> None:
         """Free the renderer."""
         self._backend.close()
+
+
+View = Callable[[Image, tuple[int, int]], Image]
+"""Makes an image of some height and width from one as a camera gave it."""
+ViewOf = Callable[[str, Mapping[str, Any]], View]
+"""Gives the view of a camera, by its name and by what its rig says about it."""
+
+
+def resized(image: Image, size: tuple[int, int]) -> Image:
+    """An image (height, width, 3) of another size: each pixel is the mean of those it covers."""
+    if image.shape[:2] == size:
+        return image
+    from PIL import Image as Pillow
+
+    height, width = size
+    return np.asarray(Pillow.fromarray(image).resize((width, height), Pillow.Resampling.BOX))
+
+
+def plain_view(camera: str, about: Mapping[str, Any]) -> View:
+    """The view of a camera that has the simulation's lens, not one of its own: resized."""
+    if about.get("calibration") is not None:
+        raise DataError(
+            f"The camera {camera} has a lens of its own; its images need the view of the rig."
+        )
+    return resized
+
+
+def raw_view(_camera: str, _about: Mapping[str, Any]) -> View:
+    """The image as the camera gave it, resized; to look at."""
+    return resized
+
+
+class VideoFrames:
+    """Reads frames of one video, or raises a `DataError`; fast where their places ascend."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._open()
+
+    def _open(self) -> None:
+        try:
+            self._container = av.open(self._path)
+        except (FFmpegError, OSError) as error:
+            raise DataError(f"{self._path} cannot be read: {error}.") from error
+        self._frames: Iterator[av.VideoFrame] = self._container.decode(video=0)
+        self._place = -1
+        self._image: av.VideoFrame | None = None
+
+    def read(self, place: int) -> Image:
+        """The frame (height, width, 3) at a place from 0 on."""
+        if place < self._place:
+            self.close()
+            self._open()
+        try:
+            while self._place < place:
+                self._image = next(self._frames)
+                self._place += 1
+        except (StopIteration, FFmpegError, OSError) as error:
+            raise DataError(
+                f"{self._path} has no frame {place} that can be read; it has {self._place + 1}."
+            ) from error
+        if self._image is None:
+            raise DataError(f"{self._path}: places of frames begin with 0, got {place}.")
+        return np.asarray(self._image.to_ndarray(format="rgb24"), dtype=np.uint8)
+
+    def close(self) -> None:
+        """Close the video; closing twice is harmless."""
+        self._container.close()
+
+
+class RecordedImages:
+    """Reads the images that belong to rows of an episode, of some height and width in pixels.
+
+    It is fast where rows ascend, and raises a `DataError` where a camera has no video, or one that
+    cannot be read.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        path: Path,
+        cameras: Sequence[str],
+        size: tuple[int, int],
+        view_of: ViewOf = plain_view,
+    ) -> None:
+        info = recording.info
+        check_cameras(recording, path, cameras)
+        self._size = size
+        self._places = {name: recording.frame[:, list(info.videos).index(name)] for name in cameras}
+        self._views = {name: view_of(name, info.cameras.get(name, {})) for name in cameras}
+        self._videos = {name: VideoFrames(video_path(path, name)) for name in cameras}
+
+    def images(self, row: int) -> dict[str, Image]:
+        """The images (height, width, 3) of a row, by camera."""
+        return {
+            name: self._views[name](video.read(int(self._places[name][row])), self._size)
+            for name, video in self._videos.items()
+        }
+
+    def close(self) -> None:
+        """Close the videos."""
+        for video in self._videos.values():
+            video.close()
+
+
+def check_cameras(recording: Recording, path: Path, cameras: Sequence[str]) -> None:
+    """Reject an episode that has no image of a camera."""
+    videos = recording.info.videos
+    for name in cameras:
+        if name not in videos:
+            has = ", ".join(videos) or "none"
+            raise DataError(f"{path} has no video of the camera {name}; it has {has}.")
+        if not video_path(path, name).exists():
+            raise DataError(f"{video_path(path, name)} is missing.")
+        if recording.frame[:, list(videos).index(name)].min() < 0:
+            raise DataError(f"{path}: its first rows have no image of the camera {name}.")

@@ -9,10 +9,9 @@ import numpy as np
 from PIL import Image
 
 from duobench.data.dataset import DataSet
-from duobench.data.images import ImageSource
+from duobench.data.images import ImageSource, RecordedImages, raw_view
 from duobench.data.recording import Recording
 from duobench.data.summary import JUMP, REVERSAL, Summary
-from duobench.data.views import RecordedImages, raw_view
 from duobench.files import write
 from duobench.pages import render
 from duobench.types import CONTROL_HZ, HEAD

@@ -18,10 +18,16 @@ from duobench.data.stream import EpisodeRows, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
 from duobench.envs.config import EnvConfig
-from duobench.envs.duo_env import TRUNCATION_REASON, Info, Observation, ResetOptions, Start
+from duobench.envs.duo_env import (
+    TRUNCATION_REASON,
+    DuoWrapper,
+    Info,
+    Observation,
+    ResetOptions,
+    Start,
+)
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.execution import optional_method
-from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import BackendError, DataError
 from duobench.looks.catalog import as_look
 from duobench.randomness import SUITE_VERSION

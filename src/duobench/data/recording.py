@@ -1,7 +1,5 @@
 """A recorded episode: read, checked and written as one Parquet file."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 from collections.abc import Iterator
@@ -108,7 +106,7 @@ class Recording:
         return len(self) if self.success_step is None else self.success_step
 
     @staticmethod
-    def read(path: Path) -> Recording:
+    def read(path: Path) -> "Recording":
         """Read a recording.
 
         Raises:

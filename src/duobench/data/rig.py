@@ -1,21 +1,17 @@
 """What is recorded of a rig beside the environment's observation: its cameras and its arms."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
 
 from duobench.data.schema import RigFacts, VideoFacts
 from duobench.data.stream import EpisodeRows, EpisodeStream
+from duobench.data.videos import Camera, Videos
 from duobench.robot.frames import tcp_poses
+from duobench.sim.layout import Layout
 from duobench.types import SIDES, DuoState, Side
-
-if TYPE_CHECKING:
-    from duobench.data.videos import Camera
-    from duobench.sim.layout import Layout
 
 _MEASURED = ("time_s", "joints", "velocities", "torques")
 """What every driver measures, beside its own robot state."""
@@ -38,6 +34,9 @@ class RigState(Protocol):
     def clock(self) -> Any:
         """The clock of the rig, whose `now` gives seconds."""
         ...
+
+    def see(self, cameras: Iterable[str]) -> None:
+        """Say through which cameras somebody looks: an episode waits for their images alone."""
 
     def frames(self) -> Mapping[str, Any]:
         """The latest frame of each camera that has one."""
@@ -86,8 +85,7 @@ class RigRecorder:
     def begin(self, episode: EpisodeStream) -> None:
         """Begin the videos that an episode says it has."""
         if episode.info.videos:
-            from duobench.data.videos import Videos
-
+            self._duo.see(self._duo.cameras)
             cameras = {name: self._duo.cameras[name] for name in episode.info.videos}
             rates = {name: self._cameras[name]["fps"] for name in cameras}
             episode.videos = Videos(episode.path, cameras, rates, self._waits)

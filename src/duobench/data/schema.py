@@ -5,8 +5,6 @@ step gave back; one last row holds what was seen after the last action, its acti
 both pairings can be read: the causal one (o_t, a_t) and the delayed one (a_t, o_{t+1}).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -65,11 +63,11 @@ class Column:
     of_action: bool = False
     """Whether it belongs to the action of its row, so that the last row has none."""
 
-    def is_in(self, info: EpisodeInfo) -> bool:
+    def is_in(self, info: "EpisodeInfo") -> bool:
         """Whether an episode has it; the rows of others hold no numbers, (T, 0) or (T + 1, 0)."""
         return info.widths.get(self.name) != 0
 
-    def row_shape(self, info: EpisodeInfo, size: int) -> tuple[int, ...]:
+    def row_shape(self, info: "EpisodeInfo", size: int) -> tuple[int, ...]:
         """Shape of one row in an episode; `size` numbers where nothing says how many."""
         width = info.widths.get(self.name)
         return tuple(n or size for n in self.shape) if width is None else (width,)
@@ -243,7 +241,7 @@ class EpisodeInfo:
         return action_modes.get(self.action_mode)
 
     @property
-    def begun(self) -> EpisodeInfo:
+    def begun(self) -> "EpisodeInfo":
         """What was known when it began; the device may be known later."""
         actor = replace(self.actor, device=None)
         videos = dict.fromkeys(self.videos, VideoFacts())

@@ -5,24 +5,20 @@ they are. When the episode ends, all of it is written as Parquet, and the file i
 killed process leaves can be read up to its last whole row; see `recover`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from duobench.data.recording import Recording, first_success
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
+from duobench.data.videos import Videos, recovered
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
-from duobench.files import decode, encode, lock, make_folder, writing
-
-if TYPE_CHECKING:
-    from duobench.data.videos import Videos
+from duobench.files import decode, encode, lock, make_folder, remove, writing
 
 SUFFIX = ".part"
 """Ending of the file of an episode that is being recorded."""
@@ -164,8 +160,7 @@ class EpisodeStream(EpisodeRows):
 
     def _remove(self) -> None:
         self._release()
-        with writing(self._partial):
-            self._partial.unlink(missing_ok=True)
+        remove(self._partial)
 
     def close(self) -> None:
         """Let go of the file, with all rows in it that can be written."""
@@ -200,8 +195,6 @@ def recover(partial: Path) -> Recording:
     """
     info, rows = read_left(partial)
     if info.videos:
-        from duobench.data.videos import recovered
-
         rows, videos = recovered(partial, info, rows)
         info = replace(info, videos=videos)
     if not len(rows):

@@ -4,7 +4,6 @@ A video is written fragment by fragment, so that what a killed process leaves ca
 last whole frames.
 """
 
-import hashlib
 import threading
 import time
 from collections import deque
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from duobench.backend import Image
 from duobench.data.schema import EpisodeInfo, VideoFacts, video_path
 from duobench.errors import DataError, DuoBenchError, OutputError
-from duobench.files import writing
+from duobench.files import digest_of, remove
 from duobench.types import CONTROL_HZ
 from duobench.video import H264, VideoWriter
 
@@ -79,13 +78,7 @@ def count_frames(path: Path) -> int:
 
 def describe(path: Path, left_out: int = 0) -> VideoFacts:
     """What an episode says about a finished video; a `DataError` if there is none."""
-    frames = count_frames(path)
-    with path.open("rb") as file:
-        return VideoFacts(
-            frames=frames,
-            sha256=hashlib.file_digest(file, "sha256").hexdigest(),
-            left_out=left_out,
-        )
+    return VideoFacts(frames=count_frames(path), sha256=digest_of(path), left_out=left_out)
 
 
 def recovered(
@@ -259,6 +252,4 @@ class Videos:
     def discard(self) -> None:
         """End the videos and remove them."""
         self.close()
-        for encoder in self._encoders.values():
-            with writing(encoder.path):
-                encoder.path.unlink(missing_ok=True)
+        remove(*(encoder.path for encoder in self._encoders.values()))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from duobench.envs.config import EnvConfig as EnvConfig
     from duobench.envs.duo_env import (
         DuoEnv as DuoEnv,
+        DuoWrapper as DuoWrapper,
         ResetNeededError as ResetNeededError,
         base_of as base_of,
     )
@@ -33,6 +34,5 @@ if TYPE_CHECKING:
     from duobench.envs.protocol import make_env as make_env
     from duobench.envs.registration import env_id as env_id, make as make, register as register
     from duobench.envs.sim_env import SimEnv as SimEnv, sim_of as sim_of
-    from duobench.envs.wrapper import DuoWrapper as DuoWrapper
 
 lazy(__name__)

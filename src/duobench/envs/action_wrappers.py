@@ -8,11 +8,10 @@ import numpy as np
 
 from duobench.envs import spaces
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT_RELATIVE
-from duobench.envs.duo_env import ResetOptions, Start, Transition
+from duobench.envs.duo_env import ActionModeWrapper, DuoWrapper, ResetOptions, Start, Transition
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.execution import execute
 from duobench.envs.spaces import opening_slots
-from duobench.envs.wrapper import ActionModeWrapper, DuoWrapper
 from duobench.errors import ActionError
 from duobench.kinematics.inverse import Kinematics
 from duobench.spatial import SE3, length, product, rotation_by
@@ -180,8 +179,7 @@ class CartesianActions(ActionModeWrapper):
         """The action (16,) that leaves the commanded tool poses and openings as they are."""
         command = self.base.backend.last_command
         poses = self.kinematics.forward(command.joints)
-        rows = [[*poses[side].tquat, command.openings[side.index]] for side in SIDES]
-        return np.ravel(rows)
+        return np.ravel([[*poses[side].tquat, command.openings[side.index]] for side in SIDES])
 
     def step(self, action: Any) -> Transition:
         """Advance one control step towards the poses."""

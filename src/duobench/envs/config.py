@@ -1,11 +1,9 @@
 """What can be chosen about an environment, and about one of its resets."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, Self
 
 from duobench.envs import action_modes
 from duobench.errors import (
@@ -117,8 +115,8 @@ class EnvConfig:
         if not isinstance(self.shift, Shift):
             raise OptionError(f"A shift is a Shift, its name or its fields; got {self.shift!r}.")
 
-    @staticmethod
-    def from_options(options: Mapping[str, Any]) -> EnvConfig:
+    @classmethod
+    def from_options(cls, options: Mapping[str, Any]) -> Self:
         """From keyword arguments, which may be looser than the fields.
 
         Args:
@@ -132,7 +130,7 @@ class EnvConfig:
             UnknownNameError: There is no such camera, mode, split or look.
             OptionError: A value is invalid.
         """
-        known = [field.name for field in fields(EnvConfig)]
+        known = [field.name for field in fields(cls)]
         what = "option: unexpected keyword argument"  # in Python's words
         for name in options:
             if name in ELSEWHERE:
@@ -142,7 +140,7 @@ class EnvConfig:
         values = dict(options)
         for name in _FORMS.keys() & values.keys():
             values[name] = _FORMS[name](values[name])
-        return EnvConfig(**values)
+        return cls(**values)
 
 
 def _cameras(value: Any) -> Any:

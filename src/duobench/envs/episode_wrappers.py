@@ -14,9 +14,16 @@ from duobench.envs.config import (
     checked_reset_options,
     checked_seed,
 )
-from duobench.envs.duo_env import Info, ResetNeededError, ResetOptions, Start, Transition, base_of
+from duobench.envs.duo_env import (
+    DuoWrapper,
+    Info,
+    ResetNeededError,
+    ResetOptions,
+    Start,
+    Transition,
+    base_of,
+)
 from duobench.envs.episode_state import EpisodeState, required
-from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import OptionError, check_known
 from duobench.randomness import EVAL, SPLITS, instruction_number
 from duobench.stages.logic import Words

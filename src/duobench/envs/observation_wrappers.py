@@ -10,9 +10,16 @@ import gymnasium as gym
 import numpy as np
 
 from duobench.envs.config import IMAGE_SIZE
-from duobench.envs.duo_env import Observation, ResetOptions, Start, Transition, base_of
+from duobench.envs.duo_env import (
+    DuoWrapper,
+    Observation,
+    ObservingWrapper,
+    ResetOptions,
+    Start,
+    Transition,
+    base_of,
+)
 from duobench.envs.episode_state import EpisodeState
-from duobench.envs.wrapper import DuoWrapper, ObservingWrapper
 from duobench.errors import check_known
 from duobench.randomness import EVAL
 from duobench.robot.cameras import check_image_size

@@ -13,10 +13,10 @@ import gymnasium as gym
 from duobench.envs import action_modes
 from duobench.envs.action_wrappers import ActionChunks, BinaryGripper
 from duobench.envs.config import VARIED, EnvConfig
+from duobench.envs.duo_env import DuoWrapper
 from duobench.envs.episode_wrappers import RandomizedReset, TaskStages, TimeLimit
 from duobench.envs.observation_wrappers import Cameras, FlatObservations, ObjectStates, Sensing
 from duobench.envs.registration import WRAPPERS
-from duobench.envs.wrapper import DuoWrapper
 from duobench.references import load
 from duobench.shifts.levels import level_for
 from duobench.shifts.shift import SENSING

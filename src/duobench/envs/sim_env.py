@@ -1,7 +1,5 @@
 """The simulated environment: layouts, the reset script, and the state of an episode."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -117,7 +115,7 @@ class SimEnv(DuoEnv):
         """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
         return self.definition.subinstructions(self.layout)
 
-    def make_judge(self) -> SimJudge:
+    def make_judge(self) -> "SimJudge":
         """What judges episodes by the stages of the task, all of whose names are checked here."""
         return SimJudge(self)
 

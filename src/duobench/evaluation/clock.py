@@ -12,7 +12,7 @@ import gymnasium as gym
 from duobench.envs.duo_env import base_of
 from duobench.errors import PolicyTimeoutError
 from duobench.results.journal import EpisodeTimes
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 
 _EPISODE, _ANSWER, _STEPS = range(3)
 

@@ -36,9 +36,8 @@ from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, SALTED, episode_seed
 from duobench.results.journal import EpisodeTimes
-from duobench.results.limits import TimeLimits
 from duobench.results.records import EpisodeRecord
-from duobench.results.run import Candidate, Run
+from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.suite import Episode, Suite
 from duobench.sim.rendering import describe
 from duobench.versions import package_source, package_versions, record_versions, source_hashes

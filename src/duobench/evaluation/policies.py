@@ -3,14 +3,12 @@
 Experts and other policies never import each other; they meet here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pkgutil import resolve_name
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 
@@ -44,7 +42,7 @@ from duobench.policy.serving.address import (
     PolicyAddress,
     RemoteServer,
 )
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from duobench.results.suite import TaskInfo
 
 _ANSWERING_S = 5.0
@@ -80,7 +78,7 @@ class PolicyChoice:
     @classmethod
     def parse(
         cls, name: str, *, batching: Batching | None = None, server: RemoteServer | None = None
-    ) -> PolicyChoice:
+    ) -> Self:
         """Choose a policy, without making it.
 
         Args:
@@ -222,8 +220,7 @@ def _apart(address: PolicyAddress) -> PolicySource:
     remote = OwnPolicy(
         RemoteServer(url=address.url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S)
     )
-    found = _for_any(remote, remote.metadata, address.batching)
-    return replace(found, waits_for_others=True)
+    return replace(_for_any(remote, remote.metadata, address.batching), waits_for_others=True)
 
 
 def _for_any(policy: Any, metadata: PolicyMetadata, batching: Batching | None) -> PolicySource:

@@ -1,7 +1,5 @@
 """Videos of episodes, for people: the table, stage and time, and what the policy saw."""
 
-from __future__ import annotations
-
 import io
 import time
 from collections.abc import Callable, Mapping
@@ -49,8 +47,7 @@ class Overview:
 
     def image(self) -> Image:
         """The current image (480, 640, 3), in the look of the episode."""
-        if self._renderer.look != self._base.look:
-            self._renderer.set_look(self._base.look)
+        self._renderer.set_look(self._base.look)
         return self._renderer.render(self._base.simulation.data, OVERVIEW)
 
     def close(self) -> None:
@@ -68,7 +65,7 @@ class VideoRecorder:
         picture: Adds stage, time and the images of observations; None shows the image alone.
     """
 
-    def __init__(self, render: Callable[[], Image], picture: Picture | None = None) -> None:
+    def __init__(self, render: Callable[[], Image], picture: "Picture | None" = None) -> None:
         self._render, self._picture = render, picture
         self.seconds = 0.0
         """Seconds that the video has taken so far."""

@@ -75,6 +75,9 @@ DIMENSIONS: Mapping[str, tuple[Dimension, ...]] = {
     "pour_marbles/right_cup": (_size("inside, between flats", 2 * cup.INNER_RADIUS, FREE),),
     "ball_maze/board/floor": (
         _size("way between walls", maze_board.PITCH - maze_board.WALL, FREE),
+    ),
+    "ball_maze/board/frame": (
+        _size("opening for a floor, above its shoulders", 2 * maze_board.INNER),
         _size("slot for a dovetail, at the rim's outside", _narrow(JOINT_PLAY)),
         _size("slot for a dovetail, at its end", maze_board.DOVETAIL[2] + 2 * JOINT_PLAY),
     ),
@@ -109,7 +112,7 @@ DIMENSIONS: Mapping[str, tuple[Dimension, ...]] = {
 """Sizes beyond those of the box around a part, by task, body and piece."""
 
 CHANGES: Mapping[str, tuple[float, Colour]] = {
-    "ball_maze/board/floor": (maze_board.BASE, maze_board.RIM_COLOUR),
+    "ball_maze/board/floor": (maze_board.BASE, maze_board.WALL_COLOUR),
     "bin_sort/black_bowl": (bowl.RIM_HEIGHT - bowl.RIM, blocks.PALE),
 }
 """From which height in metres on a part is printed in which other colour."""
@@ -125,10 +128,12 @@ FINE = (
 
 NAMED = {
     "maze_way": maze_board.PITCH - maze_board.WALL,
+    "floor_play_mm": 1000 * maze_board.FLOOR_PLAY,
     "handle_height": pot.HEIGHT / 2 + pot.HANDLE_Z,
     "marble_grams": 1000 * cup.GLASS_DENSITY * 4 / 3 * math.pi * cup.MARBLE_RADIUS**3,
 }
-"""Numbers that the words name and no object has by itself: lengths in metres, a mass in grams."""
+"""Numbers that the words name and no object has by itself: lengths in metres, but where a name says
+mm, a mass in grams."""
 _MODULES = {"cup": cup, "microwave": microwave, "pot": pot, "pour_marbles": pour_marbles}
 
 

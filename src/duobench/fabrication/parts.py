@@ -46,7 +46,8 @@ class PrintedPart:
     name: str
     """Of its file, without an ending."""
     body: str
-    """The object or part of an object that it belongs to, such as "chest/lid"."""
+    """The object or part of an object that it belongs to, such as "chest/lid"; of an object with
+    variants, one of them, such as "board_3", or without a number all of them."""
     piece: str = ""
     """Which piece of it, where it is printed in several."""
     mesh: Mesh
@@ -59,6 +60,8 @@ class PrintedPart:
     """Whether its mass is felt, so that it is printed without hollows."""
     density: float = PLA_DENSITY
     """Density in kg/m³ of what is printed solid."""
+    is_shared: bool = False
+    """Whether it belongs to all variants of its object."""
 
     @property
     def size(self) -> Array:
@@ -117,10 +120,10 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
     for prop in task.props:
         if prop.name in not_printed:
             continue
-        for value, variant in _values(prop, variants):
+        for number, (value, variant) in enumerate(_values(prop, variants)):
             label = f"{prop.name}_{value}" if value else prop.name
             new, weights = _printed(prop, label, variant)
-            parts += new
+            parts += new if number == 0 else [part for part in new if not part.is_shared]
             masses += weights
     parts = _with_names(_merged(parts))
     for part in parts:
@@ -184,27 +187,32 @@ def _printed(
         bodies.append((f"{label}/{part.name}", solid, part.print_turn, is_still))
     parts, masses = [], []
     for body, solid, turn, is_still in bodies:
+        shared = prop.name + body.removeprefix(label)
         mass = mass_properties(solid).mass
         masses.append(ObjectMass(body=body, mass=mass, is_solid=not is_still))
         parts += [
             replace(part, is_solid=not is_still, density=solid.density)
-            for part in _pieces(body, solid, turn)
+            for part in _pieces(body, shared, solid, turn)
         ]
     return parts, masses
 
 
-def _pieces(body: str, solid: Solid, turn: SE3) -> Iterator[PrintedPart]:
-    """The pieces of a solid, or the one that it is."""
-    stem, meshes = body.replace("/", "-"), pieces_of(solid)
+def _pieces(body: str, shared: str, solid: Solid, turn: SE3) -> Iterator[PrintedPart]:
+    """The pieces of a solid, or the one that it is; and the body that shared ones belong to."""
+    meshes = pieces_of(solid)
     if not solid.pieces:
-        yield upright(stem, meshes[0], solid.rgba, turn=turn, body=body)
+        yield upright(body.replace("/", "-"), meshes[0], solid.rgba, turn=turn, body=body)
         return
     for number, (piece, mesh) in enumerate(zip(solid.pieces, meshes, strict=True), 1):
-        name = piece.name or str(number)
+        name, owner = piece.name or str(number), shared if piece.is_shared else body
         made = upright(
-            f"{stem}-{name}", mesh, piece.rgba or solid.rgba, turn=piece.print_turn, body=body
+            f"{owner.replace('/', '-')}-{name}",
+            mesh,
+            piece.rgba or solid.rgba,
+            turn=piece.print_turn,
+            body=owner,
         )
-        yield replace(made, piece=name)
+        yield replace(made, piece=name, is_shared=piece.is_shared)
 
 
 def _merged(parts: list[PrintedPart]) -> list[PrintedPart]:

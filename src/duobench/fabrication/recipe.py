@@ -17,13 +17,16 @@ from duobench.objects.mazes import CELLS, MAZES, Cell
 from duobench.objects.shapes import PRINTER
 from duobench.objects.solid import PLA_DENSITY
 
-RECIPE_SCHEMA = 1
+RECIPE_SCHEMA = 2
 NOZZLE, LAYER, FINE_LAYER = 0.4, 0.2, 0.12
 """Diameter of the nozzle and height of the layers in mm; the finer ones are for chamfers."""
 WALLS, CAPS = 4, 5
 """Lines of a wall, and layers of a floor or a roof."""
 SPARSE = 0.15
 """Share that is filled of what may be lighter than simulated."""
+SOLID_PATTERN, SPARSE_PATTERN = "rectilinear", "grid"
+"""Patterns of what is filled, by the names that slicers give them. A pattern has to be named: the
+one that some of them begin with is refused at 100 %."""
 TOLERANCE = 0.05
 """Share by which the mass of what is lifted may be off."""
 MATERIAL_PER_SECOND = 8e-9
@@ -56,6 +59,7 @@ class PartRecipe:
     walls: int
     infill_percent: int
     """How much of it is filled: 100 is solid."""
+    infill_pattern: str
     supports: str
     volume_cm3: float
     mass_g: tuple[float, float, float] | None
@@ -167,6 +171,7 @@ def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
         layer_mm=layer,
         walls=WALLS,
         infill_percent=100 if part.is_solid else round(100 * SPARSE),
+        infill_pattern=SOLID_PATTERN if part.is_solid else SPARSE_PATTERN,
         supports=details.details_of(job).supports.get(key.partition("/")[2], "none"),
         volume_cm3=round(1e6 * part.volume, 2),
         mass_g=_range(1000 * part.mass) if part.is_solid else None,

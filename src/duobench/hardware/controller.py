@@ -2,9 +2,8 @@
 
 import threading
 from collections.abc import Mapping
-from dataclasses import replace
 
-from duobench.errors import BackendError, DuoBenchError
+from duobench.errors import BackendError, DuoBenchError, escaped
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Arm, Gripper
 from duobench.hardware.follower import Follower
@@ -57,6 +56,8 @@ class ReferenceStreamer:
             self._arm.command(joints, velocities)
         except DuoBenchError as error:
             self.error = str(error)
+        except Exception as error:  # noqa: BLE001 - the thread goes on, and the watch is told
+            self.error = escaped(repr(error))
 
 
 class ArmsController:
@@ -108,12 +109,10 @@ class ArmsController:
     def limit(self, *, is_home: bool) -> None:
         """Bound both arms by the speed of the way home, or of everything else."""
         for side, streamer in self.streamers.items():
-            limits = self._configs[side]
-            if is_home:
-                fraction = min(limits.home_fraction, limits.speed_fraction)
-                limits = replace(limits, speed_fraction=fraction)
+            config = self._configs[side]
+            slow = min(config.home_fraction, config.speed_fraction)
             with streamer.lock:
-                streamer.follower.limits = limits
+                streamer.follower.speed_fraction = slow if is_home else config.speed_fraction
 
     def aim(self, joints: Array) -> None:
         """Lead both arms towards joint positions (2, 7) in radians over the next control period."""

@@ -130,11 +130,14 @@ class Gripper(Device, Protocol):
     """One gripper."""
 
     def activate(self) -> None:
-        """Move the fingers through their whole range, on a person's word only.
+        """Move the fingers through their whole range, on a person's word only; `hold` stops it.
 
         Raises:
-            BackendError: It does not become active.
+            BackendError: It does not become active, or was held.
         """
+
+    def recover(self) -> None:
+        """Forget on a person's word that it lost its power; it moves nowhere before `activate`."""
 
     def read(self) -> GripperReading:
         """The latest reading, after `connect`."""

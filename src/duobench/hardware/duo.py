@@ -1,8 +1,11 @@
 """Two real arms with grippers and cameras as a `DuoBackend`: commands in, motion out."""
 
+from __future__ import annotations
+
 import math
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,16 +24,23 @@ from duobench.hardware.devices import (
     Frame,
     Gripper,
     GripperReading,
-    image_ages,
 )
 from duobench.hardware.follower import PERIOD, tool_share
 from duobench.hardware.guard import Guard
+from duobench.hardware.hands import OPEN, Hands
+from duobench.hardware.mounts import SWAPPED, are_swapped
+from duobench.hardware.retreat import retreated
 from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import HELD, State, Supervisor
-from duobench.hardware.watchdog import Watchdog
+from duobench.hardware.watchdog import GRACE_S, Watchdog
 from duobench.robot.frames import tcp_poses, tool_jacobians
 from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits, speed_limits
 from duobench.types import SIDES, Array, DuoCommand, DuoState, Side
+
+if TYPE_CHECKING:
+    from duobench.hardware.rehearsal import RehearsalWorld
+    from duobench.sim.layout import Layout
+    from duobench.tasks.task import Task
 
 REST_S = 1.0
 """Longest time in seconds that arms are given to come to rest before they stop, damped."""
@@ -43,8 +53,6 @@ HOME_TOLERANCE = 0.03
 by a little."""
 SETTLE_S = 5.0
 """Seconds that arms may take to come to rest, and grippers to open."""
-OPEN = 0.9
-"""Opening from which a gripper counts as open."""
 
 
 class FrankaDuo:
@@ -66,10 +74,17 @@ class FrankaDuo:
         grippers: Mapping[Side, Gripper],
         cameras: Mapping[str, Camera],
         guard: Guard | None = None,
+        world: RehearsalWorld | None = None,
     ) -> None:
         self.rig, self.clock, self.guard = rig, clock, guard
         self.arms, self.grippers, self.cameras = dict(arms), dict(grippers), dict(cameras)
+        self.world = world
+        """What the arms of a rehearsal act on; None where arms are real, or act on nothing."""
         self.supervisor = Supervisor(self._recover)
+        self.hands = Hands(self.grippers, self.supervisor, clock)
+        """The grippers, as the operator has them activated and opened."""
+        self.waits = 0
+        """How often the arms came to rest and waited for an image that was late."""
         self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
         self._watchdog = Watchdog(self._controller, self.cameras, self.supervisor, clock, self.hold)
         self._motion = threading.RLock()  # between who moves the arms and who holds them
@@ -96,7 +111,8 @@ class FrankaDuo:
         """Connect everything; nothing moves. Twice is harmless.
 
         Raises:
-            BackendError: A device cannot be reached; then none is connected.
+            BackendError: A device cannot be reached, or the arms are swapped; then none is
+                connected.
         """
         if self.supervisor.state is not State.OFF:
             return
@@ -106,10 +122,13 @@ class FrankaDuo:
                 connected.append(device)
                 device.connect()
             self._measure()
+            if are_swapped(self.readings()):
+                raise BackendError(SWAPPED)
         except BackendError:
             for device in connected:
                 device.close()
             raise
+        self.hands.have_grasped = bool(self.read().openings.min() < OPEN)
         self.supervisor.enter(State.CONNECTED)
         self._watchdog.start()
         self._last = self._here()
@@ -143,15 +162,37 @@ class FrankaDuo:
     def _devices(self) -> tuple[Device, ...]:
         return (*self.arms.values(), *self.grippers.values(), *self.cameras.values())
 
+    def place(self, task: Task, layout: Layout) -> None:
+        """Put the objects of a rehearsal where a layout says; elsewhere a person has done it.
+
+        Raises:
+            BackendError: An arm or a grip is in the way.
+        """
+        if self.world is not None:
+            self.world.place(task, layout)
+
     # --- holding ---------------------------------------------------------------------------------
 
     def hold(self, reason: str, fault: Fault | None = None) -> None:
         """Bring both arms to rest and hold them there; a person's word where there is no fault."""
         with self._motion:
-            if not self.supervisor.hold(reason, fault):
-                return
-            self._watchdog.feed()
+            if self.supervisor.hold(reason, fault):
+                self._watchdog.feed()
             self._controller.hold()
+
+    def see(self, cameras: Iterable[str]) -> None:
+        """Say through which cameras somebody looks while commands are followed; all at first.
+
+        Only their images may not be late then.
+        """
+        self._watchdog.seen = frozenset(cameras)
+
+    def watch_person(self, look: Callable[[], None]) -> None:
+        """Have somebody looked for a hundred times a second while arms or fingers may move.
+
+        `look` holds the arms where nobody is there.
+        """
+        self._watchdog.look = look
 
     @property
     def held(self) -> str | None:
@@ -164,7 +205,11 @@ class FrankaDuo:
         return self.supervisor.fault
 
     def health(self) -> str | None:
-        """What is wrong, in words; both arms are then held already."""
+        """What is wrong, in words; both arms are then held already.
+
+        Where an image is late the arms come to rest, and it is waited for.
+        """
+        self._wait_for_images()
         self._watchdog.check()
         fault = self.supervisor.fault
         return None if fault is None else fault.text
@@ -172,22 +217,28 @@ class FrankaDuo:
     def _recover(self) -> None:
         """Clear the faults of all devices, at the operator's word; nothing moves."""
         self._controller.disengage()
-        for arm in self.arms.values():
-            arm.recover()
+        for device in (*self.arms.values(), *self.grippers.values()):
+            device.recover()
         if (fault := self._watchdog.find_fault()) is not None:
             raise BackendError(f"The rig is not well yet: {fault.text}")
 
     # --- going home ------------------------------------------------------------------------------
 
-    def home(self) -> None:
-        """Go home slowly on a path that the guard found free, and open the grippers.
+    def home(self, *, with_object: bool = False) -> None:
+        """Come to rest, go home slowly on a path that the guard found free, and open the grippers.
+
+        What one hand holds is carried home if `with_object` says so, and let go there.
 
         Raises:
-            BackendError: The operator has not confirmed, no free path was found, or something went
-                wrong on the way; then both arms are held.
+            BackendError: The operator has not confirmed, a gripper is not active, the hands hold
+                something, no free path was found, or something went wrong on the way; then both
+                arms are held.
         """
         self.start()
         self.supervisor.check_confirmed()
+        self.hands.check_active()
+        self.hands.check_free(with_object=with_object)
+        self._rest()
         path = self.path_home()
         here = self.read().joints
         self.supervisor.begin(State.HOMING)
@@ -203,17 +254,36 @@ class FrankaDuo:
         self._controller.limit(is_home=False)
         if not self.supervisor.enter(State.READY, only_from=(State.HOMING,)):
             raise BackendError(f"The arms did not get home: {self.held}")
+        self.hands.have_grasped = False
 
     def path_home(self) -> list[Array]:
         """The path that `home` takes from where the arms are; see `Guard.plan_path`.
+
+        Hands that may have been around something first go back a little, along their own axes.
 
         Raises:
             BackendError: The guard found no free one.
         """
         self._measure()
+        here, back = self.read().joints, []
+        if self.hands.have_grasped and not self.hands.holding:
+            away = retreated(here)
+            if self.guard is None or self.guard.is_free(here, [away]):
+                here, back = away, [away]
         if self.guard is None:
-            return [HOME_JOINTS]
-        return self.guard.plan_path(self.read().joints, HOME_JOINTS)
+            return [*back, HOME_JOINTS]
+        return [*back, *self.guard.plan_path(here, HOME_JOINTS)]
+
+    def _rest(self) -> None:
+        """Wait until arms that still move are at rest where they are."""
+        self._controller.hold()
+        end = self.clock.now() + SETTLE_S
+        self._due = self.clock.now()
+        while self._controller.is_engaged and not self._controller.is_at_rest:
+            self._tick()
+            self.supervisor.check_confirmed()  # a hold takes it back
+            if self.clock.now() > end:
+                raise BackendError("The arms did not get home: they do not come to rest.")
 
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""
@@ -269,8 +339,7 @@ class FrankaDuo:
             raise ActionError(f"A command is finite, got {targets.tolist()}. Nothing was moved.")
         self._begin()
         self.late_s = max(0.0, self.clock.now() - self._due - PERIOD)
-        self._watchdog.check()
-        if self.held is None:
+        if self.health() is None and self.held is None:
             self._send(targets)
         self._tick()
         return self.last_command
@@ -282,6 +351,7 @@ class FrankaDuo:
         if state in {State.OFF, State.HOMING}:
             raise BackendError(f"Commands are followed after start and home; the rig is {state}.")
         self.supervisor.check_confirmed()
+        self.hands.check_active()
         if not self._controller.is_engaged:
             self._measure()
             self._engage()
@@ -301,6 +371,7 @@ class FrankaDuo:
             if self.supervisor.state is not State.RUNNING:
                 return
             self._controller.send(sent)
+            self.hands.have_grasped |= bool(sent.openings.min() < OPEN)
             self._last = sent
             self._watchdog.feed()
 
@@ -386,8 +457,23 @@ class FrankaDuo:
         return {name: frame for name, frame in latest.items() if frame is not None}
 
     def image_ages(self) -> dict[str, float]:
-        """Seconds since the latest image of each camera was taken; infinite without one."""
-        return image_ages(self.cameras, self.clock.now())
+        """Seconds since the latest image of each camera that is seen; infinite without one."""
+        return self._watchdog.image_ages()
+
+    def _wait_for_images(self) -> None:
+        """Bring the arms to rest while an image is late, and hold them if it does not come."""
+        if self.supervisor.state is not State.RUNNING or not self._watchdog.late_image():
+            return
+        self.waits += 1
+        with self._motion:
+            self._controller.hold()
+        end = self.clock.now() + GRACE_S
+        while self.held is None and self._watchdog.late_image() and self.clock.now() < end:
+            self.clock.wait_until(self.clock.now() + PERIOD)
+        if self.held is None and (fault := self._watchdog.late_image()) is not None:
+            self.hold(fault.text, fault)
+        self._due = self.clock.now()
+        self._measure()
 
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
         """The latest image of each of some cameras, as the simulation's camera would see it.

@@ -18,10 +18,9 @@ from duobench.envs.config import (
     checked_reset_options,
     checked_seed,
 )
-from duobench.envs.duo_env import DuoEnv, Info, Observation
+from duobench.envs.duo_env import DuoEnv, DuoWrapper, Info, Observation
 from duobench.envs.episode_wrappers import Judge, TaskStages
 from duobench.envs.protocol import stack_on
-from duobench.envs.wrapper import DuoWrapper
 from duobench.errors import OptionError, check_known
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge
@@ -42,9 +41,11 @@ OF_REAL = (LAYOUT, LAYOUT_SEED, SPLIT, INSTRUCTION)
 class RealEnv(DuoEnv):
     """A `DuoEnv` on real arms.
 
-    Info also holds `late_s`, how many seconds too late the command came, and `image_ages`, the age
-    of each camera's latest image in seconds. Where a fault ended the episode, `fault_kind` says of
-    what sort it is: a `FaultKind`, such as "contact". It is not there where a person held the arms.
+    Info also holds `late_s`, how many seconds too late the command came, `image_ages`, the age of
+    the latest image in seconds of each camera that somebody sees, and `waits`, how often this
+    episode the arms rested until a late image came. Where a fault ended the episode, `fault_kind`
+    says of what sort it is: a `FaultKind`, such as "contact". It is not there where a person held
+    the arms.
 
     A reset brings the arms home, for which the operator has to have confirmed, and takes the
     options `layout` (where people are to put the objects, as a `Layout` or its JSON form), `split`
@@ -70,6 +71,7 @@ class RealEnv(DuoEnv):
         self.rig = backend
         self.prepare = prepare
         self._layout = Layout(poses={})
+        self._waits = 0
 
     @property
     def layout(self) -> Layout:
@@ -94,7 +96,9 @@ class RealEnv(DuoEnv):
         self._instruction = words if isinstance(words, str) else own
         if self.prepare is not None:
             self.prepare(options)
-        self.backend.home()
+        self.rig.see(self.config.cameras)
+        self.rig.home()
+        self._waits = self.rig.waits
         return {LAYOUT: self._layout.to_json(), "seed": seed, SPLIT: split}
 
     def reset(
@@ -120,8 +124,8 @@ class RealEnv(DuoEnv):
         return observation, reward, terminated, truncated, info
 
     def _info(self, clipped: Any = None) -> Info:
-        ages = self.rig.image_ages()
-        return {**super()._info(clipped), "late_s": self.rig.late_s, "image_ages": ages}
+        more = {"late_s": self.rig.late_s, "image_ages": self.rig.image_ages()}
+        return {**super()._info(clipped), **more, "waits": self.rig.waits - self._waits}
 
 
 def _layout_of(task: Task, given: Any, seed: int, split: str) -> Layout:

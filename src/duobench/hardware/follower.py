@@ -37,9 +37,11 @@ class Follower:
     """
 
     def __init__(self, joints: Array, limits: ArmConfig) -> None:
-        self.limits = limits
-        """How fast the reference may move: a part of the joints' speed limits, which depend on
-        where they are, and an acceleration; they may change at any time."""
+        self.speed_fraction = limits.speed_fraction
+        """Part of the joints' speed limits, which depend on where they are, that the reference may
+        move with. It may change at any time: one that is faster slows down as the acceleration
+        allows."""
+        self._acceleration, self._tool_speed = limits.acceleration, limits.tool_speed
         self.reset(joints)
 
     def reset(self, joints: Array) -> None:
@@ -81,25 +83,28 @@ class Follower:
         if dt == 0.0:
             return self.reference.copy(), self.velocity.copy()
         wanted = np.zeros(ARM_JOINTS) if self._is_held else self._wanted(dt)
-        velocity = self._next_velocity(_within(self.reference, wanted, self.limits, dt), dt)
-        self.velocity = velocity = _within(self.reference, velocity, self.limits, dt)
+        self.velocity = velocity = self._next_velocity(self._within(wanted, dt), dt)
         self.reference = self.reference + velocity * dt
         if self._is_held and not velocity.any():
             self._begin = self._end = self.reference
         return self.reference.copy(), velocity.copy()
 
-    def _next_velocity(self, wanted: Array, dt: float) -> Array:
-        """The velocity next to the wanted one that acceleration and the tool's speed allow."""
+    def _next_velocity(self, allowed: Array, dt: float) -> Array:
+        """The velocity next to one that positions allow, with which the tool is not too fast."""
         if np.abs(self.reference - self._near).max() > NEAR:
             self._near, self._jacobian = self.reference, tool_jacobians(self.reference)
-        most, change = self.limits.tool_speed, self.limits.acceleration * dt
-        wanted = wanted * tool_share(self._jacobian, wanted, most)
-        velocity = np.minimum(np.maximum(wanted, self.velocity - change), self.velocity + change)
-        if tool_share(self._jacobian, velocity, most) == 1.0:
-            return velocity
-        # Joints that change together lead from one speed that the tool may have to another.
-        turn = wanted - self.velocity
-        return self.velocity + turn * min(1.0, change / max(np.abs(turn).max(), change))
+        most, change = self._tool_speed, self._acceleration * dt
+        least, largest = self.velocity - change, self.velocity + change
+        allowed = allowed * tool_share(self._jacobian, allowed, most)
+        velocity = np.minimum(np.maximum(allowed, least), largest)
+        if tool_share(self._jacobian, velocity, most) < 1.0:
+            # Joints that change together lead from one speed that the tool may have to another.
+            turn = allowed - self.velocity
+            velocity = self.velocity + turn * min(1.0, change / max(np.abs(turn).max(), change))
+            velocity = self._within(velocity, dt)
+        # Last, so that it holds whatever else changes; from any speed that was allowed a joint can
+        # stop before its range ends.
+        return np.minimum(np.maximum(velocity, least), largest)
 
     def _wanted(self, dt: float) -> Array:
         """The velocity that the targets ask for; without a new target it ends at rest."""
@@ -108,17 +113,28 @@ class Follower:
         after = self._ramped()
         behind = after - (self.reference + (after - before))
         # Far behind, only as fast as the acceleration can still take back on the way.
-        braking = 2.0 * BRAKING_SHARE * self.limits.acceleration
+        braking = 2.0 * BRAKING_SHARE * self._acceleration
         correction = np.minimum(GAIN * np.abs(behind), np.sqrt(braking * np.abs(behind)))
         wanted = (after - before) / dt + np.copysign(correction, behind)
         # So near and slow that one more call reaches the target: end there, exactly at rest.
-        rests = (after == before) & (np.abs(behind) < self.limits.acceleration * dt * dt)
-        rests &= np.abs(self.velocity) <= self.limits.acceleration * dt
+        rests = (after == before) & (np.abs(behind) < self._acceleration * dt * dt)
+        rests &= np.abs(self.velocity) <= self._acceleration * dt
         return np.where(rests, 0.0, wanted)
 
     def _ramped(self) -> Array:
         share = self._elapsed / PERIOD
         return self._begin + share * (self._end - self._begin)
+
+    def _within(self, velocity: Array, dt: float) -> Array:
+        """The velocity next to one that the joints' positions allow, so that they can stop."""
+        low, high = speed_limits(self.reference)
+        # Braking before the ends of the range, the way of this call included.
+        reach = 2.0 * self._acceleration
+        up = np.maximum(HIGHEST - self.reference, 0.0)
+        down = np.maximum(self.reference - LOWEST, 0.0)
+        high = np.minimum(self.speed_fraction * high, _stopping(up, reach, dt))
+        low = np.maximum(self.speed_fraction * low, -_stopping(down, reach, dt))
+        return np.minimum(np.maximum(velocity, low), high)
 
 
 def tool_share(jacobian: Array, velocity: Array, most: float) -> float:
@@ -128,18 +144,6 @@ def tool_share(jacobian: Array, velocity: Array, most: float) -> float:
     """
     speed = math.hypot(*(jacobian @ velocity).tolist())
     return min(1.0, most / speed) if speed > 0.0 else 1.0
-
-
-def _within(reference: Array, velocity: Array, limits: ArmConfig, dt: float) -> Array:
-    """The velocity next to one that the joint's position allows, so that it can always stop."""
-    low, high = speed_limits(reference)
-    # Braking before the ends of the range, the way of this call included.
-    reach = 2.0 * limits.acceleration
-    up = np.maximum(HIGHEST - reference, 0.0)
-    down = np.maximum(reference - LOWEST, 0.0)
-    high = np.minimum(limits.speed_fraction * high, _stopping(up, reach, dt))
-    low = np.maximum(limits.speed_fraction * low, -_stopping(down, reach, dt))
-    return np.minimum(np.maximum(velocity, low), high)
 
 
 def _stopping(distance: Array, reach: float, dt: float) -> Array:

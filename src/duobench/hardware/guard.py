@@ -117,6 +117,10 @@ class Guard:
             "place from which they can go home."
         )
 
+    def is_free(self, start: Array, path: Sequence[Array]) -> bool:
+        """Whether nothing comes too near anything on a path, as `plan_path` gives them."""
+        return self._problem_on(start, path) is None
+
     def _problem_on(self, start: Array, path: Sequence[Array]) -> Clearance | None:
         nearest = self.nearest(start, MARGIN)
         allowed = 0.0 if nearest is None else min(0.0, nearest.room - _ALLOWED_NEARER)

@@ -12,6 +12,10 @@ from duobench.errors import OptionError
 from duobench.stages.progress import ProgressState
 from duobench.types import CONTROL_HZ
 
+REACTION_S = 1.0
+"""Seconds after the end of an episode within which a press is still about what was seen before it:
+a person who presses at once needs 0.3 to 1 s [choice]. A later one is marked."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StageLabel:
@@ -25,6 +29,8 @@ class StageLabel:
     time_s: float
     """Seconds since the episode began, on the rig's clock; those of its film, if it is corrected
     from that."""
+    late: bool = False
+    """Whether it is a stage that was said later than `REACTION_S` after the end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +55,12 @@ class StageLabels:
     def stage(self) -> int:
         """The highest stage that stands."""
         return max((label.stage or 0 for label in self.standing), default=0)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the highest stage stands by late labels alone."""
+        on_time = (label.stage or 0 for label in self.standing if not label.late)
+        return self.stage > max(on_time, default=0)
 
     def changes(self) -> tuple[tuple[int, int], ...]:
         """Pairs (control step, stage): when each newly reached stage was reached."""
@@ -84,6 +96,11 @@ class HumanJudge:
             self.stage = 0
             """The stage as of the last control step."""
             self._start = self._now()
+            self._end: float | None = None
+
+    def end(self) -> None:
+        """The episode is over: what is declared from now on may be late."""
+        self._end = self.time_s
 
     def judge(self) -> None:
         """Count a control step, and take over what was declared until now."""
@@ -109,17 +126,19 @@ class HumanJudge:
         """Say that a stage is reached, or with None take the latest label back.
 
         Earlier stages may be skipped. It was reached now, or at `film_s` seconds of the episode's
-        film. `note` writes the label down before anybody sees its effect.
+        film; what is said after the end counts at the last step, and may be `late`. `note` writes
+        the label down before anybody sees its effect.
         """
         with self._lock:
             if stage is None and not self.labels.standing:
                 raise OptionError("There is no press to take back.")
             if stage is not None and not 0 < stage <= self.max_stage:
                 raise OptionError(f"The stages are 1 to {self.max_stage}, got {stage}.")
-            time_s, step = self.time_s, self.steps
+            time_s, step, end = self.time_s, self.steps, self._end
             if film_s is not None:
-                time_s, step = film_s, min(round(film_s * CONTROL_HZ), step)
-            label = StageLabel(stage=stage, step=step, time_s=round(time_s, 3))
+                time_s, step, end = film_s, min(round(film_s * CONTROL_HZ), step), step / CONTROL_HZ
+            late = stage is not None and end is not None and time_s > end + REACTION_S
+            label = StageLabel(stage=stage, step=step, time_s=round(time_s, 3), late=late)
             note(label)
             self.labels = StageLabels((*self.labels.all, label))
         return label

@@ -13,8 +13,9 @@ from duobench.references import load
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import SIDES, Side
 
-SIMULATED = "simulated"
-"""Name of the rig without hardware."""
+SIMULATED, REHEARSAL = "simulated", "rehearsal"
+COMPUTED = {SIMULATED: Rig.simulated, REHEARSAL: Rig.rehearsal}
+"""The rigs without hardware by their names."""
 DRIVERS = {
     ArmDriver.FRANKY: "franky_arm:FrankyArm",
     GripperDriver.ROBOTIQ: "robotiq:RobotiqGripper",
@@ -27,7 +28,7 @@ and a clock, and a camera's with its name; their libraries are loaded when one i
 
 
 def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True) -> FrankaDuo:
-    """A rig, its file or "simulated", not connected yet: `start` does that.
+    """A rig, its file, "simulated" or "rehearsal", not connected yet: `start` does that.
 
     Without a clock it takes the machine's own. With a guard our own simulation keeps the arms apart
     and off the table.
@@ -36,38 +37,48 @@ def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool =
         FileError: The file cannot be read, or is no rig.
     """
     clock = clock or SystemClock()
-    if rig == SIMULATED:
-        rig = Rig.simulated()
+    if isinstance(rig, str) and rig in COMPUTED:
+        rig = COMPUTED[rig]()
     elif not isinstance(rig, Rig):
         rig = Rig.read(Path(rig))
+    rehearsal = None
+    if REHEARSAL in rig.drivers:
+        rehearsal = _driver("rehearsal:Rehearsal")(clock)
     return FrankaDuo(
         rig,
         clock,
-        arms={side: _arm(rig, side, clock) for side in SIDES},
-        grippers={side: _gripper(rig, side, clock) for side in SIDES},
-        cameras={name: _camera(rig, name, clock) for name in rig.cameras},
+        arms={side: _arm(rig, side, clock, rehearsal) for side in SIDES},
+        grippers={side: _gripper(rig, side, clock, rehearsal) for side in SIDES},
+        cameras={name: _camera(rig, name, clock, rehearsal) for name in rig.cameras},
         guard=Guard() if guard else None,
+        world=None if rehearsal is None else rehearsal.world,
     )
 
 
-def _arm(rig: Rig, side: Side, clock: Clock) -> Arm:
+def _arm(rig: Rig, side: Side, clock: Clock, rehearsal: Any) -> Arm:
     config = rig.arms[side]
     if config.driver is ArmDriver.SIMULATED:
         return _driver("simulated:SimulatedArm")(clock, HOME_JOINTS[side.index])
+    if config.driver is ArmDriver.REHEARSAL:
+        return rehearsal.arm(config)
     return _driver(DRIVERS[config.driver])(config, clock)
 
 
-def _gripper(rig: Rig, side: Side, clock: Clock) -> Gripper:
+def _gripper(rig: Rig, side: Side, clock: Clock, rehearsal: Any) -> Gripper:
     config = rig.grippers[side]
     if config.driver is GripperDriver.SIMULATED:
         return _driver("simulated:SimulatedGripper")(clock)
+    if config.driver is GripperDriver.REHEARSAL:
+        return rehearsal.gripper(config)
     return _driver(DRIVERS[config.driver])(config, clock)
 
 
-def _camera(rig: Rig, name: str, clock: Clock) -> Camera:
+def _camera(rig: Rig, name: str, clock: Clock, rehearsal: Any) -> Camera:
     config = rig.cameras[name]
     if config.driver is CameraDriver.SIMULATED:
         return _driver("simulated:SimulatedCamera")(clock, fps=config.fps)
+    if config.driver is CameraDriver.REHEARSAL:
+        return rehearsal.camera(config, name)
     return _driver(DRIVERS[config.driver])(config, clock, name)
 
 

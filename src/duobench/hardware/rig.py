@@ -67,6 +67,9 @@ SIZES, RATES = (90, 4320), (5, 120)
 """Least and most pixels of an image's side, and images a second."""
 UNIT = 1e-3
 """How far the length of a quaternion may be from 1."""
+REHEARSAL_SIZE = (180, 320)
+"""Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
+processor renders ten times a second beside the arms."""
 UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """The pose of a camera whose lens alone is known."""
 
@@ -75,6 +78,7 @@ class ArmDriver(StrEnum):
     """What talks to an arm."""
 
     FRANKY = "franky"
+    REHEARSAL = "rehearsal"
     SIMULATED = "simulated"
 
 
@@ -82,6 +86,7 @@ class GripperDriver(StrEnum):
     """What talks to a gripper."""
 
     ROBOTIQ = "robotiq"
+    REHEARSAL = "rehearsal"
     SIMULATED = "simulated"
 
 
@@ -91,6 +96,7 @@ class CameraDriver(StrEnum):
     REALSENSE = "realsense"
     UVC = "uvc"
     FILE = "file"
+    REHEARSAL = "rehearsal"
     SIMULATED = "simulated"
 
 
@@ -140,6 +146,11 @@ class ArmConfig:
                     f"damping of joint {number + 1} is {least:.1f} to {most:.1f} beside its "
                     f"stiffness of {self.stiffness[number]:g}, got {damping}."
                 )
+
+    @property
+    def tool_thresholds(self) -> tuple[float, ...]:
+        """Those at the tool (6,): forces in N along x, y and z, then moments in N·m about them."""
+        return (self.force_threshold,) * 3 + (self.moment_threshold,) * 3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -339,10 +350,37 @@ class Rig:
             cameras=dict.fromkeys(POLICY_CAMERAS, camera),
         )
 
+    @staticmethod
+    def rehearsal() -> Rig:
+        """A rig without hardware whose arms and grippers act on our own simulation of a task.
+
+        Mounts are named by address and port, so that arms can be swapped as cables can.
+        """
+        return Rig(
+            name="rehearsal",
+            arms={
+                side: ArmConfig(
+                    driver=ArmDriver.REHEARSAL,
+                    address=side,
+                    speed_fraction=MAX_SPEED_FRACTION,
+                    acceleration=MAX_ACCELERATION,
+                    tool_speed=MAX_TOOL_SPEED,
+                    is_realtime=False,
+                )
+                for side in SIDES
+            },
+            grippers={
+                side: GripperConfig(driver=GripperDriver.REHEARSAL, port=side) for side in SIDES
+            },
+            cameras=dict.fromkeys(
+                POLICY_CAMERAS, CameraConfig(driver=CameraDriver.REHEARSAL, size=REHEARSAL_SIZE)
+            ),
+        )
+
     @property
     def is_computed(self) -> bool:
         """Whether no part of it is hardware, so that its time may be computed as well."""
-        return self.drivers <= {ArmDriver.SIMULATED, CameraDriver.FILE}
+        return self.drivers <= {ArmDriver.SIMULATED, ArmDriver.REHEARSAL, CameraDriver.FILE}
 
     @property
     def drivers(self) -> set[str]:

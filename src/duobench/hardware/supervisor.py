@@ -5,7 +5,8 @@ back; after a fault only the operator recovers the arms.
 """
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import StrEnum
 
 from duobench.errors import BackendError
@@ -49,6 +50,7 @@ class Supervisor:
         self._reason: str | None = None
         self._fault: Fault | None = None
         self._is_confirmed = False
+        self._is_handling = False
 
     @property
     def state(self) -> State:
@@ -69,6 +71,29 @@ class Supervisor:
     def is_confirmed(self) -> bool:
         """Whether the operator has said that the arms may move."""
         return self._is_confirmed
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether arms or fingers may move at this moment."""
+        return self._is_handling or self._state in {State.HOMING, State.RUNNING}
+
+    @contextmanager
+    def handling(self) -> Iterator[Callable[[], bool]]:
+        """Surrounds what the operator has the fingers do while the arms stay where they are.
+
+        What it gives says whether they may go on: a hold ends it.
+        """
+        with self._lock:
+            if self._state in {State.OFF, State.HOMING, State.RUNNING, State.RECOVERING}:
+                raise BackendError(
+                    f"Hands are opened and activated while the arms are held; the rig is "
+                    f"{self._state}."
+                )
+            self._is_handling = True
+        try:
+            yield lambda: self._is_handling
+        finally:
+            self._is_handling = False
 
     def confirm(self) -> None:
         """The operator says: nobody is near, the arms may move.
@@ -122,6 +147,8 @@ class Supervisor:
         """Go to a state in which the arms move."""
         with self._lock:
             self.check_confirmed()
+            if self._is_handling:
+                raise BackendError("The hands are being opened or activated; wait until they are.")
             self.enter(state)
 
     def enter(self, state: State, *, only_from: tuple[State, ...] | None = None) -> bool:
@@ -144,6 +171,7 @@ class Supervisor:
         Whether this changed anything.
         """
         with self._lock:
+            self._is_handling = self._is_confirmed = False
             if self._state is State.OFF or self._fault is not None:
                 return False
             if self._reason is not None and fault is None:
@@ -151,6 +179,5 @@ class Supervisor:
             if self._reason is None:
                 self._reason = reason
             self._fault = fault
-            self._is_confirmed = False
             self._state = State.HOLDING if fault is None else State.FAULTED
             return True

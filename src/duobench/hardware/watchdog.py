@@ -25,6 +25,8 @@ MAX_ARM_AGE_S = 0.1
 """Oldest reading of an arm that it is moved by, in seconds."""
 MAX_GRIPPER_AGE_S = 0.5
 """Oldest reading of a gripper, in seconds; one that is told nothing new answers at 30 Hz."""
+GRACE_S = 0.5
+"""Seconds that an image may be late, while the arms rest, before an episode is lost by it."""
 MAX_FREEZE_S = 0.2
 """Longest time in seconds that an arm may be told nothing: this process was stopped."""
 
@@ -47,6 +49,10 @@ class Watchdog:
         self._supervisor, self._clock, self._hold = supervisor, clock, hold
         self._ticker: Ticker | None = None
         self._fed = 0.0
+        self.seen = frozenset(cameras)
+        """Cameras that somebody looks through while commands are followed."""
+        self.look: Callable[[], None] = lambda: None
+        """Looks whether somebody is there while arms or fingers may move; see `watch_person`."""
 
     def start(self) -> None:
         """Watch from now on, in a thread of its own."""
@@ -76,6 +82,8 @@ class Watchdog:
     def _watch(self) -> None:
         try:
             self.check()
+            if self._supervisor.is_moving:
+                self.look()
         except Exception as error:  # noqa: BLE001 - whatever it is, nobody watches the arms then
             _log.exception("The watch failed.")
             text = f"What is wrong cannot be told: {escaped(repr(error))}"
@@ -114,15 +122,26 @@ class Watchdog:
                 return _lost(f"The {side} gripper has not answered for {age:.2f} s.")
         return None
 
+    def image_ages(self) -> dict[str, float]:
+        """Seconds since the latest image of each camera that is seen; infinite without one."""
+        seen = {name: each for name, each in self._cameras.items() if name in self.seen}
+        return image_ages(seen, self._clock.now())
+
     def _camera_fault(self) -> Fault | None:
-        """What is wrong with the cameras; while an episode runs, old images are a fault."""
+        """What is wrong with the cameras; while an episode runs, with those that are seen."""
+        is_running = self._supervisor.state is State.RUNNING
         for name, camera in self._cameras.items():
-            if camera.fault is not None:
+            if camera.fault is not None and (name in self.seen or not is_running):
                 return _named(f"The camera {name}", camera.fault)
-        if self._supervisor.state is not State.RUNNING:
-            return None
-        for name, age in image_ages(self._cameras, self._clock.now()).items():
-            if not age <= MAX_IMAGE_AGE_SECONDS:
+        return self.late_image(GRACE_S) if is_running else None
+
+    def late_image(self, grace: float = 0.0) -> Fault | None:
+        """The fault that the image of a camera is which somebody sees, and is late.
+
+        By how many seconds more than is right it may be, is its grace.
+        """
+        for name, age in self.image_ages().items():
+            if not age <= MAX_IMAGE_AGE_SECONDS + grace:
                 return _lost(
                     f"The latest image of the camera {name} is {age:.2f} s old; at most "
                     f"{MAX_IMAGE_AGE_SECONDS:g} s is right."

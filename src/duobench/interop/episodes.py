@@ -60,8 +60,7 @@ class Episodes:
         if self._env is None:
             self._env, self._import_path = make(task, **self._options), task
         optional_method(self._env, "set_rendering")(True)
-        seed = episode_seed(catalog.get(task).id, index)
-        observation, info = self._env.reset(seed=seed)
+        observation, info = self._env.reset(seed=episode_seed(catalog.get(task).id, index))
         self._instruction = info["instruction"]
         self._last = Step(
             number=0,

@@ -3,8 +3,6 @@
 What is played are the episodes of our evaluation, so that the same actions score the same.
 """
 
-from __future__ import annotations
-
 import ctypes.util
 import os
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ It asks with VLAgents' own client, which unpickles what its server sends: connec
 you trust.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -60,12 +60,12 @@ SOLVER = "daqp"
 _TCP_FROM_WRIST = LINK7_FROM_TCP.inverse()
 
 
-def within_reach(side: Side, tool: SE3) -> SE3:
+def within_reach(side: Side, tool: SE3, reach: float = REACH) -> SE3:
     """The tool pose, brought towards the arm's shoulder as far as its wrist is out of reach."""
     shoulder = SHOULDERS[side]
     away = (tool @ _TCP_FROM_WRIST).translation - shoulder
     distance = length(away)
-    excess = max(0.0, distance - REACH)
+    excess = max(0.0, distance - reach)
     return tool.moved(*(-excess * away / distance)) if excess else tool
 
 

@@ -5,12 +5,10 @@ was rendered. It changes nothing that the physics knows, and it is switched, not
 left at its default stays as the scene was composed, so `Look()` is the scene itself.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 
@@ -172,11 +170,11 @@ class Look:
         plain, default = msgspec.to_builtins(self), asdict(Look())
         return {name: value for name, value in plain.items() if value != default[name]}
 
-    @staticmethod
-    def from_json(data: Mapping[str, Any]) -> Look:
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
         """From what `to_json` or `dataclasses.asdict` gave."""
         try:
-            look = msgspec.convert(dict(data), Look)
+            look = msgspec.convert(dict(data), cls)
         except msgspec.ValidationError as error:
             raise OptionError(f"This is no look: {error}.".replace("`$.", "`")) from error
         _check_known(data, msgspec.to_builtins(look))

@@ -11,7 +11,7 @@ from itertools import product
 
 from duobench.objects.mazes import CELLS, CORNERS, MAZES, SEGMENTS, Cell, Maze, Segment
 from duobench.objects.prop import Variant
-from duobench.objects.shapes import JOINT_PLAY, Colour, Shape, box, prism, sphere
+from duobench.objects.shapes import JOINT_PLAY, Colour, Shape, box, hull, prism, sphere
 from duobench.objects.solid import Image, Piece, Solid, images_of, mass_properties
 from duobench.spatial import SE3
 
@@ -24,12 +24,14 @@ WALL = 0.004
 EDGE = 0.220
 """Edge of the board in metres, without the grips [task definitions]."""
 BASE = 0.004
-"""Thickness of the floor in metres. The rim's underside is level with that of the floor: the board
-stands flat, and is printed from the bed without a bridge."""
+"""Thickness of the floor in metres. The rim's underside is level with that of the floor: both are
+printed from the bed without a bridge."""
 BALL_RADIUS = 0.010
 """Radius of the ball in metres [task definitions]."""
 HALF = CELLS * PITCH / 2
 """Half the edge of the maze in metres, up to the middle of a wall on its outline."""
+INNER = HALF - WALL / 2
+"""Distance of the rim's inner faces from the board's middle in metres."""
 
 GRIP_OFFSET = 0.145
 """Distance in metres of a grip's bar from the board's middle: a finger fits between bar and rim."""
@@ -49,9 +51,17 @@ DOVETAIL = (0.008, 0.006, 0.010)
 printed stay, in metres. 4 mm of the rim stay behind it."""
 LEDGE = 0.003
 """Height in metres of the rim above a dovetail: it is put in from below, and carries the board."""
+SHOULDER, BLUNT = 0.002, 0.001
+"""How far the printed rim reaches under a printed floor in metres, and how thick it is at the end.
+From there it slopes by 45 degrees, so that neither of the two hangs over."""
+UPRIGHT = BASE - BLUNT - SHOULDER
+"""Height in metres of the upper part of a printed floor's edge, which does not slope."""
+FLOOR_PLAY = 0.0003
+"""Play in metres on each side between a printed floor and the rim. The floor is not glued: it lies
+in the rim by its own weight, and sinks by as much when the board is lifted."""
 
 _FLOOR_COLOUR = (0.80, 0.79, 0.76, 1.0)
-_WALL_COLOUR = (0.16, 0.34, 0.56, 1.0)
+WALL_COLOUR = (0.16, 0.34, 0.56, 1.0)
 RIM_COLOUR = (0.11, 0.25, 0.42, 1.0)
 _GRIP_COLOUR = (0.08, 0.08, 0.09, 1.0)
 _START_COLOUR = (0.55, 0.72, 0.55, 1.0)
@@ -128,21 +138,41 @@ def _shown_corners(maze: Maze) -> Iterable[bool]:
 
 
 def printable_board(maze: Maze) -> Solid:
-    """The board of one maze, printed in five pieces: without its grips, and four equal grips.
+    """The board of one maze, printed in six pieces: a frame, a floor with walls, four equal grips.
 
-    A grip is put into the rim from below, and glued.
+    A grip is put into the frame from below, and glued. A floor lies in the frame, which all mazes
+    share.
     """
     inside = (_floor(), *_rim(), *_walls(maze))
     turns = _quarter_turns()
     slots = tuple(slot for turn in turns for slot in _dovetails(turn, JOINT_PLAY))
     grips = (
-        Piece(name="grip", rgba=_GRIP_COLOUR, shapes=(*_grip(turn, EDGE / 2), *_dovetails(turn)))
+        Piece(
+            name="grip",
+            rgba=_GRIP_COLOUR,
+            shapes=(*_grip(turn, EDGE / 2), *_dovetails(turn)),
+            is_shared=True,
+        )
         for turn in turns
     )
     return Solid(
         shapes=(*inside, *_grips()),
         rgba=_FLOOR_COLOUR,
-        pieces=(Piece(name="floor", shapes=inside, holes=slots), *grips),
+        pieces=(
+            Piece(
+                name="frame",
+                rgba=RIM_COLOUR,
+                shapes=(*_rim(), *_shoulders()),
+                holes=slots,
+                is_shared=True,
+            ),
+            Piece(
+                name="floor",
+                shapes=(*_loose_floor(), *_walls(maze, UPRIGHT)),
+                holes=tuple(_outside()),
+            ),
+            *grips,
+        ),
     )
 
 
@@ -154,6 +184,33 @@ def _frame() -> tuple[Shape, ...]:
 def _floor() -> Shape:
     """What the ball rolls on."""
     return box(2 * HALF, 2 * HALF, BASE, at=SE3.at(z=-BASE / 2))
+
+
+def _loose_floor() -> Iterable[Shape]:
+    """The floor that lies in the rim: its lower edges slope as the shoulders do."""
+    wide = INNER - FLOOR_PLAY
+    narrow = wide - SHOULDER
+    yield box(2 * narrow, 2 * narrow, 2 * BLUNT, at=SE3.at(z=BLUNT - BASE))
+    levels = ((narrow, BLUNT - BASE), (wide, -UPRIGHT), (wide, 0.0))
+    yield hull([(x * half, y * half, z) for half, z in levels for x in (-1, 1) for y in (-1, 1)])
+
+
+def _outside() -> Iterable[Shape]:
+    """What is cut off walls: they end where the loose floor does."""
+    low, high = -UPRIGHT, 2 * WALL_HEIGHT
+    for turn in _quarter_turns():
+        inner = INNER - FLOOR_PLAY
+        at = turn @ SE3.at(x=inner + PITCH / 2, z=(low + high) / 2)
+        yield box(PITCH, 2 * EDGE, high - low, at=at)
+
+
+def _shoulders() -> Iterable[Shape]:
+    """What a loose floor lies on: four wedges at the rim's inner faces, half in it."""
+    outer, end, high = INNER + ROOT, INNER - SHOULDER, -UPRIGHT
+    section = ((outer, -BASE), (end, -BASE), (end, BLUNT - BASE), (INNER, high), (outer, high))
+    for turn in _quarter_turns():
+        corners = [(x, side * INNER, z) for x, z in section for side in (-1, 1)]
+        yield hull([tuple(turn.apply(corner).tolist()) for corner in corners])
 
 
 def _frame_images() -> tuple[Image, ...]:
@@ -175,7 +232,7 @@ def _corner_image(corner: Cell, rgba: Colour) -> Image:
 
 def _rim() -> Iterable[Shape]:
     """Four bars around the floor; their inner faces are as far from the cells as a wall's."""
-    width = EDGE / 2 - (HALF - WALL / 2)
+    width = EDGE / 2 - INNER
     height = BASE + WALL_HEIGHT
     for turn in _quarter_turns():
         side = turn @ SE3.at(x=(EDGE - width) / 2, z=WALL_HEIGHT - height / 2)
@@ -216,23 +273,23 @@ def _dovetails(turn: SE3, play: float = 0.0) -> Iterable[Shape]:
         yield prism(outline, high - low, at=turn @ SE3.at(0.0, side, (low + high) / 2))
 
 
-def _wall(segment: Segment) -> Shape:
+def _wall(segment: Segment, root: float = ROOT) -> Shape:
     """A wall over the whole edge of a cell, from the middle of one post to that of the next."""
     x, y = cell_centre(segment.cell)
     along, across = PITCH + WALL, WALL
     centre = (x, y + PITCH / 2) if segment.along_x else (x + PITCH / 2, y)
     size = (along, across) if segment.along_x else (across, along)
-    middle = SE3.at(*centre, (WALL_HEIGHT - ROOT) / 2)
-    return box(*size, WALL_HEIGHT + ROOT, at=middle, rgba=_WALL_COLOUR)
+    middle = SE3.at(*centre, (WALL_HEIGHT - root) / 2)
+    return box(*size, WALL_HEIGHT + root, at=middle, rgba=WALL_COLOUR)
 
 
-def _walls(maze: Maze) -> tuple[Shape, ...]:
-    return tuple(_wall(segment) for segment in SEGMENTS if segment in maze.walls)
+def _walls(maze: Maze, root: float = ROOT) -> tuple[Shape, ...]:
+    return tuple(_wall(segment, root) for segment in SEGMENTS if segment in maze.walls)
 
 
 def _walls_image(maze: Maze) -> Image:
     """The walls of a maze in one image, without their ends in the rim."""
-    return images_of((*_rim(), *_walls(maze)), _WALL_COLOUR)[-1]
+    return images_of((*_rim(), *_walls(maze)), WALL_COLOUR)[-1]
 
 
 def _quarter_turns() -> tuple[SE3, ...]:

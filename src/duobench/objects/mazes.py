@@ -12,8 +12,6 @@ random trees for these properties, which the tests check:
   the ball to rest in the goal of more than five boards in the 301 steps that an episode leaves.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
@@ -50,7 +48,7 @@ class Segment:
     """Whether the wall runs along x, so that the two cells are one above the other."""
 
     @staticmethod
-    def beyond(cell: Cell, direction: Direction) -> Segment:
+    def beyond(cell: Cell, direction: Direction) -> "Segment":
         """The edge that a step from a cell crosses."""
         first = min(cell, direction.next(cell))
         return Segment(first, along_x=direction.value[0] == 0)
@@ -77,7 +75,7 @@ class Maze:
     """Where it shall come to rest."""
 
     @staticmethod
-    def parsed(rows: Iterable[str]) -> Maze:
+    def parsed(rows: Iterable[str]) -> "Maze":
         """Parse rows of text.
 
         Args:

@@ -67,6 +67,9 @@ class Piece:
     """Colour that it is printed in, where it differs from the solid's."""
     print_turn: SE3 = field(default_factory=SE3)
     """Rotation from the solid's frame to the printer's, whose z points up."""
+    is_shared: bool = False
+    """Whether it is the same in all variants of its object, which are put together with it in turn:
+    it is printed once for all of them."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

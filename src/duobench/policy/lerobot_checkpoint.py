@@ -13,6 +13,7 @@ from duobench.envs import action_labels
 from duobench.envs.action_labels import LABELS, ActionLabels
 from duobench.envs.action_modes import JOINT
 from duobench.errors import PolicyError, check_known
+from duobench.files import digest_of
 from duobench.lerobot_keys import (
     ACTION,
     FEATURE_NAMES,
@@ -132,9 +133,7 @@ def content_hash(folder: Path) -> str:
     digest = hashlib.sha256()
     for path in sorted(folder.iterdir(), key=lambda path: path.name):
         if path.suffix in {".json", ".safetensors"} and path.name != _TRAINING:
-            with path.open("rb") as file:
-                content = hashlib.file_digest(file, "sha256").hexdigest()
-            digest.update(f"{path.name} {content}\n".encode())
+            digest.update(f"{path.name} {digest_of(path)}\n".encode())
     return digest.hexdigest()
 
 

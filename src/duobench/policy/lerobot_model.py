@@ -1,7 +1,5 @@
 """A LeRobot checkpoint as a policy, with its own processors; it needs LeRobot and torch."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass

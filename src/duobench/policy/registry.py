@@ -1,7 +1,5 @@
 """From a name to a policy: baselines, checkpoints of LeRobot, or anything importable."""
 
-from __future__ import annotations
-
 import hashlib
 import sys
 from collections.abc import Callable, Mapping
@@ -68,7 +66,7 @@ class PolicyName:
     """Name of the expert's variety, if there is one in the name."""
 
     @classmethod
-    def parse(cls, text: str, words: Mapping[str, PolicyKind] = MADE_ALONE) -> PolicyName:
+    def parse(cls, text: str, words: Mapping[str, PolicyKind] = MADE_ALONE) -> "PolicyName":
         """Take a name apart, without importing anything.
 
         Args:

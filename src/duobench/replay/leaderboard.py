@@ -13,7 +13,7 @@ from typing import ClassVar
 
 from duobench.data.processes import Progress
 from duobench.errors import DataError, DuoBenchError, EvaluationError, FileError, escaped
-from duobench.files import checksum, encode, locked, read, write, writing
+from duobench.files import checksum, digest_of, encode, locked, read, remove, write
 from duobench.randomness import SUITE_VERSION
 from duobench.replay.verify import Finding, Verdict, Verification, verify
 from duobench.results.bundle import BUNDLE_SUFFIX, MAX_BYTES, Bundle
@@ -102,10 +102,8 @@ def make_leaderboard(
                 )
         board = Board(entries=tuple(entries.values()), refused=tuple(refused), rounds=rounds)
         page = write_site(board, out)
-        for path in (out / VERDICTS).glob("*.json"):
-            if path.stem not in known:
-                with writing(path):
-                    path.unlink()
+        verdicts = (out / VERDICTS).glob("*.json")
+        remove(*(path for path in verdicts if path.stem not in known))
     return board, page
 
 
@@ -243,5 +241,4 @@ def _digest(path: Path) -> str:
     """The SHA-256 of a file that is not too large for a bundle."""
     if path.stat().st_size > MAX_BYTES:
         raise FileError(f"It is larger than {MAX_BYTES} bytes.")
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return digest_of(path)

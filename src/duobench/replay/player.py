@@ -298,10 +298,15 @@ def _config(task: Task, recording: Recording) -> EnvConfig:
 
 def _divergence(player: Player, env: gym.Env, recording: Recording) -> Divergence:
     comparison = _Comparison(recording)
-    start = {LAYOUT: recording.info.layout}
     try:
         # A recording may go on after success.
-        for _ in player.play(env, recording.sent, [comparison], options=start, past_end=True):
+        for _ in player.play(
+            env,
+            recording.sent,
+            [comparison],
+            options={LAYOUT: recording.info.layout},
+            past_end=True,
+        ):
             pass
     except DuoBenchError as error:
         if not comparison.stages:

@@ -1,13 +1,11 @@
 """What can be viewed: a task, recorded episodes, and those of a run, also while others write it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.dataset import DESCRIPTION as DATA_SET
@@ -25,9 +23,7 @@ from duobench.results.records import EpisodeRecord
 from duobench.results.scores import group_by_condition
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-
-if TYPE_CHECKING:
-    from duobench.web.server import PageServer
+from duobench.web.server import PageServer
 
 LAYOUTS = 20
 SUCCESS, FAILURE, ERROR = "success", "failure", "error"

@@ -150,7 +150,7 @@ def verify(
             progress(len(findings), len(keys))
     others: list[str] = []
     if isinstance(source, RunFolder) and len(records) == len(keys):  # else no report can be written
-        from duobench.results.report_check import check_report  # draws, which no worker needs
+        from duobench.results.report import check_report  # draws, which no worker needs
 
         wrong, others = check_report(source, group_by_condition(run, records))
         objections += map(escaped, wrong)

@@ -1,7 +1,5 @@
 """Playing what is viewed: one episode at a time, the same for everybody who has the page open."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time
@@ -9,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -20,9 +18,7 @@ from duobench.replay.sources import ViewSource
 from duobench.replay.trajectory import Trajectory
 from duobench.types import CONTROL_HZ
 from duobench.web.messages import PageMessage, pack_frame
-
-if TYPE_CHECKING:
-    from duobench.web.server import PageServer
+from duobench.web.server import PageServer
 
 MAX_TRAJECTORIES = 64
 """Episodes that are kept once they were shown; each takes up to a few hundred kilobytes."""

@@ -5,8 +5,6 @@ order are fixed: the same run gives the same bytes, with one version of zlib, wh
 A bundle comes from strangers: nothing of it is unpacked to a disk, and everything has a bound.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import re
@@ -123,7 +121,7 @@ class Bundle(RunReader):
         except FileError as error:
             raise FileError(f"{path} is no whole bundle: {error}") from error
 
-    def file(self, name: str) -> _Part:
+    def file(self, name: str) -> "_Part":
         """A part by its name, whether or not there is one."""
         return _Part(f"{self.path}: {name}", self._parts.get(name))
 

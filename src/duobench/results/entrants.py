@@ -4,8 +4,6 @@ The paper's results were measured elsewhere, on its own implementation of the ta
 tested against them.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -109,7 +107,7 @@ class Cell:
     progress: float
 
     @staticmethod
-    def of(total: Score) -> Cell:
+    def of(total: Score) -> "Cell":
         """The cell of at least one episode."""
         return Cell(
             episodes=total.episodes,
@@ -120,7 +118,7 @@ class Cell:
         )
 
     @staticmethod
-    def quoted(percent: float, progress: float) -> Cell:
+    def quoted(percent: float, progress: float) -> "Cell":
         """The cell of numbers of the paper."""
         return Cell(
             episodes=paper_results().rollouts,

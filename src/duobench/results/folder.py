@@ -23,15 +23,15 @@ from duobench.files import (
     locked,
     make_folder,
     read,
+    remove,
     remove_temporary,
     write,
     writing,
 )
 from duobench.results.journal import Entry, Journal, Started, read_attempts, read_entries
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
-from duobench.results.run import RUN_SCHEMA, Run
+from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard
 from duobench.results.salt import Salt
-from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode
 
 DESCRIPTION = "run.json"
@@ -324,9 +324,7 @@ class RunFolder(RunReader):
         for name in ("records", "videos", "replays", "figures", CONDITIONS):
             with writing(self.path / name), suppress(FileNotFoundError):
                 shutil.rmtree(self.path / name)
-        for path in (*map(self.file, _REPORT), *journals):
-            with writing(path):
-                path.unlink(missing_ok=True)
+        remove(*map(self.file, _REPORT), *journals)
 
     def _others(self, shard: Shard) -> list[Path]:
         """The journals of other writers."""
@@ -362,7 +360,5 @@ class RunFolder(RunReader):
 
     def discard(self, key: Key) -> None:
         """Remove what an episode has left, which makes it one that is still to be played."""
-        for name in (self.poster, self.video, self.replay, self.record):
-            if path := name(key):
-                with writing(path):
-                    path.unlink(missing_ok=True)
+        names = (self.poster, self.video, self.replay, self.record)
+        remove(*(path for name in names if (path := name(key))))

@@ -12,7 +12,7 @@ import msgspec
 
 from duobench.envs.config import EnvConfig
 from duobench.errors import escaped
-from duobench.files import make_folder, writing
+from duobench.files import make_folder, remove
 from duobench.looks.look import Look
 from duobench.randomness import EVAL, SALTED
 from duobench.results import figures
@@ -258,10 +258,8 @@ def write_site(board: Board, out: Path) -> Path:
     """
     pages = {entry.page: _policy_page(board, entry) for entry in board.entries}
     write_files(out, {**pages, PAGE: _front_page(board), DOCUMENT: _document(board)})
-    for path in out.glob("policies/*.html"):
-        if f"policies/{path.name}" not in pages:
-            with writing(path):
-                path.unlink()
+    there = out.glob("policies/*.html")
+    remove(*(path for path in there if f"policies/{path.name}" not in pages))
     return out / PAGE
 
 
@@ -269,8 +267,7 @@ def _front_page(board: Board) -> str:
     plain = board.groups[::2]
     title, hosted, _, ranked = next((each for each in plain if each[-1]), plain[-1])
     shown = [(str(rank), entry) for rank, entry in ranked[:MOST]]
-    privileged = board.ranked(privileged=True, hosted=hosted)
-    shown += [("P", entry) for _, entry in privileged[:1]]
+    shown += [("P", entry) for _, entry in board.ranked(privileged=True, hosted=hosted)[:1]]
     bars = [
         (row[0].task.title, [(word, one) for (word, _), one in zip(shown, row, strict=True)])
         for row in zip(*(entry.results.tasks for _, entry in shown), strict=True)

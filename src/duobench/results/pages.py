@@ -4,7 +4,7 @@ import io
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,12 @@ from PIL import Image
 
 from duobench.errors import OtherRunError, VideoError
 from duobench.files import make_folder, write
+from duobench.hardware.judge import REACTION_S
 from duobench.machine import is_software_renderer
 from duobench.pages import render
 from duobench.results import figures, scores
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord, Key
+from duobench.results.records import EpisodeRecord, InvalidTrial, Key
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, TaskResult
 from duobench.results.suite import execute_text, latency_text, suite_text
@@ -171,15 +172,41 @@ def trials(records: Iterable[EpisodeRecord]) -> Facts:
     judged = [record.judged for record in records if record.judged is not None]
     if not judged:
         return {}
-    invalid = Counter(reason for each in judged for reason in each.repeated)
-    reasons = "; ".join(f"{reason} ({count})" for reason, count in sorted(invalid.items()))
+    presses = [press for each in judged for press in each.presses]
+    late = sum(each.is_late for each in judged)
+    counted = sum(press.late for press in presses)
     return {
         "Judged by": ", ".join(sorted({each.rater for each in judged})),
-        "Presses": f"{sum(len(each.presses) for each in judged)}, of which "
-        f"{sum(press.stage is None for each in judged for press in each.presses)} take one back",
-        "Invalid trials, played again": f"{invalid.total()}: {reasons}" if invalid else "none",
-        "Stopped by a reflex": str(sum(each.reflex for each in judged)),
+        "Presses": f"{len(presses)}, of which {sum(press.stage is None for press in presses)} take "
+        "one back",
+        f"Presses more than {REACTION_S:g} s after the end": f"{counted}: {late} episodes have "
+        "their stage from one"
+        if counted
+        else "none",
+        "Arms stopped by": counts_text(each.fault or "" for each in judged),
+        "Invalid trials, played again": invalid_text(
+            [trial for each in judged for trial in each.repeated]
+        ),
     }
+
+
+def invalid_text(trials: Sequence[InvalidTrial]) -> str:
+    """Trials that do not count, in a line: how many, at which stages, and why."""
+    if not trials:
+        return "none"
+    chosen = sum(trial.is_chosen for trial in trials)
+    return (
+        f"{len(trials)}, of which {chosen} by the operator's choice; at stage "
+        f"{counts_text(str(trial.stage) for trial in trials)}; stopped by "
+        f"{counts_text(trial.fault or '' for trial in trials)}; reasons: "
+        f"{counts_text(trial.reason for trial in trials)}"
+    )
+
+
+def counts_text(values: Iterable[str]) -> str:
+    """How often each value is there, such as "contact (2), person (1)"; empty ones are left out."""
+    counts = Counter(filter(None, values))
+    return ", ".join(f"{value} ({count})" for value, count in sorted(counts.items())) or "nothing"
 
 
 class PageVideos:

@@ -25,13 +25,14 @@ from duobench.errors import (
     PolicyTimeoutError,
     traceback_text,
 )
-from duobench.hardware.judge import StageLabel
+from duobench.hardware.devices import FaultKind
+from duobench.hardware.judge import StageLabel, StageLabels
 from duobench.results.attempts import ENDS
 from duobench.results.excess import Excess
 from duobench.shifts.shift import Shift
 from duobench.types import FLAT_SIZE, Array
 
-RECORD_SCHEMA = 9
+RECORD_SCHEMA = 10
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 SIM, REAL, MIXED = "sim", "real", "mixed"
 """Where something was played or recorded: in simulation, on real arms, or both."""
@@ -101,6 +102,19 @@ class StateHashes:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class InvalidTrial:
+    """A trial on real arms that does not count, and was played again."""
+
+    reason: str
+    stage: int = 0
+    """Highest stage that had been pressed."""
+    fault: FaultKind | None = None
+    """What sort of fault stopped the arms; None if none did."""
+    is_chosen: bool = False
+    """Whether a person chose so, who had seen the outcome; otherwise it could not have counted."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Judged:
     """How a person judged an episode on real arms."""
 
@@ -109,12 +123,18 @@ class Judged:
     presses: tuple[StageLabel, ...]
     """Every one in the order of time, those that were taken back included."""
     note: str = ""
-    repeated: tuple[str, ...] = ()
-    """Why earlier trials of this episode are invalid, one reason each; they were played again."""
+    repeated: tuple[InvalidTrial, ...] = ()
+    """Earlier trials of this episode, which are invalid."""
     stopped: str = ""
     """Why the arms ended the episode; empty if they did not."""
-    reflex: bool = False
-    """Whether that was a reflex of an arm, which counts as a failure of the policy."""
+    fault: FaultKind | None = None
+    """What sort of fault that was; None if it was none. What counts is a contact, or a limit that
+    the operator blamed on the policy."""
+
+    @property
+    def is_late(self) -> bool:
+        """Whether its stage was pressed only long after the end, see `REACTION_S`."""
+        return StageLabels(self.presses).is_late
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -1,13 +1,14 @@
 """A run: a suite played by one or several policies, described once for all that write its records.
 
-How much of it is played may grow, and writers are many: each writes the same description.
+How much of it is played may grow, and writers are many: each writes the same description and
+plays a shard, within the same time limits.
 """
 
-from __future__ import annotations
-
+import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import msgspec
 
@@ -16,8 +17,8 @@ from duobench.errors import EvaluationError
 from duobench.files import checksum, differences
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
+from duobench.policy.serving.address import MAX_S
 from duobench.randomness import SALTED, SUITE_VERSION
-from duobench.results.limits import TimeLimits
 from duobench.results.records import (
     DOMAINS,
     MIXED,
@@ -29,9 +30,100 @@ from duobench.results.records import (
     Software,
 )
 from duobench.results.salt import Salt, Seeds
-from duobench.results.shard import WHOLE, Shard
 from duobench.results.suite import Episode, Suite
 from duobench.shifts.shift import NO_SHIFT, Shift, every_shift
+
+MAX_SHARDS = 10_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, order=True)
+class Shard:
+    """Which part of a run this is: a number from 1 to the count of all parts.
+
+    Together all parts are the run, whatever its episodes grow to. They are dealt out one by one, a
+    task beginning where the one before began plus one, so that every part has some of each task,
+    and an episode never moves to another part.
+    """
+
+    count: int
+    number: int
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.count <= MAX_SHARDS:
+            raise EvaluationError(f"A run has 1 to {MAX_SHARDS} shards, got {self.count}.")
+        if not 1 <= self.number <= self.count:
+            raise EvaluationError(
+                f"Shards count from 1: of {self.count} there are 1 to {self.count}, got "
+                f"{self.number}."
+            )
+
+    @classmethod
+    def parse(cls, text: str, between: str = "/") -> "Shard":
+        """A shard from text such as "3/16", the third of sixteen, or "3-of-16"."""
+        found = re.fullmatch(rf"([0-9]{{1,9}}){between}([0-9]{{1,9}})", text)
+        if not found:
+            raise EvaluationError(
+                f"A shard is NUMBER/COUNT, such as 1/4 for the first of four; got {text!r}."
+            )
+        return cls(number=int(found[1]), count=int(found[2]))
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
+
+    @property
+    def writer(self) -> str:
+        """What its writer is called, such as "3-of-16"."""
+        return f"{self.number}-of-{self.count}"
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is all of a run."""
+        return self.count == 1
+
+    def part(self, task: int, episodes: range) -> range:
+        """Those of the episodes of a task, by its place in the run from 0, that are in it."""
+        # Episode i of task t is in the shard whose number is (t + i) modulo the count, plus 1.
+        first = (self.number - 1 - task - episodes.start) % self.count
+        return range(episodes.start + first, episodes.stop, self.count)
+
+    def overlaps(self, other: "Shard") -> bool:
+        """Whether an episode may be in both."""
+        return (self.number - other.number) % math.gcd(self.count, other.count) == 0
+
+
+WHOLE = Shard(number=1, count=1)
+
+
+_ENDLESS_S = 1e9  # a limit in seconds that is as good as none, for JSON knows no infinity
+_HEALTH_CHECK_S = 10.0  # seconds of a time limit that are kept for looking after a server
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TimeLimits:
+    """How long a policy may take; making it, with all its weights, has no limit."""
+
+    act_timeout: float = 120.0
+    """Seconds for one reset or one chunk of actions: minutes, for a first may compile a model."""
+    episode_timeout: float = 1800.0
+    """Seconds for an episode, looked at whenever the policy acts."""
+
+    def __post_init__(self) -> None:
+        if not (self.act_timeout > 0 and self.episode_timeout > 0):
+            raise EvaluationError(
+                f"Time limits are positive, got {self.act_timeout} s for an answer and "
+                f"{self.episode_timeout} s for an episode."
+            )
+        object.__setattr__(self, "act_timeout", min(self.act_timeout, _ENDLESS_S))
+        object.__setattr__(self, "episode_timeout", min(self.episode_timeout, _ENDLESS_S))
+
+    @property
+    def served_s(self) -> float:
+        """Seconds for one answer of a served policy.
+
+        The rest of `act_timeout` is for finding out whether a late server lives.
+        """
+        return min(max(self.act_timeout - _HEALTH_CHECK_S, self.act_timeout / 2), MAX_S)
+
 
 RUN_SCHEMA = 9
 _SHOWN = 8  # characters of a hash in a sentence
@@ -227,7 +319,7 @@ class Run:
                 return f"its {name} is {getattr(record, name)}, expected was {value}."
         return None
 
-    def differences(self, other: Run) -> list[str]:
+    def differences(self, other: Self) -> list[str]:
         """What another run has differently, field by field; it may have less to play."""
         # What another policy says about itself differs too, which says no more.
         ours, theirs = ([each.policy for each in run.candidates] for run in (self, other))
@@ -236,7 +328,7 @@ class Run:
         now, before = self.suite.episodes, other.suite.episodes
         return differing + [f"episodes {now} instead of {before} or more"] * (now < before)
 
-    def with_shifts_of(self, other: Run) -> Run:
+    def with_shifts_of(self, other: Self) -> Self:
         """The same run with the shifts of another one too."""
         both = {*self.suite.shifts, *other.suite.shifts}
         order = tuple(shift for shift in every_shift() if shift in both)

@@ -18,11 +18,11 @@ import msgspec
 from PIL import Image as Pillow
 
 from duobench.backend import Image
-from duobench.data.views import View
+from duobench.data.images import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
 from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.hardware.canonical import CanonicalView
-from duobench.hardware.devices import Frame
+from duobench.hardware.devices import Frame, image_ages
 from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig
@@ -67,6 +67,9 @@ def head_image(duo: FrankaDuo, shape: tuple[int, int] = NATIVE) -> Image | None:
 class Film:
     """A watcher that films an episode with the head camera, if there is one.
 
+    No control step waits for it: a frame that the encoder has no time for is lost, and the one
+    before is shown in its place, so that each frame stays at its control step.
+
     Args:
         duo: The rig.
         show: Takes every frame as JPEG, in the film's thread.
@@ -75,40 +78,57 @@ class Film:
     def __init__(self, duo: FrankaDuo, show: Callable[[bytes], None]) -> None:
         self._duo, self._show = duo, show
         self._file = io.BytesIO()
-        self._frames: queue.Queue[Image | None] = queue.Queue(_WAITING)
+        self._frames: queue.Queue[tuple[int, Image] | None] = queue.Queue(_WAITING)
         self._error: VideoError | None = None
+        self.lost = 0
+        """Frames that the encoder had no time for."""
         self._thread = threading.Thread(target=self._encode, name="film", daemon=True)
         self._thread.start()
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
         """Film the start."""
-        self._add()
+        self._add(0)
 
     def on_step(self, step: Step) -> None:
         """Film every third step."""
         if step.number % FILM_EVERY == 0:
-            self._add()
+            self._add(step.number // FILM_EVERY)
 
     def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - what there was is shown
         """Finish the film, whatever the end was."""
         if self._thread.is_alive():
             self._frames.put(None)
             self._thread.join()
+        if self.lost:
+            _log.warning("%d frames of the film are missing: this computer was busy.", self.lost)
 
     def video(self) -> bytes | None:
         """The film as WebM, once it is finished; None without a frame, or if it failed."""
         return None if self._error else self._file.getvalue() or None
 
-    def _add(self) -> None:
-        if (image := head_image(self._duo, FILM_SIZE)) is not None:
-            self._frames.put(image)
+    def _add(self, number: int) -> None:
+        if (image := head_image(self._duo, FILM_SIZE)) is None:
+            return
+        try:
+            self._frames.put_nowait((number, image))
+        except queue.Full:
+            self.lost += 1
 
     def _encode(self) -> None:
         writer = VideoWriter(self._file, VP9, FILM_RATE)
-        while (image := self._frames.get()) is not None:
-            self._show(jpeg(image))
-            if self._error is None:
-                self._try(partial(writer.add, image))
+        written, before, is_shown = 0, None, True
+        while (frame := self._frames.get()) is not None:
+            number, image = frame
+            try:
+                if is_shown:
+                    self._show(jpeg(image))
+            except Exception:  # noqa: BLE001 - pictures for people end no film
+                _log.exception("What is filmed cannot be shown.")
+                is_shown = False
+            for shown in (*[image if before is None else before] * (number - written), image):
+                if self._error is None:
+                    self._try(partial(writer.add, shown))
+            written, before = number + 1, image
         self._try(writer.close)
 
     def _try(self, act: Callable[[], None]) -> None:
@@ -145,7 +165,7 @@ class CameraFeed:
             if before is None or before[0] is not frame:
                 content = jpeg(frame.image, SHOWN_WIDTH)
                 self._shown[name] = frame, self._server.publish_image(f"camera-{name}", content)
-        ages = self._duo.image_ages()
+        ages = image_ages(self._duo.cameras, self._duo.clock.now())
         self._server.publish_cameras([self._about(*each) for each in ages.items()])
 
     def _about(self, name: str, age_s: float) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from typing import Annotated
 import msgspec
 
 from duobench.errors import escaped
+from duobench.types import SIDES, Side
 from duobench.web.messages import PageMessage
 
 LONGEST_TEXT = 300
@@ -22,6 +23,19 @@ class Alive(PageMessage, frozen=True):
 
 class Home(PageMessage, frozen=True):
     """The operator confirms that both arms may go home, slowly."""
+
+    with_object: bool = False
+    """Whether what one hand holds may be carried home, where it is let go."""
+
+
+class Activate(PageMessage, frozen=True):
+    """The operator wants grippers activated: nothing is between their fingers."""
+
+
+class Open(PageMessage, frozen=True):
+    """The operator wants hands opened, whatever they hold."""
+
+    hands: tuple[Side, ...] = SIDES
 
 
 class Placed(PageMessage, frozen=True):
@@ -50,6 +64,10 @@ class Undo(PageMessage, frozen=True):
 
 class Hold(PageMessage, frozen=True):
     """Both arms come to rest and are held."""
+
+
+class GiveUp(PageMessage, frozen=True):
+    """The policy that is waited for is given up: it has failed."""
 
 
 class AtEnd(PageMessage, frozen=True):
@@ -86,6 +104,6 @@ class Recover(PageMessage, frozen=True):
 
 
 Message = (
-    Alive | Home | Placed | PlaceAgain | Start | Stage | Undo | Hold | AtEnd | Note | Finish
-    | Invalid | Recover
+    Alive | Home | Activate | Open | Placed | PlaceAgain | Start | Stage | Undo | Hold | GiveUp
+    | AtEnd | Note | Finish | Invalid | Recover
 )  # fmt: skip

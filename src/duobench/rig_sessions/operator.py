@@ -1,7 +1,8 @@
 """The operator at a terminal: what is said, what is asked, and keys that count at once."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import Protocol
 
 from duobench.errors import DuoBenchError
@@ -13,10 +14,20 @@ QUIT = "q"
 """Key that ends a session."""
 OPERATOR_LOST = "The operator's terminal is gone."
 FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
+INACTIVE = (
+    "Not active since it was switched on: the {} gripper. Take away what is between the fingers, "
+    "which will close and open.\na: activate; q: end."
+)
+HOLDING = (
+    "Something is held by the {} hand. Take it, so that it does not drop.\n"
+    "l: open the left hand; r: open the right hand; q: end."
+)
 HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
 PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
 PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
+WAITING = "The policy does not answer. g: give it up."
 DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
+ASK_WHY = "{}\nIt is discarded. Why did the arms stop?\n{}\nq: end, and leave it undecided."
 
 
 class Operator(Protocol):
@@ -36,13 +47,39 @@ class Operator(Protocol):
         """
 
 
-def ask_to_recover(duo: FrankaDuo, operator: Operator) -> bool:
-    """Have what is wrong with the arms set right; False if the operator ends it instead."""
-    while duo.supervisor.fault is not None:
-        if operator.ask(FAULT.format(duo.supervisor.reason), f"r{QUIT}") == QUIT:
+def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
+    """Have set right what keeps the arms from going home; False if the operator ends it instead.
+
+    That is a fault, a gripper that is not active, and what the hands hold. Who has looked presses a
+    key for each; any that counts at once holds the fingers.
+    """
+    while True:
+        if duo.supervisor.fault is not None:
+            question, acts = FAULT.format(duo.supervisor.reason), {"r": duo.supervisor.recover}
+        elif inactive := duo.hands.inactive:
+            question, acts = INACTIVE.format(" and ".join(inactive)), {"a": duo.hands.activate}
+        elif holding := duo.hands.holding:
+            question = HOLDING.format(" and ".join(holding))
+            acts = {side[0]: partial(duo.hands.open, [side]) for side in holding}
+        else:
+            return True
+        key = operator.ask(question, f"{''.join(acts)}{QUIT}")
+        if key == QUIT:
             return False
-        with suppress(DuoBenchError):  # then it is said again, with what is still wrong
-            duo.supervisor.recover()
+        operator.listen(lambda pressed: hold_by_key(duo, pressed))
+        try:
+            acts[key]()
+        except DuoBenchError as error:  # it is asked again, with what is still wrong
+            operator.say(str(error))
+        finally:
+            operator.listen(None)
+
+
+def hold_by_key(duo: FrankaDuo, key: str) -> bool:
+    """Hold both arms where a key says so, or nobody is there any more; whether it did."""
+    if key not in {"", " "}:
+        return False
+    duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)
     return True
 
 
@@ -56,7 +93,9 @@ class TerminalView:
 
     def publish(self) -> None:
         """Say what the operator has to know while the arms move."""
-        if self._session.phase is Phase.PLAYING:
+        if self._session.waits:
+            self._operator.say(WAITING)
+        elif self._session.phase is Phase.PLAYING:
             self._operator.say(PLAYING.format(last=self._session.judge.max_stage))
 
     def next(self) -> messages.Message:
@@ -65,16 +104,18 @@ class TerminalView:
         if session.is_stopped:
             raise Stopped
         said, session.message = session.message, ""
+        if session.phase is Phase.JUDGING and session.reasons:
+            return messages.Invalid(self._why(said, session.reasons))
         if session.phase is Phase.JUDGING:
             is_kept = self._ask(DECIDE.format(said), "kd") == "k"
             return messages.Finish() if is_kept else messages.Invalid("Discarded.")
         if said:
             self._operator.say(said)
         if session.duo.supervisor.fault is not None:
-            if not ask_to_recover(session.duo, self._operator):
-                raise Stopped
             session.is_home = False
         if not session.is_home:
+            if not ask_to_make_ready(session.duo, self._operator):
+                raise Stopped
             if session.phase is Phase.READY:
                 return messages.PlaceAgain()
             self._ask(HOME, "h")
@@ -93,6 +134,12 @@ class TerminalView:
         finally:
             self._operator.listen(None)
 
+    def _why(self, said: str, reasons: Sequence[str]) -> str:
+        """What the operator says to why the arms stopped."""
+        choices = {str(number): reason for number, reason in enumerate(reasons, 1)}
+        lines = "\n".join(f"{key}: {reason}" for key, reason in choices.items())
+        return choices[self._ask(ASK_WHY.format(said, lines), "".join(choices))]
+
     def _ask(self, text: str, keys: str) -> str:
         key = self._operator.ask(text, f"{keys}{QUIT}")
         if key == QUIT:
@@ -101,8 +148,10 @@ class TerminalView:
 
     def _take(self, key: str) -> None:
         session = self._session
-        if key in {"", " "}:
-            session.duo.hold(HELD_BY_OPERATOR if key else OPERATOR_LOST)
+        if hold_by_key(session.duo, key):
+            return
+        if key == "g":
+            session.give_up()
         elif session.phase is Phase.PLAYING:
             stage = {"u": None, "s": session.judge.max_stage}.get(key, key)
             with suppress(DuoBenchError, ValueError):  # other keys say nothing

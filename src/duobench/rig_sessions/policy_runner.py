@@ -9,8 +9,7 @@ import gymnasium as gym
 
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder
-from duobench.envs.duo_env import TRUNCATION_REASON, ResetOptions, Start
-from duobench.envs.wrapper import DuoWrapper
+from duobench.envs.duo_env import TRUNCATION_REASON, DuoWrapper, ResetOptions, Start
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollout import Info, Observation, Step, Watcher, rollout
@@ -19,8 +18,9 @@ from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import FAULT_KIND
 from duobench.policy.serving.address import RemoteServer
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from duobench.results.suite import TaskInfo
+from duobench.rig_sessions.interruptible import InterruptiblePolicy
 
 
 class FixedLayout(DuoWrapper):
@@ -62,6 +62,29 @@ def make_rig_recorder(
     return Recorder(env, data, actor, is_reviewed=True, rig=rig, **options)
 
 
+REASONS = {
+    FaultKind.PERSON: (
+        "Somebody stopped the arms to protect people, objects or arms.",
+        "Somebody stopped the arms by mistake.",
+        "A door or a guard of the cell was opened.",
+    ),
+    FaultKind.CONTROLLER: (
+        "Nothing was to be seen: the controller stopped by itself.",
+        "An arm shook or jumped before it stopped.",
+    ),
+}
+"""What an operator may answer who is asked why the arms stopped, by the sorts of fault that never
+count against a policy."""
+_MEANINGS = {
+    FaultKind.PERSON: "A person did that, so it never counts against the policy: say why, and the "
+    "trial comes again.",
+    FaultKind.CONTROLLER: "Our own controller did that, so it never counts against the policy: say "
+    "what you saw, and the trial comes again.",
+    FaultKind.LIMIT: "If that was the policy's doing, it counts; otherwise say why it is invalid.",
+    FaultKind.CONTACT: "This counts against the policy.",
+}
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PlayedEpisode:
     """An episode that was played, and is still to be decided."""
@@ -83,18 +106,22 @@ class PlayedEpisode:
         """Why it cannot count, whatever a person says; empty if it can."""
         if self.failure is not None:
             return f"{type(self.failure).__name__}: {self.failure}"
-        if self.fault not in {None, FaultKind.CONTACT}:
-            return self.stopped
-        return ""
+        is_cable = self.fault is FaultKind.COMMUNICATION and not self.ended_by_success
+        return self.stopped if is_cable else ""
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What may be said to why it does not count, where a person has to; empty if it may."""
+        return () if self.fault is None or self.ended_by_success else REASONS.get(self.fault, ())
 
     @property
     def ending(self) -> str:
         """Why the policy plays no more, for the operator; empty if there is nothing to say."""
         if self.error is not None:
             return f"The policy failed: {str(self.error).strip().splitlines()[-1]}"
-        if self.fault is not None:
-            return f"{self.stopped} This counts against the policy."
-        return self.stopped
+        if self.fault is None or self.ended_by_success:
+            return self.stopped
+        return f"{self.stopped} {_MEANINGS.get(self.fault, '')}".strip()
 
 
 class PolicyRunner:
@@ -103,6 +130,8 @@ class PolicyRunner:
     def __init__(self, env: DuoWrapper, source: PolicySource) -> None:
         self.env = FixedLayout(env)
         self.policy = source.bind(self.env)
+        self.asked = InterruptiblePolicy(self.policy)
+        """The same, as episodes ask it."""
 
     def play(
         self,
@@ -115,7 +144,7 @@ class PolicyRunner:
         ending = _LastStep()
         error = failure = None
         try:
-            rollout(self.env, self.policy, seed=seed, watchers=[ending, *watchers])
+            rollout(self.env, self.asked, seed=seed, watchers=[ending, *watchers])
         except PolicyError as caught:
             error = caught
         except DuoBenchError as caught:

@@ -26,6 +26,7 @@ from duobench.results.suite import find_tasks
 from duobench.rig_sessions.operator import Operator, TerminalView
 from duobench.rig_sessions.policy_runner import PolicyRunner, find_rig_policy, make_rig_recorder
 from duobench.rig_sessions.session import RigSession, Stopped
+from duobench.sim.layout import Layout
 from duobench.types import Array
 
 EPISODE_SUFFIX = ".parquet"
@@ -142,6 +143,7 @@ class RigRecording(RigSession):
         self._runner = PolicyRunner(self.env, source)
         if isinstance(self._runner.policy, Playback):
             self.env.actor = Actor(kind=ActorKind.PROGRAM, name=who.name, version=who.version)
+        self._layout = Layout(poses={})
         self._options = {SPLIT: TRAIN} | ({INSTRUCTION: instruction} if instruction else {})
         self.view = self._terminal = TerminalView(self, operator)
         self.kept = data.kept(self.env.task)
@@ -160,13 +162,18 @@ class RigRecording(RigSession):
         try:
             self._runner.env.close()
         finally:
+            self._runner.asked.close()
             self._source.close()
+
+    def keep_placed(self) -> None:
+        """Have the objects of a rehearsal placed."""
+        self.duo.place(self.env.base.definition, self._layout)
 
     def _record_one(self) -> None:
         self.begin()
         number = self._data.next_number(self.env.task)
         seed = episode_seed(self.env.task, number, TRAIN)
-        layout = next(self.env.base.definition.layouts(seed, TRAIN))
+        self._layout = layout = next(self.env.base.definition.layouts(seed, TRAIN))
         self._terminal.placing = placement(layout)
         self.place()
         self.env.next_name = f"{number:05d}"
@@ -181,8 +188,10 @@ class RigRecording(RigSession):
             self._operator.say(f"Nothing was recorded. {error}")
             return
         how = "It is solved." if outcome.success else f"It ended at stage {outcome.stage}."
-        if self.decide(played, f"{how} {error or outcome.reason or ''}".strip()):
+        why = played.ending if played.reasons else error or outcome.reason or ""
+        if reason := self.decide(played, f"{how} {why}".strip()):
             self.env.discard()
+            self._operator.say(reason)
         else:
             self.env.keep()
             self.kept += int(outcome.kept)

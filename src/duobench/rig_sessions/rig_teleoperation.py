@@ -23,7 +23,7 @@ from duobench.errors import DuoBenchError
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import RealEnv, make_real_env
 from duobench.randomness import TRAIN
-from duobench.rig_sessions.operator import QUIT, Operator, ask_to_recover
+from duobench.rig_sessions.operator import QUIT, Operator, ask_to_make_ready
 from duobench.rig_sessions.policy_runner import make_rig_recorder
 from duobench.rig_sessions.teleop_page import TeleopPage
 from duobench.rig_sessions.teleoperation import TIME_LIMIT_S, Teleoperation, TeleopState
@@ -67,7 +67,7 @@ def make_real_recorder(
     def confirm_homing(options: Mapping[str, Any]) -> None:
         given = options.get(LAYOUT)
         question = CLEAR.format(placement(given if isinstance(given, Layout) else Layout(poses={})))
-        is_safe = ask_to_recover(duo, operator)
+        is_safe = ask_to_make_ready(duo, operator)
         if not is_safe or operator.ask(question, f"h{QUIT}") == QUIT:
             raise EndedError("The operator ended the session.")
         duo.supervisor.confirm()
@@ -89,6 +89,11 @@ class RigTeleoperation(Teleoperation):
     def _reset_options(self, seed: int) -> dict[str, Any]:
         layout = next(self.env.base.definition.layouts(seed, TRAIN))
         return {**super()._reset_options(seed), LAYOUT: layout}
+
+    def _reset(self) -> None:
+        super()._reset()
+        real = cast("RealEnv", self.env.base)
+        real.rig.place(real.definition, real.layout)
 
     def _keep(self) -> None:
         if self.state is TeleopState.RECORDING:

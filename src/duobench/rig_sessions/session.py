@@ -8,6 +8,7 @@ operator sees is a view: a page, or a terminal.
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -18,6 +19,7 @@ from duobench.evaluation.rollout import Info, Observation, Step, Watcher
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.judge import HumanJudge, StageLabel
 from duobench.rig_sessions import messages
+from duobench.rig_sessions.interruptible import InterruptiblePolicy
 from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
 from duobench.rig_sessions.trials_folder import LogKind
 
@@ -26,6 +28,7 @@ CUT_SHORT = (
     "The press of the last stage ended this episode, and was taken back: the policy was cut short. "
     "Press it again, or mark the trial as invalid."
 )
+NEVER_COUNTS = "This cannot count, whatever the policy did: say why the arms stopped."
 
 
 class Phase(StrEnum):
@@ -36,7 +39,7 @@ class Phase(StrEnum):
     READY = "ready"
     """They lie there; the operator may start the policy."""
     MOVING = "moving"
-    """The arms go home."""
+    """The arms go home, or the fingers move at the operator's word."""
     PLAYING = "playing"
     JUDGING = "judging"
     """It is over; the operator says what came of it."""
@@ -44,12 +47,12 @@ class Phase(StrEnum):
 
 
 _LABELS = (messages.Stage, messages.Undo)
-_PLACING = (messages.Home, messages.Recover)
+_PLACING = (messages.Home, messages.Activate, messages.Open, messages.Recover)
 _ALLOWED: dict[Phase, tuple[type, ...]] = {
     Phase.PLACING: (messages.Placed, *_PLACING),
     Phase.READY: (messages.PlaceAgain, messages.Start, *_PLACING),
-    Phase.MOVING: (),
-    Phase.PLAYING: _LABELS,
+    Phase.MOVING: (messages.GiveUp,),
+    Phase.PLAYING: (*_LABELS, messages.GiveUp),
     Phase.JUDGING: (
         *(*_LABELS, messages.AtEnd, messages.Note),
         *(messages.Finish, messages.Invalid),
@@ -95,6 +98,11 @@ class RigSession:
         """Why nobody was at the arms while they might move; empty if somebody was."""
         self.is_home = False
         """Whether the operator has sent the arms home for this episode."""
+        self.reasons: tuple[str, ...] = ()
+        """What may be said to why the arms stopped, where that is asked and nothing can count."""
+        self.waits = False
+        """Whether the policy has not answered for long, so that it may be given up."""
+        self._asked: InterruptiblePolicy | None = None  # in the episode that is played
         self._over = threading.Event()
 
     # --- from any thread -------------------------------------------------------------------------
@@ -108,6 +116,10 @@ class RigSession:
         """Let `run` end, and hold the arms; for signal handlers too."""
         self._over.set()
         self.duo.hold("The session was stopped.")
+
+    def give_up(self) -> bool:
+        """Let the policy fail that is waited for; False if none is."""
+        return self._asked is not None and self._asked.give_up()
 
     def lose(self, reason: str) -> None:
         """Nobody is at the arms: hold them, and let the episode not count."""
@@ -127,6 +139,10 @@ class RigSession:
             return True
         if not isinstance(message, _ALLOWED[self.phase]):
             raise MessageError(f"Not now: this is not for the state {self.phase.value!r}.")
+        if isinstance(message, messages.GiveUp):
+            if not self.give_up():
+                raise MessageError("The policy is not waited for: there is nothing to give up.")
+            return True
         if not isinstance(message, _LABELS):
             return False
         stage, film_s = None, None
@@ -141,40 +157,42 @@ class RigSession:
         """Write down what happens, before anybody sees its effect; see `LogEntry`."""
 
     def _write_label(self, label: StageLabel) -> None:
-        self.write(LogKind.PRESS, stage=label.stage, step=label.step, time_s=label.time_s)
+        about = {"stage": label.stage, "step": label.step, "time_s": label.time_s}
+        self.write(LogKind.PRESS, **about, yes=label.late or None)
 
     # --- one episode, in the session's own thread ------------------------------------------------
 
     def begin(self) -> None:
         """Another episode: no press of the one before counts for it."""
         self.phase = Phase.PLACING
-        self.note, self.at_end, self.lost, self.is_home = "", None, "", False
+        self.note, self.at_end, self.lost, self.is_home, self.reasons = "", None, "", False, ()
         self.judge.begin()
 
     def place(self) -> None:
         """Wait until the objects are placed and the operator has said that the arms may move."""
         while True:
             match self.view.next():
-                case messages.Placed():
-                    self.keep_placed()
+                case messages.Placed() if self._try(self.keep_placed):
                     self.write(LogKind.PLACED)
                     self.phase = Phase.READY
                 case messages.PlaceAgain():
                     self.phase = Phase.PLACING
                 case messages.Start() if self.phase is Phase.READY:
-                    if self._try(self.duo.supervisor.confirm):
+                    if self._try(self._confirm_start):
                         return
-                case messages.Home():
-                    self._go_home()
                 case messages.Recover():
                     self.is_home = False
                     if self._try(self.duo.supervisor.recover):
                         self.message = "Recovered. Nothing moves before you confirm."
-                case _:
-                    pass
+                case other:
+                    self._handle(other)
 
     def keep_placed(self) -> None:
-        """The operator says that the objects lie where they shall."""
+        """The operator says that the objects lie where they shall; in a rehearsal they do now.
+
+        Raises:
+            BackendError: They cannot lie there.
+        """
 
     def play(
         self, runner: PolicyRunner, seed: int, options: dict[str, Any], *watchers: Watcher
@@ -183,25 +201,39 @@ class RigSession:
         self.write(LogKind.START)
         self.phase, self.message, self.lost = Phase.MOVING, "", ""
         self.view.publish()
+        self._asked, runner.asked.on_wait = runner.asked, self._wait
         with self.view.moving():
             played = runner.play(seed, options, [*watchers, self])
+        self._asked, self.waits = None, False
+        self.judge.end()
+        fault = self.duo.fault
+        if played.failure is not None and fault is not None:
+            played = replace(played, fault=fault.kind)
         self.duo.hold("The episode is over.")
         failure = "" if played.failure is None else played.invalid
         self.write(
             LogKind.END,
             step=played.steps,
-            time_s=round(self.judge.time_s, 3),
+            time_s=round(self.judge.time_s, 3) if played.steps else None,
             text=failure or played.stopped or ("" if played.error is None else "error"),
+            fault=played.fault,
         )
         return played
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
-        """The arms are at home, and the policy begins."""
-        self.phase = Phase.PLAYING
+    def _wait(self) -> None:
+        if self.is_stopped:
+            self.give_up()
+        self.waits = True
         self.view.publish()
 
-    def on_step(self, step: Step) -> None:
+    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+        """The arms are at home, and the policy begins."""
+        self.phase, self.waits = Phase.PLAYING, False
+        self.view.publish()
+
+    def on_step(self, step: Step) -> None:  # noqa: ARG002 - the protocol's signature
         """A control step is over."""
+        self.waits = False
 
     def on_episode_end(self, error: BaseException | None) -> None:
         """The policy plays no more."""
@@ -211,7 +243,7 @@ class RigSession:
 
         The message is for the operator, and says how the episode ended.
         """
-        self.phase, self.message = Phase.JUDGING, message
+        self.phase, self.message, self.reasons = Phase.JUDGING, message, played.reasons
         while True:
             match self.view.next():
                 case messages.AtEnd(holds=holds):
@@ -223,26 +255,54 @@ class RigSession:
                 case messages.Invalid(reason=reason):
                     return reason
                 case messages.Finish():
-                    if (
-                        not played.ended_by_success
-                        or self.judge.labels.stage == self.judge.max_stage
-                    ):
+                    if not (objection := self.objection(played)):
                         return ""
-                    self.message = CUT_SHORT
+                    self.message = objection
                 case _:
                     pass
 
-    def _go_home(self) -> None:
-        if not self._try(self.duo.supervisor.confirm):
-            return
+    def objection(self, played: PlayedEpisode) -> str:
+        """Why an episode cannot count as it was judged, for the operator; empty if it can."""
+        if played.reasons:
+            return NEVER_COUNTS
+        is_solved = self.judge.labels.stage == self.judge.max_stage
+        return CUT_SHORT if played.ended_by_success and not is_solved else ""
+
+    def _handle(self, message: messages.Message | None) -> None:
+        """What moves arms or fingers while objects are placed."""
+        match message:
+            case messages.Home(with_object=with_object):
+                self._go_home(with_object)
+            case messages.Activate():
+                self._move(self.duo.hands.activate, "The grippers are active.")
+            case messages.Open(hands=hands):
+                self._move(lambda: self.duo.hands.open(hands), "Opened.")
+            case _:
+                pass
+
+    def _confirm_start(self) -> None:
+        self.duo.hands.check_active()
+        self.duo.hands.check_free()
+        self.duo.supervisor.confirm()
+
+    def _go_home(self, with_object: bool) -> None:
+        def home() -> None:
+            self.duo.supervisor.confirm()
+            self.duo.home(with_object=with_object)
+            self.duo.supervisor.revoke()  # people's hands are among the objects now
+
+        self.is_home = self._move(home, "The arms are at home.")
+
+    def _move(self, act: Callable[[], None], done: str) -> bool:
+        """Have arms or fingers moved while objects are placed; whether it was done."""
         before, self.phase = self.phase, Phase.MOVING
         self.view.publish()
         with self.view.moving():
-            self.is_home = self._try(self.duo.home)
-        if self.is_home:
-            self.duo.supervisor.revoke()  # hands are among the objects now
-            self.message = "The arms are at home."
-        self.phase = before
+            is_done = self._try(act)
+        if is_done:
+            self.message = done
+        self.phase, self.lost = before, ""
+        return is_done
 
     def _try(self, act: Callable[[], None]) -> bool:
         """Do something with the arms; what hinders it is said to the operator."""

@@ -17,7 +17,7 @@ from duobench.rig_sessions.overlay import Footprint, Overlay, footprints, projec
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.layout import Layout
-from duobench.types import CONTROL_HZ, Array
+from duobench.types import CONTROL_HZ, Array, Side
 from duobench.web.server import PageServer
 
 SILENCE_S = 2.0
@@ -59,6 +59,7 @@ class StatusPage:
         self._image_count = 0
         self._next_image = 0.0
         self._ghost_joints: Array | None = None
+        session.duo.watch_person(self._look)
         server.listen(
             messages.Message,
             self._take,
@@ -96,7 +97,11 @@ class StatusPage:
                 "time_s": round(steps / CONTROL_HZ, 1),
                 "note": session.note,
                 "message": session.message,
+                "reasons": session.reasons,
+                "at_end": session.at_end,
+                "waits": session.waits,
                 "fault": None if fault is None else fault.text,
+                "hands": self._hands(),
                 "image_size": [NATIVE_WIDTH, NATIVE_HEIGHT],
                 "images": self._images,
                 "film": self._film,
@@ -127,12 +132,15 @@ class StatusPage:
         return nullcontext()
 
     def on_step(self, number: int) -> None:
-        """After each control step: hold where nobody is at the page, and show how it goes."""
+        """After each control step: show how it goes."""
+        if number % STATUS_EVERY == 0:
+            self.publish()
+
+    def _look(self) -> None:
+        """Hold where nobody is at the page; the watch asks it while anything moves."""
         silent = time.monotonic() - self._heard
         if silent > self._silence:
             self._session.lose(f"The operator's page gave no sign for {silent:.1f} s.")
-        if number % STATUS_EVERY == 0:
-            self.publish()
 
     def _take(self, message: messages.Message) -> None:
         self._heard = time.monotonic()
@@ -142,6 +150,13 @@ class StatusPage:
             self.publish()
         else:
             self._inbox.put(message)
+
+    def _hands(self) -> dict[str, list[Side]]:
+        """Which grippers are not active, and which hold something."""
+        if self._session.phase not in {Phase.PLACING, Phase.READY}:
+            return {"inactive": [], "holding": []}
+        hands = self._session.duo.hands
+        return {"inactive": [*hands.inactive], "holding": [*hands.holding]}
 
     def _show_placing(self) -> None:
         """Show the live image, and the layout over it; the ghost again once an arm has moved."""

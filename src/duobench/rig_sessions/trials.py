@@ -17,13 +17,11 @@ from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Step
 from duobench.fabrication.sheet import layout_sheet
 from duobench.files import write
-from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.judge import HumanJudge
-from duobench.results.limits import TimeLimits
 from duobench.results.records import REAL, EpisodeRecord, Judged
-from duobench.results.run import Candidate, Run
+from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.suite import Suite, TaskInfo
 from duobench.rig_sessions.cameras import Film, head_image, jpeg
 from duobench.rig_sessions.overlay import Overlay
@@ -48,6 +46,8 @@ from duobench.tasks.task import Task
 from duobench.versions import package_source, package_versions, record_versions, source_hashes
 from duobench.web.server import PageServer
 
+ASK_AT_END = "Say first whether the last stage still held at the end: yes or no."
+
 
 class TrialsSession(RigSession):
     """Leads an operator through the trials of a plan, on one page.
@@ -65,8 +65,8 @@ class TrialsSession(RigSession):
         rater: Who judges, by a pseudonym.
         episodes: Episodes of each policy.
         first_episode: Index of the first one.
-        order_seed: Decides the order in which policies take turns, and blind ones get letters.
-        blind: Whether the page hides their names until the end.
+        order_seed: Decides the order in which policies take turns, and the letters of blind ones.
+        blind: Whether the page hides until the end which policy plays.
         data: Where trials that count are recorded, with all cameras of the rig; None records none.
         command: The command that started it, if there is one.
         silence_s: Seconds without a sign of the page after which the arms are held.
@@ -118,10 +118,13 @@ class TrialsSession(RigSession):
         self._runners = [
             self._runner(candidate, sources[candidate.policy], data) for candidate in plan.policies
         ]
+        for runner in self._runners:
+            ending.callback(runner.asked.close)
         self._log = folder.open_log(_now())
         ending.callback(self._log.close)
         self._progress = TrialsProgress.of(self._log.entries)
         self._trial: RigEpisode | None = None
+        self._layout: Layout | None = None
         self._attempt = 0
         with folder.run.writer() as journal:
             folder.run.begin(plan.run)
@@ -154,14 +157,23 @@ class TrialsSession(RigSession):
             self._log.add(LogEntry(kind=kind, trial=number, attempt=attempt, at=_now(), **more))
 
     def on_step(self, step: Step) -> None:
-        """Hold where nobody is at the page, and show how it goes."""
+        """Show how it goes."""
+        super().on_step(step)
         self._page.on_step(step.number)
 
     def keep_placed(self) -> None:
         """Store what the head camera sees."""
+        if self._layout is not None:
+            self.duo.place(self._overlay.task, self._layout)
         image = head_image(self.duo)
         if image is not None and self._trial is not None:
             write(self._folder.placed(self._trial.number, self._attempt), jpeg(image))
+
+    def objection(self, played: PlayedEpisode) -> str:
+        """Why a trial cannot count as it was judged; whether a success held is to be said first."""
+        is_solved = self.judge.labels.stage == self.judge.max_stage
+        unsaid = ASK_AT_END if is_solved and self.at_end is None else ""
+        return super().objection(played) or unsaid
 
     def _play_once(self, trial: RigEpisode) -> bool:
         """Play a trial once; whether it counts."""
@@ -169,7 +181,7 @@ class TrialsSession(RigSession):
         self._attempt = self._progress.attempts.get(trial.number, 0) + 1
         self.begin()
         episode = self._plan.episode(trial)
-        layout = self._overlay.layout(episode.seed, episode.split)
+        self._layout = layout = self._overlay.layout(episode.seed, episode.split)
         self._page.begin(layout, self._about(trial, layout))
         name = f"episode {trial.episode}"
         self._page.offer_sheet(
@@ -189,7 +201,8 @@ class TrialsSession(RigSession):
             if video is not None:
                 write(self._folder.invalid_film(trial.number, self._attempt), video)
             runner.settle(counts=False)
-            self.write(LogKind.INVALID, text=reason, yes=bool(automatic))
+            has_no_choice = bool(automatic or played.reasons)
+            self.write(LogKind.INVALID, text=reason, yes=has_no_choice, fault=played.fault)
             self.message = f"The trial is invalid and comes again: {reason}"
             return False
         self._folder.run.write(self._record(trial, recorder, played), video)
@@ -231,7 +244,7 @@ class TrialsSession(RigSession):
             stage_changes=labels.changes(),
             final_stage=labels.stage,
             success=success,
-            success_at_end=success and self.at_end is not False,
+            success_at_end=success and bool(self.at_end),
             unmet=None,
             domain=REAL,
             rig=self._plan.run.rig,
@@ -241,7 +254,7 @@ class TrialsSession(RigSession):
                 note=self.note,
                 repeated=tuple(self._progress.invalid.get(trial.number, ())),
                 stopped=played.stopped,
-                reflex=played.fault is FaultKind.CONTACT,
+                fault=played.fault,
             ),
         )
         return record if played.error is None else record.broken(played.error, played.steps)

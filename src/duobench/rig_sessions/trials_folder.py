@@ -18,8 +18,11 @@ import msgspec
 
 from duobench.errors import EvaluationError, FileError
 from duobench.files import begin_or_continue, encode, make_folder, read, write, writing
+from duobench.hardware.devices import FaultKind
 from duobench.hardware.doctor.checks import DOCTOR_FILE
+from duobench.hardware.judge import StageLabel, StageLabels
 from duobench.results.folder import RunFolder
+from duobench.results.records import InvalidTrial
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
 
 DESCRIPTION = "trials.json"
@@ -69,7 +72,10 @@ class LogEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     time_s: float | None = None
     """Seconds of the episode by then, on the rig's clock."""
     yes: bool | None = None
-    """Whether the last stage still held; whether an invalid trial was found so by a machine."""
+    """Whether the last stage still held; whether a press came late; whether an invalid trial could
+    not have counted, so that no person chose."""
+    fault: FaultKind | None = None
+    """Of an end and of an invalid trial: what sort of fault stopped the arms."""
     at: str = ""
     """Date and time of day in UTC, for people; nothing depends on it."""
 
@@ -82,8 +88,8 @@ class TrialsProgress:
     """Attempt that counts, by the trial's number."""
     attempts: dict[int, int] = field(default_factory=dict[int, int])
     """How often a trial was begun, by its number."""
-    invalid: dict[int, list[str]] = field(default_factory=dict[int, list[str]])
-    """Why attempts do not count, by the trial's number."""
+    invalid: dict[int, list[InvalidTrial]] = field(default_factory=dict[int, list[InvalidTrial]])
+    """Attempts that do not count, by the trial's number."""
     cut: tuple[int, int] | None = None
     """Trial and attempt that was being played when the log ended; None if none was."""
 
@@ -91,16 +97,29 @@ class TrialsProgress:
     def of(entries: Iterable[LogEntry]) -> TrialsProgress:
         """What a log adds up to."""
         progress = TrialsProgress()
+        labels, fault = StageLabels(), None
         for entry in entries:
             match entry.kind:
                 case LogKind.BEGIN:
                     progress.attempts[entry.trial] = entry.attempt
+                    labels, fault = StageLabels(), None
+                case LogKind.PRESS:
+                    label = StageLabel(stage=entry.stage, step=entry.step or 0, time_s=0.0)
+                    labels = StageLabels((*labels.all, label))
+                case LogKind.END:
+                    fault = entry.fault
                 case LogKind.START:
                     progress.cut = entry.trial, entry.attempt
                 case LogKind.VALID:
                     progress.valid[entry.trial], progress.cut = entry.attempt, None
                 case LogKind.INVALID:
-                    progress.invalid.setdefault(entry.trial, []).append(entry.text)
+                    found = InvalidTrial(
+                        reason=entry.text,
+                        stage=labels.stage,
+                        fault=entry.fault or fault,
+                        is_chosen=not entry.yes,
+                    )
+                    progress.invalid.setdefault(entry.trial, []).append(found)
                     progress.cut = None
                 case _:
                     pass

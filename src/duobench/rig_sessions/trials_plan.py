@@ -45,7 +45,7 @@ class TrialsPlan:
     order_seed: int = 0
     """Decides the order in which policies take turns."""
     blind: bool = False
-    """Whether the page shows letters in place of names until the end."""
+    """Whether the page hides which policy plays until the end."""
 
     def __post_init__(self) -> None:
         if len(self.run.candidates) > len(ascii_uppercase):
@@ -80,9 +80,11 @@ class TrialsPlan:
         return ascii_uppercase[policy]
 
     def shown_name(self, policy: int) -> str:
-        """How the page calls a policy while trials are played."""
-        letter = self.letter(policy)
-        return f"Policy {letter}" if self.blind else f"{letter}: {self.policies[policy].policy}"
+        """How the page calls a policy while trials are played: not at all in a blind evaluation.
+
+        A letter would hide the name, and show which trials are of the same policy.
+        """
+        return "" if self.blind else f"{self.letter(policy)}: {self.policies[policy].policy}"
 
     def episode(self, trial: RigEpisode) -> Episode:
         """The episode of a trial."""

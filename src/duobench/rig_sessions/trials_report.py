@@ -10,6 +10,8 @@ from duobench.pages import render
 from duobench.results import scores
 from duobench.results.compare import compare_parts
 from duobench.results.folder import CONDITIONS
+from duobench.results.pages import counts_text
+from duobench.results.records import InvalidTrial
 from duobench.results.report import read_parts, write_report
 from duobench.results.scores import RunPart, Score
 from duobench.results.tables import verdict
@@ -27,8 +29,8 @@ class PolicyResult:
     """Folder of its report, in that of the run."""
     trained_on: str
     score: Score
-    reflexes: int
-    """Episodes that a reflex of an arm ended."""
+    stops: str
+    """Which sorts of fault ended its episodes, and how many each."""
 
     def row(self) -> dict[str, Any]:
         """As JSON data, for the operator's page."""
@@ -47,6 +49,40 @@ class PolicyResult:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class InvalidRow:
+    """Trials of one policy that do not count."""
+
+    policy: str
+    trials: int
+    chosen: int
+    """Those that a person called invalid who had seen the outcome; the others could not count."""
+    stages: tuple[int, ...]
+    """How many had reached each stage, from 0 on."""
+    stops: str
+    """Which sorts of fault stopped the arms, and how many each."""
+
+
+def invalid_rows(plan: TrialsPlan, progress: TrialsProgress) -> tuple[InvalidRow, ...]:
+    """Trials that do not count, policy by policy, those with none included."""
+    found: list[list[InvalidTrial]] = [[] for _ in plan.policies]
+    for trial in plan.trials():
+        found[trial.policy] += progress.invalid.get(trial.number, [])
+    return tuple(
+        InvalidRow(
+            policy=f"{plan.letter(number)}: {plan.policies[number].policy}",
+            trials=len(ours),
+            chosen=sum(each.is_chosen for each in ours),
+            stages=tuple(
+                sum(each.stage == stage for each in ours)
+                for stage in range(plan.task.max_stage + 1)
+            ),
+            stops=counts_text(each.fault or "" for each in ours),
+        )
+        for number, ours in enumerate(found)
+    )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class TrialsReport:
     """What came of all trials so far."""
 
@@ -55,6 +91,8 @@ class TrialsReport:
     """What each policy reached, letter by letter."""
     invalid: tuple[tuple[str, int], ...]
     """Why trials were invalid, and how many each."""
+    invalid_by_policy: tuple[InvalidRow, ...]
+    """The same policy by policy; empty while names are hidden, and where none is invalid."""
     missing: int
     verdicts: tuple[str, ...]
     """What tests say about any two policies, in words."""
@@ -82,7 +120,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
             page=f"{CONDITIONS}/{part.condition.name}/" if len(parts) > 1 else "",
             trained_on=part.candidate.trained_on,
             score=part.results.overall,
-            reflexes=sum(bool(each.judged and each.judged.reflex) for each in part.records),
+            stops=counts_text(each.judged.fault or "" for each in part.records if each.judged),
         )
         for number, part in enumerate(parts)
         if part.records
@@ -91,11 +129,12 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
     if len(policies) > 1:
         comparison = compare_parts(part for part in parts if part.records)
         verdicts = [verdict(pair) for pair in comparison.pairs]
-    reasons = Counter(reason for each in progress.invalid.values() for reason in each)
+    reasons = Counter(one.reason for each in progress.invalid.values() for one in each)
     report = TrialsReport(
         plan=plan,
         policies=tuple(policies),
         invalid=tuple(sorted(reasons.items())),
+        invalid_by_policy=invalid_rows(plan, progress) if is_shown and reasons else (),
         missing=missing,
         verdicts=tuple(verdicts),
         doctor=read_checks(folder.path),

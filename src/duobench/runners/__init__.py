@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from duobench.references import lazy
 
 if TYPE_CHECKING:
-    from duobench.runners.demonstrations import Attempt as Attempt, record as record
-    from duobench.runners.evaluate import evaluate as evaluate
+    from duobench.runners.evaluate import Attempt as Attempt, evaluate as evaluate, record as record
     from duobench.runners.executor import (
         Executor as Executor,
         LocalExecutor as LocalExecutor,

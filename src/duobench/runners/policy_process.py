@@ -11,7 +11,7 @@ from duobench.policy.batch import ONE_BY_ONE, Batching
 from duobench.policy.registry import PolicyName, make_batched
 from duobench.policy.serving.address import LOOPBACK, MAX_S, PolicyAddress
 from duobench.policy.serving.host import PolicyHost
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from duobench.runners.process import Parent, Requests, Stop, run_child
 
 

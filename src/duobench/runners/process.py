@@ -213,8 +213,7 @@ class WorkerProcess:
         Its exit code is left to be read again: until then its number, and with it that of its
         group, is nobody else's.
         """
-        options = os.WEXITED | os.WNOHANG | os.WNOWAIT
-        end = os.waitid(os.P_PID, self._process.pid, options)
+        end = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         if end is None:
             return None
         if end.si_code == os.CLD_EXITED:

@@ -1,7 +1,5 @@
 """A shift: an axis along which episodes differ from the usual ones, and how far."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -40,7 +38,7 @@ class Shift:
             )
 
     @classmethod
-    def parse(cls, text: str) -> Shift:
+    def parse(cls, text: str) -> "Shift":
         """A shift from its name: "none", or an axis and a level such as "look-3"."""
         if text == NO_AXIS:
             return NO_SHIFT

@@ -1,10 +1,8 @@
 """Layouts: the initial state of an episode, as a value."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -33,12 +31,12 @@ class Layout:
             "variants": dict(self.variants),
         }
 
-    @staticmethod
-    def from_json(data: Mapping[str, Any]) -> Layout:
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
         """From what `to_json` gave."""
         try:
             poses = {name: SE3.from_tquat(values) for name, values in data["poses"].items()}
-            return Layout(poses=poses, variants=dict(data.get("variants", {})))
+            return cls(poses=poses, variants=dict(data.get("variants", {})))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise LayoutError(
                 f"This is no layout: {error!r}. A layout is "

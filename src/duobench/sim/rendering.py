@@ -20,8 +20,7 @@ from duobench.looks.look import Look
 from duobench.robot.cameras import check_image_size
 from duobench.sim.appearance import Appearance
 from duobench.sim.offscreen import OffscreenRenderer
-from duobench.sim.opengl import RenderingInfo, RenderThread, choose
-from duobench.sim.triton_library import load_triton
+from duobench.sim.opengl import RenderingInfo, RenderThread, choose, load_triton
 
 T = TypeVar("T")
 
@@ -72,11 +71,6 @@ class Renderer:
         self._free: weakref.finalize[Any, Any] | None = None
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())
-
-    @property
-    def look(self) -> Look:
-        """How the images look."""
-        return self._look
 
     def set_look(self, look: Look) -> None:
         """Render in another look from the next image on; the model stays as it is."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.robot.frames import LINK7_FROM_TCP, SHOULDERS
+from duobench.kinematics.inverse import within_reach
 from duobench.spatial import SE3, length, product, rotation_by, rotation_vector
 from duobench.types import CONTROL_HZ, Array, Side
 
@@ -89,7 +89,7 @@ class Shaper:
         smooth = self._filter(wanted)
         near = within(measured.translation, smooth.translation, LEASH)
         inside = SE3(smooth.rotation, np.clip(near, *BOX))
-        pose = within_reach(self._side, inside)
+        pose = within_reach(self._side, inside, REACH)
         is_limited = length(pose.translation - smooth.translation) > 0.0
         return Shaped(pose=pose, is_limited=is_limited)
 
@@ -99,9 +99,3 @@ def within(centre: Array, point: Array, distance: float) -> Array:
     away = point - centre
     size = length(away)
     return point if size <= distance else centre + (distance / size) * away
-
-
-def within_reach(side: Side, tool: SE3) -> SE3:
-    """The tool's pose, brought towards the arm's shoulder as far as the wrist is beyond `REACH`."""
-    wrist = (tool @ LINK7_FROM_TCP.inverse()).translation
-    return tool.moved(*(within(SHOULDERS[side], wrist, REACH) - wrist))

@@ -39,12 +39,8 @@ class Recipe:
 
 def _settings(table: str) -> tuple[Setting, ...]:
     """Settings from a table with a line `option=value why` for each."""
-    settings = []
-    for line in table.strip().splitlines():
-        option, why = line.split(maxsplit=1)
-        name, _, value = option.partition("=")
-        settings.append(Setting(name, value, why))
-    return tuple(settings)
+    rows = (line.split(maxsplit=1) for line in table.strip().splitlines())
+    return tuple(Setting(*option.split("=", maxsplit=1), why) for option, why in rows)
 
 
 def _steps(steps: int, why: str) -> Setting:

@@ -149,10 +149,8 @@ def bundle(modules: Iterable[str]) -> str:
 def _row(id: str, replay: EpisodeReplay) -> dict[str, object]:
     stage = max((stage for _, stage in replay.stage_changes), default=0)
     seconds = max(0, length(replay.track) - 1) / replay.rate_hz
-    detail = f"{seconds:.1f} s"
-    if replay.stages:
-        detail = f"stage {stage} of {len(replay.stages)} · {detail}"
-    return {"id": id, "title": replay.title, "detail": detail}
+    reached = f"stage {stage} of {len(replay.stages)} · " if replay.stages else ""
+    return {"id": id, "title": replay.title, "detail": f"{reached}{seconds:.1f} s"}
 
 
 def _base64(data: bytes) -> str:

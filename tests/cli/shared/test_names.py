@@ -5,9 +5,8 @@ import inspect
 import pytest
 
 from duobench.cli.program import GROUPS, VERBS
-from duobench.cli.shared.names import FIRST, NAMED, TRAINED
 from duobench.cli.shared.options import options_of
-from duobench.cli.shared.spelling import EXAMPLES, check_spelling
+from duobench.cli.shared.spelling import EXAMPLES, FIRST, NAMED, TRAINED, check_spelling
 from duobench.training.recipes import OBJECT_STATES, RECIPES
 from tests.children import ran
 from tests.cli.conftest import refusal

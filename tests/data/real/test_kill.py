@@ -11,9 +11,9 @@ import numpy as np
 
 from duobench.cli import main
 from duobench.data import DataSet
+from duobench.data.images import VideoFrames
 from duobench.data.schema import video_path
 from duobench.data.stream import BATCH_ROWS
-from duobench.data.views import VideoFrames
 from duobench.types import POLICY_CAMERAS
 from tests.data.real.number_duo import CountingCamera, NumberDuo, number_in, real_recorder
 from tests.data.tools import child_of, ended, only

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from duobench.data import DataSet, stream, videos
+from duobench.data.images import VideoFrames
 from duobench.data.recorder import UNDECIDED
 from duobench.data.rig import RigRecorder
 from duobench.data.schema import VideoFacts, video_path
-from duobench.data.views import VideoFrames
 from duobench.errors import DataError, OutputError
 from duobench.types import POLICY_CAMERAS
 from tests.data.real.number_duo import (

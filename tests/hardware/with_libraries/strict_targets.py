@@ -17,7 +17,7 @@ from itertools import islice
 
 import numpy as np
 
-from duobench.envs.wrapper import DuoWrapper
+from duobench.envs.duo_env import DuoWrapper
 from duobench.errors import BackendError
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env

@@ -17,7 +17,7 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import VLLM_PATH, OpenpiPolicy
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.message_format import MessageFormat, read_format
-from duobench.results.limits import TimeLimits
+from duobench.results.run import TimeLimits
 from tests.policy.serving.serving import BATCHING, TIMEOUT_S, Serve, foreign_server, free_port
 from tests.policy.serving.test_message_format import observation
 from tests.policy.serving.test_server import Gated

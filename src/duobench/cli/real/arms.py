@@ -13,14 +13,16 @@ import numpy as np
 import tyro
 
 from duobench.cli.real.rigs import KeyTerminal, RigOptions
-from duobench.cli.shared.advice import OTHER_OUT, AdvisedError, advising
+from duobench.cli.shared.advice import OTHER_OUT, Advice, AdvisedError, advising
 from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.options import command_line
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
+from duobench.errors import BackendError
 from duobench.files import locked
 from duobench.results.scores import interval_percent, percent
 from duobench.results.suite import find_tasks
+from duobench.types import Side
 
 if TYPE_CHECKING:
     from duobench.data import DataSet
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
 
 
 _PAGE = PageOptions()
+GRIPPERS: Advice = {
+    BackendError: "See: duobench real grippers --help (--activate, --open left right)."
+}
 WORD = "home"
 """What the operator types to confirm."""
 
@@ -40,16 +45,17 @@ def real() -> None:
     """Lead, record and evaluate on real arms; not yet tried on an arm."""
 
 
-def home(rig: str, check: bool = False, fast: bool = False) -> None:
+def home(rig: str, check: bool = False, fast: bool = False, with_object: bool = False) -> None:
     """Bring both arms home at a tenth of their speed, on a way that the guard found free.
 
     It says where the arms are and which way they will go, and moves nothing before you typed
     `home`. Ctrl-C brings them to rest. The only emergency stop is that of the hardware.
 
     Args:
-        rig: The rig's file, rig.json, or "simulated" for a rig without hardware.
+        rig: The rig's file, rig.json, or a rig without hardware: simulated, or rehearsal.
         check: Only connect, and say where the arms are and which way they would go.
-        fast: Do not wait for the clock, which only simulated drivers can do.
+        fast: Do not wait for the clock, which only rigs without hardware can do.
+        with_object: Carry home what one hand holds, where it is let go.
     """
     with closing(RigOptions(rig=rig, fast=fast).open()) as duo:
         duo.start()
@@ -66,14 +72,54 @@ def home(rig: str, check: bool = False, fast: bool = False) -> None:
         )
         if check:
             return
-        say("Is nobody within reach, is every hand empty, and is somebody at the emergency stop?")
-        say(f"Type {WORD} and Enter to move; anything else ends this.")
-        if sys.stdin.readline().strip() != WORD:
-            raise AdvisedError("Nothing was moved.")
+        with advising(GRIPPERS):
+            duo.hands.check_active()
+            duo.hands.check_free(with_object=with_object)
+        _confirm("Is nobody within reach, and is somebody at the emergency stop?", WORD)
         duo.supervisor.confirm()
         with stopping(lambda: duo.hold("Ctrl-C.")):
-            duo.home()
+            duo.home(with_object=with_object)
         say("Both arms are home.")
+
+
+def grippers(
+    rig: str,
+    activate: bool = False,
+    open: tuple[Side, ...] = (),
+    fast: bool = False,
+) -> None:
+    """Say how the grippers are; activate them or open hands once you have typed the word.
+
+    A gripper that was switched off has forgotten its activation, and moves nowhere before it is
+    activated: its fingers close and open. Open hands after an episode that ended with something in
+    them. The arms stay where they are; Ctrl-C stops the fingers.
+
+    Args:
+        rig: The rig's file, rig.json, or "simulated" for a rig without hardware.
+        activate: Activate those that are not active.
+        open: Open these hands: left, right, or both names.
+        fast: Do not wait for the clock, which only simulated drivers can do.
+    """
+    with closing(RigOptions(rig=rig, fast=fast).open()) as duo:
+        duo.start()
+        with stopping(lambda: duo.hold("Ctrl-C.")):
+            if activate and duo.hands.inactive:
+                _confirm("Is nothing between the fingers? They close and open.", "activate")
+                duo.hands.activate()
+            if open:
+                _confirm(f"Is what is held ({' and '.join(open)}) kept from falling?", "open")
+                duo.hands.open(open)
+        for side, reading in duo.gripper_readings().items():
+            state = "active" if reading.is_active else "not active"
+            holds = ", holds something" if reading.has_object else ""
+            fault = "" if reading.fault is None else f"; {reading.fault.text}"
+            say(f"The {side} gripper: {state}, opening {reading.opening:.2f}{holds}{fault}")
+
+
+def _confirm(question: str, word: str) -> None:
+    say(f"{question}\nType {word} and Enter; anything else ends this.")
+    if sys.stdin.readline().strip() != word:
+        raise AdvisedError("Nothing was moved.")
 
 
 def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line

@@ -32,21 +32,21 @@ class RigOptions:
     """The rig, and how it is driven."""
 
     rig: str
-    """File of the rig, rig.json, or simulated for drivers without hardware."""
+    """File of the rig, rig.json; or a rig without hardware: simulated, whose arms act on nothing,
+    or rehearsal, whose arms act on a simulation of the task."""
     guard: bool = True
     """Keep the arms apart and off the table by a simulation of them."""
     fast: bool = False
-    """Do not wait for real time; for drivers without hardware alone."""
+    """Do not wait for real time; for rigs without hardware alone."""
 
     def open(self) -> FrankaDuo:
         """The rig, not connected yet."""
-        from duobench.data.rig import drivers_of
-        from duobench.hardware.opening import SIMULATED, open_rig
+        from duobench.hardware.opening import COMPUTED, open_rig
 
-        if self.rig != SIMULATED:
-            rig_file(self.rig, f", or {SIMULATED}")
+        if self.rig not in COMPUTED:
+            rig_file(self.rig, f", or {' or '.join(COMPUTED)}")
         duo = open_rig(self.rig, VirtualClock() if self.fast else None, guard=self.guard)
-        if self.fast and set(drivers_of(duo.rig)) != {SIMULATED}:
+        if self.fast and not duo.rig.is_computed:
             raise AdvisedError("Hardware has a clock of its own: leave out --fast.")
         return duo
 

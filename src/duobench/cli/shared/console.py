@@ -61,6 +61,11 @@ def whole(heading: str, **options: Any) -> Column:
     return Column(heading, no_wrap=True, **options)
 
 
+def numeric(*headings: str) -> list[Column]:
+    """Columns of numbers."""
+    return [whole(heading, justify="right") for heading in headings]
+
+
 def counted(count: int, noun: str) -> str:
     """A number and what it counts, such as "1 task" and "2 tasks"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
@@ -78,7 +83,7 @@ def results_table(part: RunPart) -> Table:
     headings = ("Episodes", *errors, "Success\n%", "95 %\ninterval", "Final\nprogress", *late)
     rows = table(
         whole("Task"),
-        *(whole(heading, justify="right") for heading in headings),
+        *numeric(*headings),
         "Episodes by\nlast stage",
         title=Text(part.candidate.title),
         title_justify="left",
@@ -119,8 +124,8 @@ def results_table(part: RunPart) -> Table:
 
 def verified_table(parts: Sequence[RunPart]) -> Table:
     """What was verified: `results_table`, or one row a condition where there are several."""
-    headings = ("Successes", "%", "95 %\ninterval", "Final\nprogress")
-    rows = table(whole("Condition"), *(whole(heading, justify="right") for heading in headings))
+    numbers = numeric("Successes", "%", "95 %\ninterval", "Final\nprogress")
+    rows = table(whole("Condition"), *numbers)
     for part in parts:
         one, name = part.results.overall, f"{part.candidate.title}, {part.condition.shift}"
         numbers = (percent(one.success_rate), interval_percent(one), progress_text(one))

@@ -22,11 +22,10 @@ from rich.progress import (
 
 from duobench.cli.shared.console import console, counted
 from duobench.results.records import EpisodeRecord
-from duobench.results.run import Run
-from duobench.results.shard import WHOLE, Shard
+from duobench.results.run import WHOLE, Run, Shard
 
 if TYPE_CHECKING:
-    from duobench.runners.demonstrations import Attempt
+    from duobench.runners.evaluate import Attempt
 
 PLAIN_LINES = 10
 """About how many lines of progress are printed where nothing can be overwritten."""

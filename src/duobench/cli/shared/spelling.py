@@ -1,4 +1,4 @@
-"""Misspelt verbs and options, words in place of numbers, and arguments that are missing."""
+"""Words of a command that are misspelt, or missing, told before anything large is loaded."""
 
 import inspect
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -8,7 +8,8 @@ from types import NoneType, UnionType
 from typing import Literal, get_args, get_origin, get_type_hints
 
 from duobench.cli.shared.options import options_of
-from duobench.errors import DuoBenchError
+from duobench.errors import DuoBenchError, PolicyError, check_known
+from duobench.tasks import catalog
 
 Verbs = Mapping[str, Callable[..., None]]
 HELP = ("--help", "-h", "--version")
@@ -99,9 +100,8 @@ def _check_needed(words: Sequence[str], verb: Callable[..., None], program: str)
 
 
 def _check_options(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
-    flags, room = _flags(verb), 0
-    if any(option.is_first for option in options_of(verb)):
-        room = len(words)
+    flags = _flags(verb)
+    room = len(words) if any(option.is_first for option in options_of(verb)) else 0
     for at, word in enumerate(words):
         if word == REST:
             return
@@ -176,3 +176,60 @@ def _is_a(kind: object, value: str) -> bool:
 def _near(word: str, known: Collection[str]) -> str:
     longer = [name for name in known if name.startswith(word)]
     return next(iter([*longer, *get_close_matches(word, known, n=1)]), "")
+
+
+TRAINED = ("act", "diffusion", "pi05", "xvla")
+"""Kinds of policies, which people take for the name of one."""
+FIRST = ""
+"""Stands for the first argument of a verb, where that is no option."""
+_OF_SCENE = {FIRST: "task", "--look": "look"}
+NAMED: Mapping[str, Mapping[str, str]] = {
+    "eval": {"--tasks": "task", "--policy": "policy", "--suite": "suite", "--look": "look"},
+    "record": {"--tasks": "task", "--policy": "policy"},
+    **dict.fromkeys(("render", "teleop", "view"), _OF_SCENE),
+    "replay": {"--look": "look"},
+    "serve": {"--policy": "policy"},
+}
+"""Which arguments of a verb are names, and of what."""
+
+
+def check_names(words: Sequence[str]) -> None:
+    """Reject the first name among the arguments that stands for nothing.
+
+    Paths of modules are left to the verbs, which import them.
+
+    Raises:
+        DuoBenchError: There is no task, policy, suite or look of a name.
+    """
+    verb, *rest = words or [""]
+    kinds, option = NAMED.get(verb, {}), FIRST
+    if "--follow" in rest:  # a run that may not be there yet
+        return
+    for word in rest:
+        value = word
+        if word.startswith("--"):
+            option, _, value = word.partition("=")
+        kind = kinds.get(option, "")
+        if value:
+            _check(kind, value)
+            option = option if kind == "task" else "-"  # of tasks there may be several
+
+
+def _check(kind: str, word: str) -> None:
+    if kind == "task" and not Path(word).exists():  # which `view` shows
+        catalog.check(word)
+    elif kind == "policy" and word in TRAINED:
+        raise PolicyError(f"A trained {word} is lerobot:PATH; duobench train {word} trains one.")
+    elif kind == "policy":
+        from duobench.policy.registry import PolicyName
+        from duobench.policy.serving.address import WORDS
+
+        PolicyName.parse(word, WORDS)
+    elif kind == "suite":
+        from duobench.results.suite import SUITES
+
+        check_known(kind, word, SUITES)
+    elif kind == "look":
+        from duobench.looks.catalog import look
+
+        look(word)

@@ -11,7 +11,7 @@ import tyro
 from rich.table import Table
 
 from duobench.cli.shared.advice import Advice, AdvisedError, advising, find_folder
-from duobench.cli.shared.console import counted, say, table, whole
+from duobench.cli.shared.console import counted, numeric, say, table, whole
 from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import display
 from duobench.data.lerobot.options import ExportOptions
@@ -47,8 +47,8 @@ def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
     from duobench.data import summarize, write_page
 
     summary = summarize(source)
-    headings = ("Episodes", "Successes", "Frames", "Median", "99 %", "Horizon")
-    rows = table(whole("Task"), *(whole(heading, justify="right") for heading in headings))
+    columns = numeric("Episodes", "Successes", "Frames", "Median", "99 %", "Horizon")
+    rows = table(whole("Task"), *columns)
     for task in summary.tasks:
         middle, long = f"{task.median_length:g}", f"{task.long_length:.0f}"
         numbers = (task.episodes, task.successes, task.frames, middle, long, task.horizon)
@@ -85,9 +85,8 @@ def _actors(summary: Summary) -> Iterator[str]:
 
 def _smoothness(summary: Summary) -> Table:
     """What joint targets do that is hard to learn, task by task."""
-    rows = table(whole("Task"))
-    for heading in ("Steps at a joint limit", "Reversals an episode", "Steps with a jump"):
-        rows.add_column(heading, justify="right")
+    columns = numeric("Steps at a joint limit", "Reversals an episode", "Steps with a jump")
+    rows = table(whole("Task"), *columns)
     for task in summary.tasks:
         found = task.smoothness
         shares = f"{found.at_limit:.1%}", f"{found.reversals:.1f}", f"{found.jumps:.1%}"

@@ -63,8 +63,8 @@ def _versions() -> dict[str, str]:
 def _graphics() -> dict[str, str]:
     load_engine()
     from duobench.envs.sim_env import SimEnv
+    from duobench.sim.opengl import load_triton
     from duobench.sim.rendering import Renderer
-    from duobench.sim.triton_library import load_triton
 
     base = SimEnv(catalog.get(catalog.names()[0]))
     base.reset()
@@ -107,7 +107,7 @@ def examine_rig(
     Arms hold where they are for a while, once you have said that they may. Not yet tried on an arm.
 
     Args:
-        rig: The rig's file, or simulated.
+        rig: The rig's file, simulated, or rehearsal.
         out: Folder of the run, into which doctor.json is written.
         seconds: How long the arms hold, while cameras and commands are counted.
         hold: Let the arms hold; without it nothing is told about control commands.
@@ -119,13 +119,13 @@ def examine_rig(
         raise AdvisedError("--seconds is more than 0.")
     from duobench.hardware.doctor.checks import write_checks
     from duobench.hardware.doctor.examine import examine
-    from duobench.hardware.opening import SIMULATED, open_rig
+    from duobench.hardware.opening import COMPUTED, open_rig
 
-    path = None if rig == SIMULATED else rig_file(rig, f", or {SIMULATED}")
+    path = None if rig in COMPUTED else rig_file(rig, f", or {' or '.join(COMPUTED)}")
     reference = path and path.with_suffix(".head.png")
     if store_reference and reference is None:
-        raise AdvisedError("The simulated rig has no file beside which a reference could be kept.")
-    known = Rig.simulated() if path is None else Rig.read(path)
+        raise AdvisedError(f"The rig {rig} has no file beside which a reference could be kept.")
+    known = COMPUTED[rig]() if path is None else Rig.read(path)
     # Where nothing is hardware, time is computed as well: nobody has to wait.
     clock = VirtualClock() if known.is_computed else SystemClock()
     with closing(open_rig(known, clock, guard=False)) as duo:

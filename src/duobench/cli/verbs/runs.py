@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -24,6 +23,7 @@ from duobench.cli.shared.advice import (
 from duobench.cli.shared.console import counted, results_table, say, verified_table
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
+from duobench.files import digest_of
 from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEME, read_named, split_name
@@ -296,7 +296,7 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     if repeats := repeats_text(ends[:-1] for ends in manifest.attempts.values()):
         say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
-    say(f"SHA-256: {hashlib.sha256(path.read_bytes()).hexdigest()}")
+    say(f"SHA-256: {digest_of(path)}")
 
 
 def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1) -> None:

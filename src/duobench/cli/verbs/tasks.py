@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 
 from duobench.cli.shared.advice import OTHER_OUT, advising
-from duobench.cli.shared.console import console, say, table, whole
+from duobench.cli.shared.console import console, numeric, say, table, whole
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
 from duobench.envs.config import checked_seed
 from duobench.files import make_folder, writing
-from duobench.looks.catalog import LOOKS, RANDOM
+from duobench.looks.catalog import DEFAULT, LOOKS, RANDOM
 from duobench.results.folder import RunFolder
 from duobench.results.suite import find_tasks
 from duobench.robot.cameras import OVERVIEW
-from duobench.sim.layout import Layout
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import POLICY_CAMERAS
 
 if TYPE_CHECKING:
+    from duobench.envs.sim_env import SimEnv
     from duobench.fabrication import Recipe
 
 
@@ -51,7 +51,7 @@ def list_tasks(stages: bool = False, looks: bool = False) -> None:
     rows = table(
         whole("Task", style="bold"),
         *([] if is_narrow else ["Category"]),
-        *(whole(heading, justify="right") for heading in ("Stages", "Horizon")),
+        *numeric("Stages", "Horizon"),
         "Instruction",
     )
     for name in catalog.names():
@@ -90,16 +90,12 @@ def render(
     load_engine()
     from PIL import Image
 
-    from duobench.envs import RandomizedReset
-    from duobench.envs.sim_env import SimEnv
     from duobench.sim.rendering import Renderer
 
-    checked_seed(seed)
     (info,) = find_tasks([task])
     height, width = size
-    base = SimEnv(catalog.get(info.reference), look=look)
+    base = _reset(catalog.get(info.reference), seed, look)
     make_folder(out)
-    RandomizedReset(base).reset(seed=seed)
     simulation = base.simulation
     images = {}
     for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
@@ -189,7 +185,7 @@ def print_(
 
     infos = find_tasks(() if task == ALL else (task,))
     tasks = [catalog.get(info.reference) for info in infos]
-    layouts = None if seed is None else {each.id: _layout(each, seed) for each in tasks}
+    layouts = None if seed is None else {each.id: _reset(each, seed).layout for each in tasks}
 
     def tell(recipe: Recipe) -> None:
         parts = sum(part.count for part in recipe.parts)
@@ -212,12 +208,12 @@ def print_(
     say(f"Begin with {out / 'README.md'}; {out / 'shopping.md'} lists what is bought.")
 
 
-def _layout(task: Task, seed: int) -> Layout:
-    """The layout that a seed gives, tried on the simulated objects."""
+def _reset(task: Task, seed: int, look: str = DEFAULT) -> SimEnv:
+    """An environment with the layout that a seed gives, tried on the simulated objects."""
     from duobench.envs import RandomizedReset
     from duobench.envs.sim_env import SimEnv
 
     checked_seed(seed)
-    env = SimEnv(task)
+    env = SimEnv(task, look=look)
     RandomizedReset(env).reset(seed=seed)
-    return env.layout
+    return env

@@ -1,6 +1,5 @@
 """The export of a data set: what is missing in a folder is exported, then everything described."""
 
-import hashlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from duobench.backend import Image
 from duobench.data.dataset import DataSet
-from duobench.data.images import ImageSource
+from duobench.data.images import ImageSource, RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
@@ -31,10 +30,9 @@ from duobench.data.lerobot.options import ActionSource, ExportOptions
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
-from duobench.data.views import RecordedImages, ViewOf, check_cameras, plain_view
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError, SeveralTasksError, check_known
-from duobench.files import encode, locked, replacing, write
+from duobench.files import digest_of, encode, locked, replacing, write
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
 from duobench.randomness import SUITE_VERSION
 from duobench.robot.cameras import describe_cameras
@@ -151,7 +149,7 @@ def _plan(
             episodes.append(
                 SourceEpisode(
                     file=path.relative_to(sources[number].path).as_posix(),
-                    sha256=_hash_of(path),
+                    sha256=digest_of(path),
                     length=len(recording),
                     instruction=recording.info.instruction,
                     data_set=number,
@@ -256,7 +254,7 @@ def _exporter(
         episode = export.episodes[index]
         path = sources[episode.data_set].path / episode.file
         recording = Recording.read(path)
-        if _hash_of(path) != episode.sha256:
+        if digest_of(path) != episode.sha256:
             raise DataError(f"{path} has changed since the export began; begin it anew.")
         actions, residual = labels_of(recording, options.action, options.action_source)
         columns = _rows(recording, actions, export, index)
@@ -310,10 +308,6 @@ def write_videos(frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path
         for images in frames:
             for camera, writer in writers.items():
                 writer.add(images[camera])
-
-
-def _hash_of(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _rows(

@@ -3,13 +3,11 @@
 Features are named as LeRobot, Hugging Face and Arrow name them.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pyarrow as pa
 
@@ -98,7 +96,7 @@ class Export:
         """Rows of the export before those of an episode."""
         return sum(episode.length for episode in self.episodes[:index])
 
-    def differences(self, other: Export) -> list[str]:
+    def differences(self, other: Self) -> list[str]:
         """In what another export differs, one phrase each: `look dark instead of default`."""
         return differences(self._facts(), other._facts())
 
@@ -126,7 +124,7 @@ class Residual:
     max_position: float = 0.0
     max_rotation: float = 0.0
 
-    def __add__(self, other: Residual) -> Residual:
+    def __add__(self, other: Self) -> Self:
         return Residual(
             targets=self.targets + other.targets,
             sum_position=self.sum_position + other.sum_position,

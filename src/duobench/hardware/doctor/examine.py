@@ -12,9 +12,10 @@ from duobench.hardware.devices import ArmReading
 from duobench.hardware.doctor.checks import Check, Outcome
 from duobench.hardware.doctor.computer import computer_checks
 from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.mounts import CLEAR, SWAPPED, are_swapped, misfits
 from duobench.hardware.rig import CameraConfig, CameraDriver, GripperConfig, GripperDriver
 from duobench.machine import install_extra
-from duobench.types import CONTROL_HZ, HEAD, SIDES, Array, Side
+from duobench.types import CONTROL_HZ, HEAD, SIDES, Side
 
 HOLDING_S = 10.0
 SUCCESS_RATE = "control_command_success_rate"
@@ -119,8 +120,9 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     reading = duo.grippers[side].read()
     if reading.fault is not None:
         return Outcome.FAILED.of(name, reading.fault.text)
-    active = "active" if reading.is_active else "not activated yet"
-    value = f"{active}, opening {reading.opening:.2f}"
+    value = f"{'active' if reading.is_active else 'not active'}, opening {reading.opening:.2f}"
+    if not reading.is_active:
+        return Outcome.FAILED.of(name, value, "Activate it: duobench real grippers --activate")
     answers = [float(each) for each in getattr(duo.grippers[side], "round_trips", ())]
     if not answers:
         return Outcome.OK.of(name, value)
@@ -153,7 +155,7 @@ def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> I
         "hub."
     )
     yield Outcome.FAILED.unless(not (is_slow or is_old), title, value, advice)
-    if config.driver in {CameraDriver.SIMULATED, CameraDriver.FILE}:
+    if config.driver in {CameraDriver.SIMULATED, CameraDriver.REHEARSAL, CameraDriver.FILE}:
         return
     if config.exposure_us is None:
         value = "chosen by the camera, which varies it"
@@ -240,49 +242,19 @@ def _drift_check(duo: FrankaDuo, reference: Image | None) -> Check:
 
 # --- left and right ------------------------------------------------------------------------------
 
-SMALLEST = 3.0
-"""Torques in N·m that have to be felt, and to differ between the mounts, for an answer."""
-CLEAR = 0.5
-"""An arm is of the mount whose torques differ by this share of the other's at most."""
-
-
-def gravity_torques(joints: Array) -> Array:
-    """Torques (2, 7) in N·m with which the arms carry themselves, grippers and cameras.
-
-    Both arms hang tilted to their own side, so that gravity pulls other joints of the left arm than
-    of the right one. The torques are those of our own simulation at joints (2, 7) in radians; not
-    tried on an arm.
-    """
-    import mujoco
-
-    from duobench.sim.simulation import Simulation
-
-    sim = Simulation()
-    places = np.asarray(sim.duo.joints)
-    sim.data.qpos[places] = joints
-    sim.data.qvel[:] = 0.0
-    mujoco.mj_forward(sim.model, sim.data)
-    dofs = sim.model.jnt_dofadr[np.searchsorted(sim.model.jnt_qposadr, places)]
-    return sim.data.qfrc_bias[dofs]
-
 
 def mount_check(readings: Mapping[Side, ArmReading]) -> Check:
     """Say whether left and right are swapped, by the torques of both arms at rest."""
     name = "left and right arm"
-    joints = np.array([readings[side].joints for side in SIDES])
-    felt = np.array([readings[side].torques for side in SIDES])
-    if np.linalg.norm(felt, axis=-1).min() < SMALLEST:
+    if (found := misfits(readings)) is None:
         return Outcome.SKIPPED.of(name, "the arms feel no torques")
-    own = np.linalg.norm(felt - gravity_torques(joints), axis=-1)
-    # The same joints in the other arm's mount.
-    other = np.linalg.norm(felt - gravity_torques(joints[::-1])[::-1], axis=-1)
+    own, other = found
     value = ", ".join(
         f"{side}: {own[side.index]:.1f} N·m off as {side}, {other[side.index]:.1f} as {side.other}"
         for side in SIDES
     )
-    if np.all(other <= CLEAR * own):
-        advice = "The arms are swapped: exchange their addresses in the rig's file, or cables."
-        return Outcome.FAILED.of(name, value, advice)
+    if are_swapped(readings):
+        return Outcome.FAILED.of(name, value, SWAPPED)
     advice = (
         "Torques fit neither mount well: look at the mass of the tool that the control box knows, "
         "and at whether something touches an arm."

@@ -10,8 +10,8 @@ from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind, Frame
 from duobench.hardware.rig import CameraCalibration, CameraConfig
 
-STALE_S = 0.3
-"""Age of the latest frame at which its absence is a fault."""
+STALE_S = 0.7
+"""Age of the latest frame at which its absence is a fault: later than what an episode waits for."""
 FIRST_S = 10.0
 """Seconds in which the first frame has to come."""
 JOIN_S = 3.0

@@ -12,14 +12,15 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 from duobench.errors import ActionError, BackendError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind, GripperReading
+from duobench.hardware.drivers.registers import ACTIVATE, ACTIVE, AT_GOAL, GO, MOVING
 from duobench.hardware.rig import SHORTEST_WAY, GripperConfig
 from duobench.machine import install_extra
 
@@ -28,8 +29,6 @@ DEVICE_ID = 9
 BAUD = 115_200
 COMMAND, STATUS, REGISTERS = 1000, 2000, 3
 """First register of the command and of the status, and how many each has."""
-ACTIVATE, GO = 1 << 8, 1 << 11
-"""Bits rACT and rGTO of the first register of the command."""
 READ_HZ = 30.0
 SILENT_S = 0.2
 """Age of the last answer at which silence is a fault."""
@@ -43,7 +42,6 @@ REST_S = 0.7
 """Seconds without movement after which it is at an end."""
 TRIES = 3
 """How often a gripper is asked whether it is there."""
-_ACTIVE, _MOVING, _AT_GOAL = 3, 0, 3
 _FAULTS = {
     0x08: "it is too hot and has to cool down",
     0x0A: "its supply voltage is too low",
@@ -76,41 +74,44 @@ class Status:
         first, second, third = registers
         bits = first >> 8
         return Status(
-            is_activated=bool(bits & 1) and (bits >> 4) & 3 == _ACTIVE,
+            is_activated=bool(bits & 1) and (bits >> 4) & 3 == ACTIVE,
             contact=(bits >> 6) & 3,
             fault=(second >> 8) & 0x0F,
             position=third >> 8,
         )
 
 
-class RobotiqGripper:
-    """A gripper that a ticker of the clock asks 30 times a second, and tells what is new.
+class RegisterPort(Protocol):
+    """What leads to a gripper's registers."""
 
-    An answer has to come in `answer_s` seconds.
-    """
+    trouble: str
+    """What went wrong last, in words."""
 
-    def __init__(self, config: GripperConfig, clock: Clock, *, answer_s: float = ANSWER_S) -> None:
-        self._config, self._clock, self._answer_s = config, clock, answer_s
-        self._client: Any = None
-        self._errors: tuple[type[Exception], ...] = (OSError,)
-        self._ticker: Ticker | None = None
-        self._lock = threading.Lock()  # over what other threads want
-        self._goal: int | None = None
-        self._is_holding = False
-        self._activation: list[int] = []
-        self._told: tuple[int, int] | None = None
-        self._newest: tuple[float, Status] | None = None
-        self._was_active = False
-        self._trouble = ""
-        self._next_open = 0.0
-        self.round_trips: deque[float] = deque(maxlen=300)
-        """Seconds that the latest answers took."""
+    @property
+    def is_open(self) -> bool:
+        """Whether it leads anywhere."""
+        ...
 
-    def connect(self) -> None:
-        """Open the port and ask the gripper; nothing moves."""
-        if self._ticker is not None:
-            return
-        port = self._config.port
+    def open(self) -> bool:
+        """Try to open it; whether it is open now."""
+        ...
+
+    def write(self, values: Sequence[int]) -> bool:
+        """Write the registers of the command; whether that was answered."""
+        ...
+
+    def read(self) -> list[int] | None:
+        """The registers of the status; None without an answer."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it; twice is harmless."""
+
+
+class SerialPort:
+    """Modbus RTU on a serial port; an answer has to come in `answer_s` seconds."""
+
+    def __init__(self, name: str, answer_s: float) -> None:
         try:
             from pymodbus import ModbusException
             from pymodbus.client import ModbusSerialClient
@@ -122,19 +123,99 @@ class RobotiqGripper:
         # What goes wrong is part of a reading; without this each lost answer would be printed.
         logging.getLogger("pymodbus").addHandler(logging.NullHandler())
         self._errors = (OSError, ModbusException)
-        self._client = ModbusSerialClient(port, baudrate=BAUD, timeout=self._answer_s, retries=0)
+        self.client: Any = ModbusSerialClient(name, baudrate=BAUD, timeout=answer_s, retries=0)
+        self.trouble = ""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is there."""
+        return bool(self.client.connected)
+
+    def open(self) -> bool:
+        """Open it, with quick answers where the adapter knows how."""
+        if not self.client.connect():
+            return False
+        # Without this mode, which not every port has, an adapter waits 16 ms for each answer.
+        with suppress(OSError, ValueError, NotImplementedError, AttributeError):
+            self.client.socket.set_low_latency_mode(True)
+        return True
+
+    def write(self, values: Sequence[int]) -> bool:
+        """Write the registers of the command."""
+        write = self.client.write_registers
+        return self._answer(write, COMMAND, list(values)) is not None
+
+    def read(self) -> list[int] | None:
+        """Read the registers of the status."""
+        answer = self._answer(self.client.read_input_registers, STATUS, count=REGISTERS)
+        if answer is None or len(answer.registers) == REGISTERS:
+            return answer and answer.registers
+        self.trouble = f"it answered {answer}"
+        return None
+
+    def close(self) -> None:
+        """Close the port."""
+        self.client.close()
+
+    def _answer(self, ask: Callable[..., Any], *what: Any, **more: Any) -> Any:
+        try:
+            answer = ask(*what, **more, device_id=DEVICE_ID)
+        except self._errors as error:
+            self.trouble = str(error)
+            return None
+        if answer.isError():
+            self.trouble = f"it answered {answer}"
+            return None
+        return answer
+
+
+class RobotiqGripper:
+    """A gripper that a ticker of the clock asks 30 times a second, and tells what is new.
+
+    It is reached over a port, by default the serial one that its configuration names, where an
+    answer has to come in `answer_s` seconds.
+    """
+
+    def __init__(
+        self,
+        config: GripperConfig,
+        clock: Clock,
+        *,
+        answer_s: float = ANSWER_S,
+        port: RegisterPort | None = None,
+    ) -> None:
+        self._config, self._clock, self._answer_s = config, clock, answer_s
+        self._port = port
+        self._ticker: Ticker | None = None
+        self._lock = threading.Lock()  # over what other threads want
+        self._goal: int | None = None
+        self._is_holding = False
+        self._activation: list[int] = []
+        self._told: tuple[int, int] | None = None
+        self._newest: tuple[float, Status] | None = None
+        self._was_active = False
+        self._next_open = 0.0
+        self.round_trips: deque[float] = deque(maxlen=300)
+        """Seconds that the latest answers took."""
+
+    def connect(self) -> None:
+        """Open the port and ask the gripper; nothing moves."""
+        if self._ticker is not None:
+            return
+        name = self._config.port
+        self._port = self._port or SerialPort(name, self._answer_s)
         if not self._open():
             raise BackendError(
-                f"The port {port!r} of a gripper cannot be opened: {_why(port)} Its name is best "
+                f"The port {name!r} of a gripper cannot be opened: {_why(name)} Its name is best "
                 "one of /dev/serial/by-id/."
             )
         if not any(self._ask() for _ in range(TRIES)):
-            self._client.close()
+            self._port.close()
             raise BackendError(
-                f"No gripper answers at {port} as device {DEVICE_ID} with {BAUD} bits a second; "
+                f"No gripper answers at {name} as device {DEVICE_ID} with {BAUD} bits a second; "
                 f"look at its 24 V supply and at what else hangs on the port ({self._trouble})."
             )
-        self._ticker = self._clock.every(1.0 / READ_HZ, self._tick, f"gripper {port}")
+        self._ticker = self._clock.every(1.0 / READ_HZ, self._tick, f"gripper {name}")
 
     def activate(self) -> None:
         """Move the fingers through their whole range, unless it is active and well already.
@@ -151,6 +232,10 @@ class RobotiqGripper:
         while self._clock.now() < end:
             self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
             reading = self.read()
+            if self._is_holding:
+                raise BackendError(
+                    f"The activation of the gripper at {self._config.port} was stopped."
+                )
             if self._clock.now() - reading.time_s > SILENT_S:
                 break
             if not self._activation and reading.is_active and reading.fault is None:
@@ -168,7 +253,7 @@ class RobotiqGripper:
             time_s=time_s,
             opening=min(max((high - status.position) / (high - low), 0.0), 1.0),
             is_active=status.is_activated,
-            has_object=status.is_activated and status.contact not in {_MOVING, _AT_GOAL},
+            has_object=status.is_activated and status.contact not in {MOVING, AT_GOAL},
             fault=self._fault(time_s, status),
         )
 
@@ -189,17 +274,27 @@ class RobotiqGripper:
             self._goal, self._is_holding = goal, False
 
     def hold(self) -> None:
-        """Stop the fingers if they move; a grip keeps its force."""
+        """Stop the fingers if they move; a grip keeps its force, an activation ends unfinished."""
         with self._lock:
             self._is_holding = True
+            if self._activation:
+                self._activation = [0]
+
+    def recover(self) -> None:
+        """Forget that it was active: it lost its power, and has to be activated again."""
+        self._was_active = False
 
     def close(self) -> None:
         """Close the port; the gripper keeps what it holds. Closing twice is harmless."""
         if self._ticker is not None:
             self._ticker.stop()
             self._ticker = None
-        if self._client is not None:
-            self._client.close()
+        if self._port is not None:
+            self._port.close()
+
+    @property
+    def _trouble(self) -> str:
+        return self._port.trouble if self._port else ""
 
     def _fault(self, time_s: float, status: Status) -> Fault | None:
         port = self._config.port
@@ -216,14 +311,19 @@ class RobotiqGripper:
         return None
 
     def _tick(self) -> None:
-        if not self._client.connected and (self._clock.now() < self._next_open or not self._open()):
+        port = self._port
+        assert port is not None  # it ticks once it is connected
+        if not port.is_open and (self._clock.now() < self._next_open or not self._open()):
             return
-        if (news := self._news()) is not None and self._exchange(news) is not None:
-            self._told = news
-            with self._lock:
-                if self._activation and self._activation[0] == news[0]:
-                    self._activation.pop(0)
-                    self._was_active, self._told = False, None
+        if (news := self._news()) is not None:
+            start = time.perf_counter()
+            if port.write([*news, self._config.speed << 8 | self._config.force]):
+                self.round_trips.append(time.perf_counter() - start)
+                self._told = news
+                with self._lock:
+                    if self._activation and self._activation[0] == news[0]:
+                        self._activation.pop(0)
+                        self._was_active, self._told = False, None
         self._ask()
 
     def _news(self) -> tuple[int, int] | None:
@@ -235,35 +335,16 @@ class RobotiqGripper:
         status = self._newest[1] if self._newest else None
         if goal is None or status is None or not status.is_activated:
             return None
-        if is_holding and (self._told is None or status.contact != _MOVING):
+        if is_holding and (self._told is None or status.contact != MOVING):
             return None  # it rests already: at its goal, or with a grip
         news = (ACTIVATE, goal) if is_holding else (ACTIVATE | GO, goal)
         return news if news != self._told else None
 
-    def _exchange(self, news: tuple[int, int] | None) -> list[int] | None:
-        """Write a command, or read the status; None without an answer."""
-        speed_and_force = self._config.speed << 8 | self._config.force
-        start = time.perf_counter()
-        try:
-            if news is not None:
-                values = [news[0], news[1], speed_and_force]
-                answer = self._client.write_registers(COMMAND, values, device_id=DEVICE_ID)
-            else:
-                answer = self._client.read_input_registers(
-                    STATUS, count=REGISTERS, device_id=DEVICE_ID
-                )
-        except self._errors as error:
-            self._trouble = str(error)
-            return None
-        if answer.isError() or (news is None and len(answer.registers) != REGISTERS):
-            self._trouble = f"it answered {answer}"
-            return None
-        self.round_trips.append(time.perf_counter() - start)
-        return answer.registers
-
     def _ask(self) -> bool:
-        if (registers := self._exchange(None)) is None:
+        start = time.perf_counter()
+        if self._port is None or (registers := self._port.read()) is None:
             return False
+        self.round_trips.append(time.perf_counter() - start)
         status = Status.of(registers)
         self._newest = self._clock.now(), status
         self._was_active |= status.is_activated
@@ -271,12 +352,7 @@ class RobotiqGripper:
 
     def _open(self) -> bool:
         self._next_open = self._clock.now() + REOPEN_S
-        if not self._client.connect():
-            return False
-        # Without this mode, which not every port has, an adapter waits 16 ms for each answer.
-        with suppress(OSError, ValueError, NotImplementedError, AttributeError):
-            self._client.socket.set_low_latency_mode(True)
-        return True
+        return self._port is not None and self._port.open()
 
 
 def measure_ends(

@@ -144,6 +144,9 @@ class SimulatedGripper:
         """Become active."""
         self.is_active = True
 
+    def recover(self) -> None:
+        """Nothing has to be forgotten."""
+
     def read(self) -> GripperReading:
         """The state at this moment; the last one, and then a fault, while it is silent."""
         now = self._clock.now()
@@ -195,8 +198,6 @@ class SimulatedCamera(TickedCamera):
 
     The source gives the image (720, 1280, 3) of a number and a time.
     """
-
-    stale_s = 0.5
 
     def __init__(
         self,

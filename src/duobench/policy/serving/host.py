@@ -4,8 +4,6 @@ Inference happens in another thread than the server's, so that pings, `/healthz`
 are answered meanwhile.
 """
 
-from __future__ import annotations
-
 import asyncio
 import http
 import math
@@ -26,7 +24,8 @@ from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import PolicyName, make_batched
-from duobench.policy.serving import access, limits
+from duobench.policy.serving import limits
+from duobench.policy.serving.address import check_access, is_allowed
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 from duobench.serving_thread import ServingThread
@@ -69,7 +68,7 @@ class PolicyHost:
         busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
         answer_s: float = limits.INFERENCE_S,
     ) -> None:
-        access.check_access(host, key)
+        check_access(host, key)
         self._policy = policy
         self._loop = InferenceLoop(policy, batching, busy=busy)
         served = {**asdict(metadata), "batch": batching.mode, "max_batch": batching.size}
@@ -110,7 +109,7 @@ class PolicyHost:
         """Answer what asks for no session, and turn away who may not have one."""
         if request.path == HEALTH_PATH:
             return connection.respond(http.HTTPStatus.OK, "OK\n")
-        if not access.is_allowed(request.headers.get("Authorization"), self._key):
+        if not is_allowed(request.headers.get("Authorization"), self._key):
             return connection.respond(http.HTTPStatus.UNAUTHORIZED, "A key is needed.\n")
         if len(self._clients) >= limits.MAX_CONNECTIONS and not self._dismiss_one():
             return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n")
@@ -134,7 +133,7 @@ class PolicyHost:
         closing.add_done_callback(self._closing.discard)
         return True
 
-    async def _reply(self, session: ClientSession, frame: str | bytes) -> bytes:
+    async def _reply(self, session: "ClientSession", frame: str | bytes) -> bytes:
         """The answer of a session, which may have to wait for the place of a silent one first."""
         until = time.monotonic() + limits.SILENT_S
         sessions = self._clients.values()
@@ -190,7 +189,7 @@ class _RequestedEpisode:
     seed: int = 0
     session_id: object = None
 
-    def changed_by(self, request: dict[str, Any]) -> _RequestedEpisode:
+    def changed_by(self, request: dict[str, Any]) -> "_RequestedEpisode":
         """The episode that a request belongs to; takes what only says that out of it."""
         prompt, seed = request.get("prompt", self.prompt), request.pop("seed", self.seed)
         session_id = request.pop("session_id", self.session_id)

@@ -149,8 +149,7 @@ class MessageFormat:
         parts = self._state_parts(observation)
         if self.actions.mode.startswith("cartesian"):
             parts["left_arm"], parts["right_arm"] = (parts[pose] for pose in _POSES)
-        sizes = self.action_sizes
-        return np.concatenate([parts[part][:size] for part, size in sizes.items()])
+        return np.concatenate([parts[part][:size] for part, size in self.action_sizes.items()])
 
     def _image(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         if self.bars:

@@ -3,15 +3,13 @@
 Tried against servos that were imitated on a pseudo-terminal, and on no hardware.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 import time
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 import numpy as np
@@ -97,19 +95,19 @@ class GelloConfig:
         if self.left.port == self.right.port:
             raise LeaderError(f"Each arm has a port of its own, got {self.left.port} for both.")
 
-    @staticmethod
-    def read(path: Path) -> GelloConfig:
+    @classmethod
+    def read(cls, path: Path) -> Self:
         """Read a TOML file: `[left]` and `[right]` with the fields of `GelloArm`, and `baud`."""
         try:
             document = tomllib.loads(path.read_text(encoding="utf-8"))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise LeaderError(f"Cannot read {path}: {error}") from error
         for name, arm in document.items():
-            check_known("key of a GELLO file", name, GelloConfig.__dataclass_fields__)
+            check_known("key of a GELLO file", name, cls.__dataclass_fields__)
             for key in arm if isinstance(arm, dict) else ():
                 check_known(f"key of the {name} GELLO arm", key, GelloArm.__dataclass_fields__)
         try:
-            return msgspec.convert(document, GelloConfig)
+            return msgspec.convert(document, cls)
         except msgspec.ValidationError as error:
             raise LeaderError(f"{path} is invalid: {error}.".replace("`$.", "`")) from error
 

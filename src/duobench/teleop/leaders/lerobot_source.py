@@ -5,10 +5,8 @@ LeRobot's ending `.pos` or without; joints in radians, grippers 0 closed to 1 op
 imported where one is made by name, and nowhere else.
 """
 
-from __future__ import annotations
-
 import math
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -42,8 +40,8 @@ class LeRobotSource:
             )
         self._keys = [plain[name] for name in JOINT_NAMES]
 
-    @staticmethod
-    def make(kind: str, **options: Any) -> LeRobotSource:
+    @classmethod
+    def make(cls, kind: str, **options: Any) -> Self:
         """A teleoperator by LeRobot's name for its kind, also one of an installed plugin.
 
         Args:
@@ -74,7 +72,7 @@ class LeRobotSource:
             config = kinds[kind](**options)
         except (TypeError, ValueError) as error:
             raise LeaderError(f"The teleoperator {kind!r} cannot be made: {error}") from error
-        return LeRobotSource(make_teleoperator_from_config(config), f"lerobot {kind}")
+        return cls(make_teleoperator_from_config(config), f"lerobot {kind}")
 
     def connect(self) -> None:
         """Reach the leaders, or raise a `LeaderError`."""

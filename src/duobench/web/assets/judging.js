@@ -43,8 +43,8 @@ export class Judging {
 
   #showPresses(presses) {
     const rows = [];
-    for (const { stage, step, time_s: time } of presses) {
-      const when = `${time.toFixed(1)} s, step ${step}`;
+    for (const { stage, step, time_s: time, late } of presses) {
+      const when = `${time.toFixed(1)} s, step ${step}${late ? ", long after the end" : ""}`;
       if (stage === null) {
         rows.findLast((row) => row.dataset.stands)?.classList.add("gone");
         const gone = rows.findLast((row) => row.dataset.stands);

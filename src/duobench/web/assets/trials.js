@@ -9,17 +9,24 @@ const ALIVE_MS = 500; // the arms are held where this page is silent for longer
 const PHASES = {
   placing: ["Place the objects", "Put each object where its outline is, then press Placed."],
   ready: ["Ready", "Step back. The arms move once you start the policy."],
-  moving: ["The arms go home", "Slowly. Stay away from them."],
+  moving: ["The arms move", "Home, slowly, or their fingers. Stay away from them."],
   playing: ["The policy plays", "Press the number of each stage when it is reached."],
   judging: ["Judge the trial", "The arms are held. Correct what is wrong, then close the trial."],
   over: ["All trials are played", "The names of the policies stand in the table."],
 };
+const REASONS = [
+  "The objects were placed wrongly.",
+  "A person came into the way.",
+  "An object broke or was missing.",
+  "The light changed.",
+];
 const BUTTONS = {
   home: ["placing", "ready"],
   placed: ["placing"],
   place_again: ["ready"],
   start: ["ready"],
 };
+const KINDS = ["hold", "home", "activate", "placed", "place_again", "start", "recover", "give_up"];
 
 /** The page. */
 class Trials {
@@ -50,7 +57,10 @@ class Trials {
     setInterval(() => this.#isDriver && this.#tell("alive"), ALIVE_MS);
     this.#judging.onStage = (stage) => this.#tell("stage", { stage, ...this.#moment });
     this.#judging.onUndo = () => this.#tell("undo");
-    for (const kind of ["hold", "home", "placed", "place_again", "start", "recover"]) {
+    part("#open_left").addEventListener("click", () => this.#tell("open", { hands: ["left"] }));
+    part("#open_right").addEventListener("click", () => this.#tell("open", { hands: ["right"] }));
+    part("#carry").addEventListener("click", () => this.#tell("home", { with_object: true }));
+    for (const kind of KINDS) {
       part(`#${kind}`).addEventListener("click", () => this.#tell(kind));
     }
     part("#closing").addEventListener("submit", (event) => {
@@ -107,9 +117,9 @@ class Trials {
     document.title = `${status.title} · Trials · DuoBench`;
     write("h1", status.title);
     const again = trial.attempt > 1 ? `, attempt ${trial.attempt}` : "";
-    const hidden = blind ? " (name hidden)" : "";
+    const policy = blind ? "policy hidden" : trial.policy;
     const where =
-      `Trial ${trial.number} of ${trial.of}${again} · ${trial.policy}${hidden} · episode ` +
+      `Trial ${trial.number} of ${trial.of}${again} · ${policy} · episode ` +
       `${trial.episode} · ${trial.invalid} invalid so far`;
     write(".where", phase === "over" ? "" : where);
     const [title, todo] = PHASES[phase];
@@ -117,8 +127,13 @@ class Trials {
     write(".todo", todo);
     write(".instruction", `“${trial.instruction}”`);
     write(".note", status.message);
+    write(".hands", handsInWords(status.hands));
     write(".problem", status.fault && `Fault: ${status.fault}`);
     write(".clock", `${status.time_s.toFixed(1)} s · step ${status.step} of ${status.horizon}`);
+    this.#showReasons(status.reasons.length ? status.reasons : REASONS);
+    if (status.at_end !== null) {
+      part(`[name=holds][value=${status.at_end ? "yes" : "no"}]`).checked = true;
+    }
     this.#showVariants(trial.variants);
     const isPlacing = ["placing", "ready"].includes(phase);
     this.#overlay.show({ ...status, isPlacing });
@@ -158,16 +173,25 @@ class Trials {
   /** Show what may be done now, to who may do it. */
   #allow() {
     if (!this.#status) return;
-    const { phase, stage, stages, fault, sheet, film } = this.#status;
+    const { phase, stage, stages, fault, hands, sheet, film, reasons, waits } = this.#status;
     const isPlacing = ["placing", "ready"].includes(phase);
     for (const [id, phases] of Object.entries(BUTTONS)) {
       part(`#${id}`).hidden = !this.#isDriver || !phases.includes(phase);
     }
     part("#recover").hidden = !this.#isDriver || !fault || !["placing", "ready"].includes(phase);
+    const { inactive, holding } = hands;
+    const mayHandle = this.#isDriver && isPlacing;
+    part("#activate").hidden = !mayHandle || !inactive.length;
+    for (const side of ["left", "right"]) {
+      part(`#open_${side}`).hidden = !mayHandle || !holding.includes(side);
+    }
+    part("#carry").hidden = !mayHandle || fault || holding.length !== 1;
+    part("#give_up").hidden = !this.#isDriver || !waits;
     part("#hold").disabled = !this.#isDriver;
     const isJudging = this.#isDriver && phase === "judging";
     part("#closing").hidden = part("#spoiled").hidden = !isJudging;
     part("#at-end").hidden = stage !== stages.length;
+    part("#finish").disabled = reasons.length > 0; // it cannot count
     part("#trial").hidden = phase === "over";
     part("#film").hidden = !isJudging || !film;
     part(".scroller").hidden = !part("#film").hidden;
@@ -177,6 +201,15 @@ class Trials {
     if (sheet) part(".sheet a").href = sheet;
     this.#judging.isOpen = this.#isDriver && ["playing", "judging"].includes(phase);
     this.#judging.show(this.#status);
+  }
+
+  /** What is offered to why a trial does not count. */
+  #showReasons(reasons) {
+    const text = JSON.stringify(reasons);
+    const list = part("#reasons");
+    if (text === list.dataset.shown) return;
+    list.dataset.shown = text;
+    list.replaceChildren(...reasons.map((value) => make("option", { value })));
   }
 
   #showVariants(variants) {
@@ -251,7 +284,17 @@ function write(selector, text) {
   const element = part(selector);
   const words = text ?? "";
   if (element.textContent !== words) element.textContent = words;
-  if (element.matches(".note, .problem, .instruction, .variants")) element.hidden = !words;
+  if (element.matches(".note, .hands, .problem, .instruction, .variants")) element.hidden = !words;
+}
+
+/** What keeps the arms from going home, and what to do about it. */
+function handsInWords({ inactive, holding }) {
+  const names = (sides) => sides.join(" and ");
+  if (inactive.length) {
+    return `Not active since it was switched on: the ${names(inactive)} gripper. Activation closes and opens the fingers.`;
+  }
+  if (!holding.length) return "";
+  return `The ${names(holding)} hand holds something. Take it before you open the hand: it drops.`;
 }
 
 function stop(event) {
