@@ -18,7 +18,7 @@ import numpy as np
 from duobench.errors import BackendError, escaped
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind
-from duobench.hardware.drivers.registers import GripperRegisters
+from duobench.hardware.registers import GripperRegisters
 from duobench.hardware.rig import ArmConfig
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name

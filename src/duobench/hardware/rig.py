@@ -67,9 +67,6 @@ SIZES, RATES = (90, 4320), (5, 120)
 """Least and most pixels of an image's side, and images a second."""
 UNIT = 1e-3
 """How far the length of a quaternion may be from 1."""
-REHEARSAL_SIZE = (180, 320)
-"""Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
-processor renders ten times a second beside the arms."""
 UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """The pose of a camera whose lens alone is known."""
 
@@ -348,33 +345,6 @@ class Rig:
             arms=dict.fromkeys(SIDES, arm),
             grippers=dict.fromkeys(SIDES, gripper),
             cameras=dict.fromkeys(POLICY_CAMERAS, camera),
-        )
-
-    @staticmethod
-    def rehearsal() -> Rig:
-        """A rig without hardware whose arms and grippers act on our own simulation of a task.
-
-        Mounts are named by address and port, so that arms can be swapped as cables can.
-        """
-        return Rig(
-            name="rehearsal",
-            arms={
-                side: ArmConfig(
-                    driver=ArmDriver.REHEARSAL,
-                    address=side,
-                    speed_fraction=MAX_SPEED_FRACTION,
-                    acceleration=MAX_ACCELERATION,
-                    tool_speed=MAX_TOOL_SPEED,
-                    is_realtime=False,
-                )
-                for side in SIDES
-            },
-            grippers={
-                side: GripperConfig(driver=GripperDriver.REHEARSAL, port=side) for side in SIDES
-            },
-            cameras=dict.fromkeys(
-                POLICY_CAMERAS, CameraConfig(driver=CameraDriver.REHEARSAL, size=REHEARSAL_SIZE)
-            ),
         )
 
     @property

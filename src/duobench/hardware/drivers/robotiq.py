@@ -20,7 +20,7 @@ from typing import Any, Protocol
 from duobench.errors import ActionError, BackendError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind, GripperReading
-from duobench.hardware.drivers.registers import ACTIVATE, ACTIVE, AT_GOAL, GO, MOVING
+from duobench.hardware.registers import ACTIVATE, ACTIVE, AT_GOAL, GO, MOVING
 from duobench.hardware.rig import SHORTEST_WAY, GripperConfig
 from duobench.machine import install_extra
 
