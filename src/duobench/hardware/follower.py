@@ -6,6 +6,7 @@ simulation does, within limits of position, speed and acceleration.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from duobench.errors import ActionError
 from duobench.hardware.rig import ArmConfig
 from duobench.robot.frames import tool_jacobians
 from duobench.robot.joints import JOINT_RANGES, RANGE_MARGIN, speed_limits
-from duobench.types import ARM_JOINTS, CONTROL_HZ, Array
+from duobench.types import ARM_JOINTS, CONTROL_HZ, Array, DuoCommand
 
 PERIOD = 1.0 / CONTROL_HZ
 """Seconds over which a target is approached linearly."""
@@ -144,6 +145,19 @@ def tool_share(jacobian: Array, velocity: Array, most: float) -> float:
     """
     speed = math.hypot(*(jacobian @ velocity).tolist())
     return min(1.0, most / speed) if speed > 0.0 else 1.0
+
+
+def paced(last: DuoCommand, sent: DuoCommand, speeds: Sequence[float]) -> DuoCommand:
+    """A command on the way from one to the next, to which no tool is faster than its speed in m/s.
+
+    Both arms go the same part of the way, so that hands that hold one thing stay together.
+    """
+    way = sent.joints - last.joints
+    most = [speed * PERIOD for speed in speeds]
+    share = min(map(tool_share, tool_jacobians(last.joints), way, most))
+    if share == 1.0:
+        return sent
+    return DuoCommand(joints=last.joints + share * way, openings=sent.openings)
 
 
 def _stopping(distance: Array, reach: float, dt: float) -> Array:
