@@ -98,7 +98,7 @@ def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool =
         arms={side: _arm(rig, side, clock, rehearsal) for side in SIDES},
         grippers={side: _gripper(rig, side, clock, rehearsal) for side in SIDES},
         cameras={name: _camera(rig, name, clock, rehearsal) for name in rig.cameras},
-        guard=Guard() if guard else None,
+        guard=Guard(rig.workspace, rig.obstacles) if guard else None,
         world=None if rehearsal is None else rehearsal.world,
     )
 

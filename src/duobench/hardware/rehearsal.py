@@ -82,8 +82,7 @@ class MountedArm:
         """What the arm stops at, as its library says it; None while nothing is too much."""
         if (np.abs(self.external) > self.config.torque_threshold).any():
             return "joint_reflex"
-        limits = [self.config.force_threshold] * 3 + [self.config.moment_threshold] * 3
-        if (np.abs(self.wrench) > limits).any():
+        if (np.abs(self.wrench) > self.config.tool_thresholds).any():
             return "cartesian_reflex"
         return None
 

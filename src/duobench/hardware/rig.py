@@ -147,6 +147,11 @@ class ArmConfig:
                     f"stiffness of {self.stiffness[number]:g}, got {damping}."
                 )
 
+    @property
+    def tool_thresholds(self) -> tuple[float, ...]:
+        """Those at the tool (6,): forces in N along x, y and z, then moments in N·m about them."""
+        return (self.force_threshold,) * 3 + (self.moment_threshold,) * 3
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GripperConfig:
