@@ -49,12 +49,6 @@ def test_nothing_moves_without_the_word(more: str, code: int, tmp_path: Path) ->
     assert "Both arms are home." not in said
 
 
-def test_the_doctor_looks_at_simulated_devices(tmp_path: Path) -> None:
-    (line,) = blocks(SETUP, "sh")
-    run(line, tmp_path)
-    assert any((tmp_path / "runs" / "simulated").iterdir())
-
-
 def test_the_file_is_a_rig_with_the_defaults_of_the_table(tmp_path: Path) -> None:
     path = tmp_path / "rig.json"
     path.write_text(*blocks(ARMS, "json"))

@@ -59,6 +59,9 @@ _LARGEST = {
     "moment_threshold": max(JOINT_TORQUES[4:]),
 }
 """Numbers of an arm that are over 0, and their largest values."""
+_MEASURED = re.compile(r"name|grippers\.\w+\.(open|closed)_count|cameras\.\w+\.calibration")
+"""Places in the file that may change while a rig stays the same: it is called otherwise, or its
+grippers' ends, lenses and mounts are measured again."""
 GRIPPER_SPEEDS, GRIPPER_FORCES = (20.0, 150.0), (20.0, 235.0)
 """Speeds in mm/s and forces in N of a gripper at 0 and at 255 [manual of the 2F-85]."""
 SHORTEST_WAY = 150
@@ -379,6 +382,25 @@ class Rig:
             OutputError: It cannot be written.
         """
         files.write(path, self._json())
+
+    @property
+    def chosen(self) -> dict[str, object]:
+        """All values but those that are measured, by their places in the file: what makes it this.
+
+        Its name, its grippers' ends and its cameras' calibrations may change while it stays the
+        same rig; `hash` is of these too.
+        """
+
+        def leaves(value: object, place: str) -> Iterator[tuple[str, object]]:
+            if _MEASURED.fullmatch(place):
+                return
+            if not isinstance(value, dict):
+                yield place, value
+                return
+            for key, inner in value.items():
+                yield from leaves(inner, f"{place}.{key}" if place else key)
+
+        return dict(leaves(msgspec.to_builtins(self), ""))
 
     @property
     def hash(self) -> str:
