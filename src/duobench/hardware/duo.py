@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 REST_S = 1.0
 """Longest time in seconds that arms are given to come to rest before they stop, damped."""
 HOME_TOLERANCE = 0.03
-"""How near in radians a joint has to be home, which an arm with a soft grip on its joints may miss
-by a little."""
+"""How near in radians a joint has to be home, which an arm with low gains may miss by a little."""
 SETTLE_S = 5.0
 """Seconds that arms may take to come to rest, and grippers to open."""
 
@@ -57,8 +56,7 @@ class FrankaDuo:
     `start` connects, and moves nothing. Before anything moves the operator has to confirm
     (`supervisor.confirm`): then `home` goes home slowly, or `command` moves on from where the arms
     are. A fault of any device holds both arms until the operator recovers them
-    (`supervisor.recover`). The guard keeps the arms apart and off the table; None leaves that to
-    people.
+    (`supervisor.recover`). Without a guard it is left to people to keep the arms apart.
     """
 
     def __init__(
@@ -88,8 +86,8 @@ class FrankaDuo:
         self._limits = duo_limits((left.speed_fraction, right.speed_fraction), RANGE_MARGIN)
         self._tool_speeds = left.tool_speed, right.tool_speed
         self._accelerations = np.array([[left.acceleration], [right.acceleration]])
-        slow = [min(arm.home_fraction, arm.speed_fraction) for arm in (left, right)]
-        self._home_fractions = np.array(slow)[:, None]
+        slow = [[min(arm.home_fraction, arm.speed_fraction)] for arm in (left, right)]
+        self._home_fractions = np.array(slow)
         self._due = 0.0
         self.late_s = 0.0
         """How many seconds too late the last command came."""

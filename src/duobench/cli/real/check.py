@@ -84,8 +84,8 @@ def _arm(side: Side, arm: ArmConfig) -> Iterable[str]:
 def _gripper(side: Side, gripper: GripperConfig) -> str:
     return (
         f"{side.capitalize()} gripper: {_device(gripper.driver, gripper.port)}, "
-        f"{gripper.newtons:.0f} N, {gripper.mm_per_s:.0f} mm/s; open at "
-        f"{gripper.open_count}, closed at {gripper.closed_count}"
+        f"{gripper.newtons:.0f} N, {gripper.mm_per_s:.0f} mm/s; open at {gripper.open_count}, "
+        f"closed at {gripper.closed_count}"
     )
 
 
