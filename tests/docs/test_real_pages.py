@@ -86,8 +86,8 @@ def test_the_rig_and_the_views_of_pages_are_some(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for page in (SETUP, CAMERAS):
-        exec(*blocks(page, "python"), {})
+    for code in (*blocks(SETUP, "python"), *blocks(CAMERAS, "python")):
+        exec(code, {})
     rig = Rig.read(tmp_path / "rig.json")
     assert (rig.cameras["head"].is_side_by_side, rig.is_computed) == (True, False)
     assert len(ViewFolder(tmp_path / "wrist_left", "left_wrist")) == 1
