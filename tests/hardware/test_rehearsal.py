@@ -16,9 +16,9 @@ from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.drivers.rehearsal import RehearsalViews
 from duobench.hardware.duo import FrankaDuo
-from duobench.hardware.opening import open_rig
+from duobench.hardware.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
 from duobench.hardware.rehearsal import HAND_M, HAND_RAD, MAX_BEHIND_S, STEP_S, RehearsalWorld
-from duobench.hardware.rig import REHEARSAL_SIZE, Rig
+from duobench.hardware.rig import JOINT_TORQUES
 from duobench.hardware.supervisor import State
 from duobench.robot.joints import HOME_JOINTS
 from duobench.sim.rendering import Renderer
@@ -35,7 +35,7 @@ CUBE = "cube"
 @contextmanager
 def rehearsal(*, cameras: bool = False, **changes: Any) -> Iterator[FrankaDuo]:
     """A rehearsal that is started and confirmed; changes are fields of its arms."""
-    rig = Rig.rehearsal()
+    rig = rehearsal_rig()
     quick = {"home_fraction": rig.arms[Side.LEFT].speed_fraction} | changes
     arms = {side: replace(arm, **quick) for side, arm in rig.arms.items()}
     rig = replace(rig, arms=arms, cameras=rig.cameras if cameras else {})
@@ -182,7 +182,7 @@ def test_an_arm_that_runs_into_the_table_stops_by_a_reflex_and_goes_home(
 def test_thresholds_are_those_of_the_rig() -> None:
     counts = []
     for threshold in (20.0, 80.0):
-        with rehearsal(force_threshold=threshold, torque_threshold=100.0) as duo:
+        with rehearsal(force_threshold=threshold, torque_threshold=JOINT_TORQUES) as duo:
             duo.hands.activate()
             counts.append(push_down(duo, Side.LEFT))
             assert duo.fault is not None
@@ -206,7 +206,7 @@ def test_a_person_stops_the_arms_until_the_button_is_released(duo: FrankaDuo) ->
 
 
 def test_swapped_arms_are_told_by_gravity() -> None:
-    rig = Rig.rehearsal()
+    rig = rehearsal_rig()
     swapped = {side: replace(rig.arms[side], address=side.other) for side in SIDES}
     duo = open_rig(replace(rig, arms=swapped, cameras={}), VirtualClock(), guard=False)
     with closing(duo), pytest.raises(BackendError, match="swapped"):
@@ -214,7 +214,7 @@ def test_swapped_arms_are_told_by_gravity() -> None:
 
 
 def test_an_address_is_a_mount() -> None:
-    rig = Rig.rehearsal()
+    rig = rehearsal_rig()
     arms = {side: replace(arm, address="middle") for side, arm in rig.arms.items()}
     with pytest.raises(UnknownNameError, match="left"):
         open_rig(replace(rig, arms=arms), VirtualClock())

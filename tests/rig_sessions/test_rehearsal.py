@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from duobench.hardware.devices import FaultKind
+from duobench.hardware.opening import rehearsal_rig
 from duobench.hardware.rig import Rig
 from duobench.randomness import EVAL, episode_seed
 from duobench.results.suite import find_tasks
@@ -39,7 +40,7 @@ LATE_S = 1.2
 
 def quick_rig() -> Rig:
     """The rehearsal without images, whose arms go home as fast as they may."""
-    rig = Rig.rehearsal()
+    rig = rehearsal_rig()
     arms = {side: replace(arm, home_fraction=arm.speed_fraction) for side, arm in rig.arms.items()}
     return replace(rig, arms=arms, cameras={})
 

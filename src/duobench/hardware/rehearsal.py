@@ -82,7 +82,7 @@ class MountedArm:
         """What the arm stops at, as its library says it; None while nothing is too much."""
         if (np.abs(self.external) > self.config.torque_threshold).any():
             return "joint_reflex"
-        if (np.abs(self.wrench) > self.config.force_threshold).any():
+        if (np.abs(self.wrench) > self.config.tool_thresholds).any():
             return "cartesian_reflex"
         return None
 
