@@ -68,7 +68,7 @@ class MountedArm:
         self.torques = np.zeros(ARM_JOINTS)
         self.external = np.zeros(ARM_JOINTS)
         """Torques of what it touches, filtered."""
-        self.wrench = np.zeros(6)
+        self.wrench: Array = np.zeros(6)
         """Force in N and moment in N·m at its tool, in the table frame."""
         self.is_tracking = False
         self.fault: Fault | None = None
@@ -153,7 +153,7 @@ class RehearsalWorld:
         with self.lock:
             model, data = self.simulation.model, self.simulation.data
             moved = data.qpos, data.mocap_pos, data.mocap_quat, model.geom_rgba
-            return model, tuple(np.array(each) for each in moved)
+            return model, tuple(np.array(each, dtype=np.float64) for each in moved)
 
     # --- placing ---------------------------------------------------------------------------------
 
@@ -309,7 +309,9 @@ class RehearsalWorld:
             tool = self._tools[side.index]
             mujoco.mj_jacSite(self._model, data, jacobian[:3], jacobian[3:], tool)
             own = jacobian[:, dofs]
-            arm.wrench = np.linalg.solve(own @ own.T + _DAMPED, own @ arm.external)
+            arm.wrench = np.asarray(
+                np.linalg.solve(own @ own.T + _DAMPED, own @ arm.external), dtype=np.float64
+            )
             if arm.is_tracking and (name := arm.reflex()) is not None:
                 self._measure(side)
                 arm.stop(FaultKind.CONTACT.fault(f'motion aborted by reflex! ["{name}"]'))
