@@ -194,7 +194,7 @@ def test_beside_simulators_of_arms_the_rest_may_be_computed(tmp_path: Path) -> N
 def test_a_name_that_looks_as_an_address_of_this_computer_is_no_simulators(tmp_path: Path) -> None:
     document = changed("cameras", {"head": {"driver": "simulated"}})
     document["arms"] = {"left": {"address": "127.lab"}, "right": {"address": "127.0.0.2"}}
-    with pytest.raises(FileError, match="head.driver is simulated beside a real arm"):
+    with pytest.raises(FileError, match=r"head\.driver is simulated beside a real arm"):
         read(tmp_path, json.dumps(document))
 
 
