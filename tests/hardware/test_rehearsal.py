@@ -330,7 +330,6 @@ def test_a_late_world_goes_on_more_slowly_and_does_not_leap() -> None:
     clock.leap(1.0)
     clock.wait_until(clock.now() + STEP_S)
     assert world._steps - before <= MAX_BEHIND_S / STEP_S + 2
-    assert world.lost_s == pytest.approx(1.0 - MAX_BEHIND_S, abs=0.02)
 
 
 def test_physics_that_fails_is_a_fault_of_ours(duo: FrankaDuo) -> None:

@@ -2,8 +2,8 @@
 
 It stands behind the drivers of `drivers.rehearsal`, so that everything above them runs unchanged.
 The arms are led by joint impedance with the gains of the rig, feel what they touch, and stop with a
-reflex at the rig's thresholds. Time is that of the rig's clock. Where a computer cannot keep up,
-the world goes on more slowly; it never stands still and leaps.
+reflex at the rig's thresholds. Time is that of the rig's clock; of one that leaps the world leaves
+out what is too much.
 """
 
 import math
@@ -106,8 +106,6 @@ class RehearsalWorld:
         """Registers of the grippers by mount; a test cuts their power here."""
         self.is_stopped = False
         """Whether a person has pressed the emergency stop of both arms."""
-        self.lost_s = 0.0
-        """Seconds that the computer could not keep up with."""
         self.look_again: Callable[[], None] = lambda: None
         """Has cameras see the objects before `place` returns."""
         self._random = np.random.default_rng(seed)
@@ -274,9 +272,7 @@ class RehearsalWorld:
 
     def _catch_up(self) -> None:
         now = self.clock.now()
-        if (late := now - MAX_BEHIND_S - self._time) > 0.0:
-            self.lost_s += late
-            self._time += late
+        self._time = max(self._time, now - MAX_BEHIND_S)
         while self._time + 0.999 * STEP_S <= now:
             self._step()
         for side in SIDES:
