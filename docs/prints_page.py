@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from duobench.fabrication import PrintJob, Recipe, fit_coupon, job_of, recipe_of
+from duobench.fabrication import Foot, PrintJob, Recipe, fit_coupon, job_of, placing_jig, recipe_of
 from duobench.fabrication.details import shopping_lines
 from duobench.tasks import catalog
 
@@ -16,8 +16,8 @@ FOLDER = "printing"
 """Where the pictures are, beside the page."""
 DRAWN = "drawn.json"
 """Beside the pictures: what they were drawn from."""
-COUPON = "coupon"
-JOBS = (COUPON, *catalog.names())
+COUPON, JIG = "coupon", "jig"
+JOBS = (COUPON, JIG, *catalog.names())
 INTRODUCTION = """# The printed parts of every task
 
 Written and rendered by `make docs`: the parts as they lie on the printer's bed, and, where some of
@@ -25,15 +25,17 @@ them go together, how they do. `duobench print TASK` writes the files of a task 
 recipe: sizes to measure, masses, supports, layers. [Printing](printing.md) says why the objects are
 as they are.
 
-Nothing of this was printed by us so far, and no printer's program was tried with the files. Grams
+Nothing of this was printed by us so far; a slicer, PrusaSlicer, takes all parts in tests. Grams
 and hours are estimated from the volume.
 """
 
 
 @cache
 def job(name: str) -> PrintJob:
-    """Return what is printed of a task, of the first maze; or the coupon."""
-    return fit_coupon() if name == COUPON else job_of(catalog.get(name))
+    """Return what is printed of a task, of the first maze; or the coupon, or the jig."""
+    if name == COUPON:
+        return fit_coupon()
+    return placing_jig(Foot()) if name == JIG else job_of(catalog.get(name))
 
 
 def together_file(name: str) -> str:

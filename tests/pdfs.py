@@ -50,11 +50,11 @@ def read_pdf(data: bytes) -> list[Read]:
 
 def _read(stream: str, size: tuple[float, float]) -> Read:
     page = Read(size=size)
-    page.texts = [re.sub(r"\\(.)", r"\1", text) for text in re.findall(r"\((.*)\) Tj", stream)]
+    page.texts = [re.sub(r"\\(.)", r"\1", text) for text in re.findall(r"\((.*)\)\sTj", stream)]
     width, is_dashed = 1.0, False
     paths: list[list[list[float]]] = []
     numbers: list[float] = []
-    for token in re.sub(r"BT .*|\(.*\) Tj|ET", "", stream).split():
+    for token in re.sub(r"BT .*|\(.*\)\sTj|ET", "", stream).split():
         if re.fullmatch(r"-?[\d.]+", token):
             numbers.append(float(token) / MM)
             continue

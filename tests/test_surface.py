@@ -30,8 +30,9 @@ SURFACE = {
         open_source read_results rollout source summarize wilson_interval write_bundle write_report
     """,
     "duobench.fabrication": """
-        Paper PrintChoice PrintJob PrintedPart Recipe Spot fit_coupon job_of lay_out layout_sheet
-        neutral_layout outlines_of recipe_of stl_bytes threemf_bytes write_prints
+        Foot Paper PrintChoice PrintJob PrintedPart Recipe Spot fit_coupon job_of lay_out
+        layout_sheet neutral_layout outlines_of placing_jig recipe_of stl_bytes threemf_bytes
+        write_prints
     """,
     "duobench.looks": "names",
     "duobench.objects": """

@@ -13,10 +13,11 @@ import pytest
 from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.options import options_of
 from duobench.envs.config import IMAGE_SIZE
-from duobench.fabrication import coupon, recipe
+from duobench.fabrication import coupon, jig, recipe
 from duobench.fabrication.formats import BED_STEP
 from duobench.hardware.calibration import places
 from duobench.hardware.calibration.board import RULER_MM
+from duobench.hardware.cell import Workspace
 from duobench.hardware.doctor.examine import (
     LARGEST_SHIFT_PX,
     LEAST_RATE,
@@ -24,8 +25,16 @@ from duobench.hardware.doctor.examine import (
     LONGEST_ANSWER_S,
 )
 from duobench.hardware.drivers import frames, robotiq
-from duobench.hardware.guard import FINGER_MARGIN, MARGIN, TABLE_DEPTH
-from duobench.hardware.rig import CameraDriver
+from duobench.hardware.guard import FINGER_MARGIN, MARGIN, PROP_MARGIN, TABLE_DEPTH
+from duobench.hardware.rig import (
+    DAMPING_RATIOS,
+    JOINT_TORQUES,
+    MAX_FORCE,
+    MAX_TOOL_SPEED,
+    ArmConfig,
+    CameraDriver,
+    GripperConfig,
+)
 from duobench.hardware.watchdog import STOP_AFTER_S
 from duobench.objects import chest, hexagon_peg, joint_blocks, shapes
 from duobench.replay.sources import LAYOUTS
@@ -73,7 +82,6 @@ SENTENCES: Mapping[str, Sequence[str]] = {
         f"{mm(*coupon.HEXAGON_PLAYS[::4])} mm of play",
         f"{mm(*coupon.SQUARE_PLAYS[::4])} mm;",
     ),
-    "real_arms": ("Not yet tried on an arm.",),
     "real_cameras": (
         "**Not yet tried on a camera",
         f"No image for {frames.STALE_S} s is a fault",
@@ -91,16 +99,31 @@ SENTENCES: Mapping[str, Sequence[str]] = {
         f"keep {mm(MARGIN)} mm from each other",
         f"fingers keep {mm(FINGER_MARGIN)} mm",
         f"press {mm(TABLE_DEPTH)} mm on the table",
+        f"arms and hands keep {mm(PROP_MARGIN)} mm from it",
         f"after {STOP_AFTER_S:g} s",
         "tried on an arm yet",
     ),
+    "real_arms": (
+        "Not yet tried on an arm.",
+        f"at most {MAX_TOOL_SPEED:g}: the reduced speed",
+        f"at most {MAX_FORCE:g} |",
+        f"what the joint gives: {JOINT_TORQUES[0]} for four, {JOINT_TORQUES[-1]} for three",
+        f"{DAMPING_RATIOS[0]} to {DAMPING_RATIOS[1]} times 2 √stiffness",
+        f"x {Workspace().low[0]} to {Workspace().high[0]}, y ±{Workspace().high[1]}",
+    ),
     "real_setup": (
+        f"at about {GripperConfig().newtons:.0f} N",
+        f"tools at {ArmConfig().tool_speed} m/s",
         "**Not yet tried on an arm",
         f"No answer for {robotiq.SILENT_S} s is a fault",
         f"less than {percent(LEAST_SUCCESS)}",
         f"at less than {percent(LEAST_RATE)}",
         f"more than {LARGEST_SHIFT_PX:g} px",
         f"answers take {1000 * LONGEST_ANSWER_S:.0f} ms",
+        f"its front edge is the line x = {mm(jig.LINE)} mm",
+        f"feet of {mm(*jig.ACROSS)} mm with the edge {mm(*jig.FRONT)} mm in front",
+        f"the simulated one, {mm(jig.Foot().front)} and {mm(jig.Foot().width)}.",
+        f"x from its edge plus {mm(jig.LINE)} mm",
     ),
     "viewing": (
         f"any of {LAYOUTS} layouts",

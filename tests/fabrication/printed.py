@@ -10,7 +10,15 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from duobench.fabrication import PrintedPart, PrintJob, fit_coupon, job_of, stl_bytes
+from duobench.fabrication import (
+    Foot,
+    PrintedPart,
+    PrintJob,
+    fit_coupon,
+    job_of,
+    placing_jig,
+    stl_bytes,
+)
 from duobench.objects.solid import Mesh, manifold_from
 from duobench.tasks import catalog
 
@@ -19,11 +27,13 @@ TASKS = catalog.names()
 
 @cache
 def job(name: str) -> PrintJob:
-    """What is printed of a task, of all mazes; or the coupon."""
-    return fit_coupon() if name == "coupon" else job_of(catalog.get(name), ("all",))
+    """What is printed of a task, of all mazes; or the coupon, or the jig."""
+    if name == "coupon":
+        return fit_coupon()
+    return placing_jig(Foot()) if name == "jig" else job_of(catalog.get(name), ("all",))
 
 
-JOBS = ("coupon", *TASKS)
+JOBS = ("coupon", "jig", *TASKS)
 PARTS = [(name, part.name) for name in JOBS for part in job(name).parts]
 
 

@@ -12,7 +12,7 @@ import pytest
 from duobench.fabrication.details import DIMENSIONS
 from duobench.objects import chest, gate, hexagon_peg, joint_blocks, maze_board
 from duobench.objects.mazes import MAZES
-from tests.fabrication.printed import reach, solid, width
+from tests.fabrication.printed import JOBS, job, reach, solid, width
 
 NOISE = 1e-12
 """Volume in m³ that arithmetic leaves of nothing."""
@@ -75,6 +75,8 @@ SIZES = {(key, size.what): size.mm for key, sizes in DIMENSIONS.items() for size
 
 def test_every_size_of_a_recipe_is_measured() -> None:
     assert set(SIZES) == {*PLACES, *MEASURED_BELOW}
+    with_own = {name for name in JOBS for each in job(name).parts if each.sizes}
+    assert with_own == {"jig"}, "those of the jig are measured beside it"
 
 
 @pytest.mark.parametrize("key", PLACES, ids=": ".join)

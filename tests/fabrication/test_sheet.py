@@ -12,6 +12,7 @@ import pytest
 
 from duobench.errors import UnknownNameError
 from duobench.fabrication import Paper, layout_sheet, neutral_layout, outlines_of
+from duobench.fabrication.jig import LINE
 from duobench.fabrication.sheet import tile_size
 from duobench.objects import Prop, bowl, gate
 from duobench.objects.maze_board import EDGE
@@ -136,6 +137,43 @@ def test_an_outline_is_in_its_place_and_has_its_true_size(paper: Paper) -> None:
             found.append((int(corner[1]) + up - bottom, int(corner[2]) - (across - left)))
     for corner in expected:
         assert min(math.dist(corner, other) for other in found) < 0.15, (expected, found)
+
+
+def corners(pages: list[Read]) -> list[tuple[int, int]]:
+    """Lower left corners of tiles in mm: x and y."""
+    found = []
+    for tile in pages[1:]:
+        corner = re.search(r"lower left corner: x (-?\d+), y (-?\d+) mm", "\n".join(tile.texts))
+        assert corner is not None
+        found.append((int(corner[1]), int(corner[2])))
+    return found
+
+
+@pytest.mark.parametrize("paper", Paper)
+@pytest.mark.parametrize("name", catalog.names())
+def test_sheets_begin_at_the_jig_and_each_lies_beside_an_earlier_one(
+    name: str, paper: Paper
+) -> None:
+    task = catalog.get(name)
+    width, height = tile_size(paper)
+    for layout in (neutral_layout(task), turned(task)):
+        pages = sheets(task, layout, "a test", paper)
+        first, *others = corners(pages)
+        assert first == (1000 * LINE, width / 2)
+        placed = [first]
+        for x, y in others:
+            beside = ((abs(x - a), abs(y - b)) for a, b in placed)
+            assert any(apart in ((height, 0), (0, width)) for apart in beside), (x, y, placed)
+            placed.append((x, y))
+        assert len(set(placed)) == len(placed)
+        marked = ["this edge against the jig" in " ".join(page.texts) for page in pages]
+        assert marked == [False, True, *(False for _ in others)]
+
+
+def test_what_is_nearer_than_the_jig_has_sheets_as_well() -> None:
+    near = {name: SE3.at(0.17, 0.3) for name in neutral_layout(BIN_SORT).poses}
+    pages = sheets(BIN_SORT, Layout(poses=near))
+    assert corners(pages) == [(240, 90), (240, 270), (240, 450), (-20, 270), (-20, 450)]
 
 
 def test_rulers_are_a_hundred_millimetres_long() -> None:

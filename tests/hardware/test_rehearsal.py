@@ -18,6 +18,7 @@ from duobench.hardware.drivers.rehearsal import RehearsalViews
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
 from duobench.hardware.rehearsal import HAND_M, HAND_RAD, MAX_BEHIND_S, STEP_S, RehearsalWorld
+from duobench.hardware.rig import JOINT_TORQUES
 from duobench.hardware.supervisor import State
 from duobench.robot.joints import HOME_JOINTS
 from duobench.sim.rendering import Renderer
@@ -35,7 +36,8 @@ CUBE = "cube"
 def rehearsal(*, cameras: bool = False, **changes: Any) -> Iterator[FrankaDuo]:
     """A rehearsal that is started and confirmed; changes are fields of its arms."""
     rig = rehearsal_rig()
-    arms = {side: replace(arm, **changes) for side, arm in rig.arms.items()}
+    quick = {"home_fraction": rig.arms[Side.LEFT].speed_fraction} | changes
+    arms = {side: replace(arm, **quick) for side, arm in rig.arms.items()}
     rig = replace(rig, arms=arms, cameras=rig.cameras if cameras else {})
     with closing(open_rig(rig, VirtualClock(), guard=False)) as duo:
         duo.start()
@@ -113,7 +115,8 @@ def test_fingers_feel_what_they_hold_and_let_it_drop(duo: FrankaDuo) -> None:
     duo.hands.open()
     wait(duo, 1.0)
     world = world_of(duo)
-    with world.looking() as simulation:
+    with world.lock:
+        simulation = world.simulation
         assert simulation.min_height(next(iter(simulation.props))) < 0.005, "it dropped"
     assert not duo.gripper_readings()[Side.LEFT].has_object
 
@@ -143,16 +146,18 @@ def test_lost_power_keeps_the_grip_and_is_a_fault_until_a_person_has_seen_to_it(
 # --- arms ----------------------------------------------------------------------------------------
 
 
-def push_down(duo: FrankaDuo, side: Side, steps: int = 150) -> None:
-    """Lead an arm from home into the table, or until the arms are held."""
+def push_down(duo: FrankaDuo, side: Side) -> int:
+    """Lead an arm from home into the table until the arms are held; after how many commands."""
     duo.supervisor.confirm()
     duo.home()
     joints = HOME_JOINTS.copy()
-    for _ in range(steps):
+    count = 0
+    while duo.held is None:
         joints[side.index, 1] += 0.01
         duo.command(DuoCommand(joints=joints, openings=np.ones(2)))
-        if duo.held is not None:
-            return
+        count += 1
+        assert count < 200
+    return count
 
 
 @pytest.mark.parametrize("side", SIDES)
@@ -175,15 +180,14 @@ def test_an_arm_that_runs_into_the_table_stops_by_a_reflex_and_goes_home(
 
 
 def test_thresholds_are_those_of_the_rig() -> None:
-    forces = []
+    counts = []
     for threshold in (20.0, 80.0):
-        with rehearsal(force_threshold=threshold, torque_threshold=100.0) as duo:
+        with rehearsal(force_threshold=threshold, torque_threshold=JOINT_TORQUES) as duo:
             duo.hands.activate()
-            push_down(duo, Side.LEFT)
+            counts.append(push_down(duo, Side.LEFT))
             assert duo.fault is not None
-            forces.append(np.abs(duo.readings()[Side.LEFT].state["O_F_ext_hat_K"]).max())
-    assert 20.0 < forces[0] < 60.0
-    assert forces[1] > 80.0
+            assert duo.fault.kind is FaultKind.CONTACT
+    assert counts[0] < counts[1], "it presses harder before it stops"
 
 
 def test_a_person_stops_the_arms_until_the_button_is_released(duo: FrankaDuo) -> None:
@@ -280,12 +284,9 @@ def test_an_arm_in_the_way_is_told_and_nothing_changes(duo: FrankaDuo) -> None:
     world = world_of(duo)
     name = next(iter(world.simulation.props))
     before = world.simulation.pose(name)
-    tool = world.simulation.site_pose("right/tcp")
-    there = replace(LAYOUT, poses={**LAYOUT.poses, name: SE3(np.eye(3), tool.translation)})
-    with world.lock:  # fingers around it
-        world.simulation.data.ctrl[world._hands[1]] = 200.0
+    inside = SE3(np.eye(3), world.simulation.position("right/link6"))
     with pytest.raises(BackendError, match="right arm is where"):
-        duo.place(TASK, replace(there, poses={**there.poses, name: tool}))
+        duo.place(TASK, replace(LAYOUT, poses={**LAYOUT.poses, name: inside}))
     assert np.allclose(world.simulation.pose(name).translation, before.translation, atol=1e-6)
     wait(duo, 0.1)
     assert duo.fault is None
@@ -329,7 +330,6 @@ def test_a_late_world_goes_on_more_slowly_and_does_not_leap() -> None:
     clock.leap(1.0)
     clock.wait_until(clock.now() + STEP_S)
     assert world._steps - before <= MAX_BEHIND_S / STEP_S + 2
-    assert world.lost_s == pytest.approx(1.0 - MAX_BEHIND_S, abs=0.02)
 
 
 def test_physics_that_fails_is_a_fault_of_ours(duo: FrankaDuo) -> None:
@@ -340,6 +340,11 @@ def test_physics_that_fails_is_a_fault_of_ours(duo: FrankaDuo) -> None:
     wait(duo, 0.1)
     assert duo.fault is not None
     assert duo.fault.kind is FaultKind.CONTROLLER
+    assert np.isfinite(duo.read().joints).all()
+    duo.place(TASK, LAYOUT)
+    duo.supervisor.recover()
+    wait(duo, 0.5)
+    assert duo.fault is None
 
 
 # --- cameras -------------------------------------------------------------------------------------
@@ -362,7 +367,7 @@ def test_cameras_see_the_world_from_a_process_of_their_own() -> None:
         (camera, *_) = duo.cameras.values()
         views: RehearsalViews = camera._views
         assert views._process is not None
-        views._process._process.kill()
+        views._process.process.kill()
         wait(duo, 1.0)
         assert duo.fault is not None
         assert "has ended" in duo.fault.text

@@ -30,7 +30,7 @@ RIGHT: dict[str, Any] = {
         "right_wrist": {"driver": "realsense", "device": "2"},
     },
     "workspace": {"low": [0.1, -0.5, 0.0]},
-    "obstacles": {"mast": {"centre": [0.0, 0.5, 0.5], "size": [0.1, 0.1, 1.0]}},
+    "obstacles": {"mast": {"centre": [0.0, 0.9, 0.5], "size": [0.1, 0.1, 1.0]}},
     "schema": 2,
 }
 """A file that is right."""

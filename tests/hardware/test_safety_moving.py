@@ -212,6 +212,26 @@ def test_home_is_slow_and_ends_at_home_with_open_grippers() -> None:
     assert duo.supervisor.state is State.READY
 
 
+@pytest.mark.parametrize("tool_speed", [0.05, 0.25])
+def test_a_tool_that_may_not_be_fast_is_led_home_on_the_same_line(tool_speed: float) -> None:
+    plain = Rig.simulated()
+    arms = {
+        side: replace(arm, tool_speed=tool_speed, home_fraction=0.4)
+        for side, arm in plain.arms.items()
+    }
+    duo = new_rig(replace(plain, arms=arms))
+    put(duo, HOME_JOINTS + AWAY)
+    log = Log(duo)
+    confirmed(duo).home()
+    told = np.array(log.joints)
+    share = (told[:, 0] - told[0, 0]) / (told[-1, 0] - told[0, 0])
+    line = told[0] + share[:, None] * (told[-1] - told[0])
+    assert np.abs(told - line).max() < 0.01  # the way that the guard has looked at
+    places, _ = tool_frames(Side.LEFT, told)
+    fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max() * FOLLOWER_HZ
+    assert 0.5 * tool_speed < fastest < 1.05 * tool_speed
+
+
 def test_followers_begin_at_the_measured_joints() -> None:
     duo = confirmed(new_rig())
     put(duo, HOME_JOINTS + AWAY)  # moved by hand after connecting

@@ -15,17 +15,11 @@ from duobench.rig_sessions.policy_runner import REASONS
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
 from duobench.rig_sessions.trials_folder import LogKind
 from duobench.types import Side
-from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
+from tests.pages.windows import DARK_PHONE, broken_rules, opened, until
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import POLICIES, STEPS, Stand, records
 
 LAST = 5
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Browser]:
-    with started() as window:
-        yield window
 
 
 class Led:

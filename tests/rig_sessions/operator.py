@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from duobench.errors import DuoBenchError
-from duobench.hardware.clock import VirtualClock
+from duobench.hardware.clock import Clock, VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
@@ -129,11 +129,12 @@ class Stand:
         *,
         rig: Rig | str = "simulated",
         task: TaskInfo | None = None,
+        clock: Clock | None = None,
         **options: Any,
     ) -> None:
         self.folder = TrialsFolder(path)
         self.ending = ExitStack()
-        self.duo: FrankaDuo = open_rig(rig, VirtualClock(), guard=False)
+        self.duo: FrankaDuo = open_rig(rig, clock or VirtualClock(), guard=False)
         self.ending.callback(self.duo.close)
         self.server = PageServer(assets("trials_page.html"))
         self.ending.callback(self.server.close)

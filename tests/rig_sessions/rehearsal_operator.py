@@ -126,7 +126,9 @@ class RehearsalOperator:
             return
         world, now = self._duo.world, self._duo.clock.now()
         assert world is not None
-        with world.looking() as simulation:
+        simulation = world.simulation
+        with world.lock:
+            simulation.contacts.update()
             if self._progress is None:
                 self._progress, self._began = Progress(self._task.stages), now
                 self._progress.reset(simulation, simulation.variants)

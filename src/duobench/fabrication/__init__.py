@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from duobench.fabrication.coupon import fit_coupon as fit_coupon
     from duobench.fabrication.folder import PrintChoice as PrintChoice, write_prints as write_prints
     from duobench.fabrication.formats import stl_bytes as stl_bytes, threemf_bytes as threemf_bytes
+    from duobench.fabrication.jig import Foot as Foot, placing_jig as placing_jig
     from duobench.fabrication.parts import (
         PrintedPart as PrintedPart,
         PrintJob as PrintJob,

@@ -40,6 +40,7 @@ def fit_coupon() -> PrintJob:
             _peg("square_peg", *square),
             _plate("square_sockets", *square, SQUARE_PLAYS),
         ),
+        notes=_notes(),
     )
 
 
@@ -76,3 +77,20 @@ def _plate(name: str, corners: int, across: float, plays: tuple[float, ...]) -> 
             pit = m.cylinder(2 * depth, radius, radius, 16, True)
             plate -= pit.translate((at, -tall / 2 - WALL - strip / 2, HEIGHT))
     return upright(name, mesh_of(plate), PALE)
+
+
+def _notes() -> tuple[str, ...]:
+    plays = {"hexagonal": HEXAGON_PLAYS, "square": SQUARE_PLAYS}
+    return (
+        *(
+            f"Sockets 1 to {len(values)} of the {name} peg have a play of "
+            f"{', '.join(f'{1000 * value:g}' for value in values)} mm on each side; each has as "
+            "many dimples as its number."
+            for name, values in plays.items()
+        ),
+        "Either peg should go through its socket 3 without force, however it is turned, as it does "
+        "in simulation.",
+        "If it needs force there, and goes through a higher one as it should, the printer makes "
+        "holes too narrow: set its program's compensation of holes to the difference, and print "
+        "the coupon again.",
+    )

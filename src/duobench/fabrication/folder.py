@@ -11,6 +11,7 @@ from duobench.errors import FabricationError, check_known
 from duobench.fabrication.coupon import ID as COUPON, fit_coupon
 from duobench.fabrication.details import shopping_lines
 from duobench.fabrication.formats import stl_bytes, threemf_bytes
+from duobench.fabrication.jig import ID as JIG, Foot, placing_jig
 from duobench.fabrication.parts import ALL_VARIANTS, PrintJob, job_of
 from duobench.fabrication.recipe import RECIPE_SCHEMA, UNTRIED, Recipe, recipe_of, recipe_page
 from duobench.fabrication.sheet import layout_sheet, neutral_layout
@@ -36,16 +37,19 @@ class PrintChoice:
     seed: int | None
     """Seed of the layout on the sheets; None for the neutral one."""
     paper: str
+    foot_mm: tuple[float, float] | None = None
+    """Front edge and width of the mount's foot that the jig is for; None without a jig."""
     version: str = __version__
 
     def differences(self, other: Self) -> list[str]:
         """In what another one differs, one phrase each."""
         now, before = (
             {
-                "tasks": ", ".join(each.tasks),
+                "tasks": ", ".join(each.tasks) or "none",
                 "variants": ", ".join(each.variants) or "by default",
                 "seed": "none" if each.seed is None else each.seed,
                 "paper": each.paper,
+                "foot": each.foot_mm or "none",
                 "version": each.version,
             }
             for each in (self, other)
@@ -61,9 +65,10 @@ def write_prints(
     layouts: Mapping[str, Layout] | None = None,
     seed: int | None = None,
     paper: Paper = Paper.A4,
+    foot: Foot | None = None,
     progress: Callable[[Recipe], None] = lambda _recipe: None,
 ) -> None:
-    """Write everything that is needed to print the objects of tasks, and the fit coupon.
+    """Write everything that is needed to print the objects of tasks, the fit coupon and a jig.
 
     Args:
         folder: A new folder, or one that holds what the same choice gave.
@@ -73,6 +78,7 @@ def write_prints(
         layouts: What is on the layout sheets, by the task's id; neutral layouts by default.
         seed: The seed that the layouts come from, for the title of the sheets.
         paper: What the sheets are printed on.
+        foot: The foot of the mount that the jig is for; without one there is no jig.
         progress: Called with each recipe once its folder is written, that of the coupon first.
 
     Raises:
@@ -90,12 +96,19 @@ def write_prints(
     layouts = layouts or {}
     jobs = [job_of(task, variants or _variants(task, layouts.get(task.id))) for task in tasks]
     title = "neutral layout" if seed is None else f"layout of seed {seed}"
-    choice = PrintChoice(tasks=ids, variants=list(variants), seed=seed, paper=paper.value)
+    choice = PrintChoice(
+        tasks=ids,
+        variants=list(variants),
+        seed=seed,
+        paper=paper.value,
+        foot_mm=foot and (1000 * foot.front, 1000 * foot.width),
+    )
+    first = (fit_coupon(), *([placing_jig(foot)] if foot else ()))
     with locked(folder):
         begin_or_continue(folder, folder / DESCRIPTION, choice, FOLDER_SCHEMA, what="print")
         remove_temporary(folder)
         recipes = []
-        for job, task in zip((fit_coupon(), *jobs), (None, *tasks), strict=True):
+        for job, task in zip((*first, *jobs), (*(None for _ in first), *tasks), strict=True):
             recipes.append(_write_job(folder / job.id, job))
             if task is not None:
                 layout = layouts.get(task.id) or neutral_layout(task)
@@ -107,7 +120,7 @@ def write_prints(
 
 
 def _check_names(ids: list[str]) -> None:
-    if taken := sorted({name for name in ids if ids.count(name) > 1 or name == COUPON}):
+    if taken := sorted({name for name in ids if ids.count(name) > 1 or name in (COUPON, JIG)}):
         raise FabricationError(f"Each folder needs a name of its own, got twice: {taken}.")
     if odd := [name for name in ids if not _NAME.fullmatch(name)]:
         raise FabricationError(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from duobench.errors import FabricationError, UnknownNameError
-from duobench.fabrication.details import PurchasedPart, parts_to_buy
+from duobench.fabrication.details import Dimension, PurchasedPart, parts_to_buy
 from duobench.objects.prop import Prop
 from duobench.objects.shapes import KEPT_FREE, PRINTER, Colour
 from duobench.objects.solid import (
@@ -62,6 +62,8 @@ class PrintedPart:
     """Density in kg/m³ of what is printed solid."""
     is_shared: bool = False
     """Whether it belongs to all variants of its object."""
+    sizes: tuple[Dimension, ...] = ()
+    """What to measure with calipers, beyond the box around it and what is known of its task."""
 
     @property
     def size(self) -> Array:
@@ -102,6 +104,8 @@ class PrintJob:
     masses: tuple[ObjectMass, ...] = ()
     bought: tuple[PurchasedPart, ...] = ()
     """What is not printed."""
+    notes: tuple[str, ...] = ()
+    """What else there is to know, beyond what is known of its task."""
 
 
 def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from duobench import pages
-from duobench.fabrication import coupon, details
+from duobench.fabrication import details
 from duobench.fabrication.details import Dimension, PurchasedPart, shopping_lines
 from duobench.fabrication.formats import hex_colour
 from duobench.fabrication.parts import PrintedPart, PrintJob, lay_out
@@ -87,7 +87,7 @@ class Recipe:
     """How to print a job."""
 
     id: str
-    """The task, or "coupon"."""
+    """The task, "coupon" or "jig"."""
     title: str
     printer: str
     material: str
@@ -183,6 +183,7 @@ def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
                 for what, mm in (("width", width), ("depth", depth), ("height", height))
             ),
             *details.DIMENSIONS.get(key, ()),
+            *part.sizes,
         ],
     )
 
@@ -209,7 +210,7 @@ def _orientation(part: PrintedPart) -> str:
 
 
 def _notes(job: PrintJob) -> list[str]:
-    notes = list(details.details_of(job.id).notes)
+    notes = [*details.details_of(job.id).notes, *job.notes]
     if job.id == "ball_maze":
         for each in job.masses:
             number = each.body.rpartition("_")[2]
@@ -219,8 +220,6 @@ def _notes(job: PrintJob) -> list[str]:
                     f"Maze {number}, seen from above as it lies in the 3MF: it starts "
                     f"{_corner(maze.start)}, its goal is {_corner(maze.goal)}."
                 )
-    if job.id == coupon.ID:
-        notes += _about_coupon()
     return notes
 
 
@@ -229,28 +228,11 @@ def _corner(cell: Cell) -> str:
     return f"{'back' if row == CELLS - 1 else 'front'} {'right' if column == CELLS - 1 else 'left'}"
 
 
-def _about_coupon() -> list[str]:
-    plays = {"hexagonal": coupon.HEXAGON_PLAYS, "square": coupon.SQUARE_PLAYS}
-    return [
-        *(
-            f"Sockets 1 to {len(values)} of the {name} peg have a play of "
-            f"{', '.join(f'{1000 * value:g}' for value in values)} mm on each side; each has as "
-            "many dimples as its number."
-            for name, values in plays.items()
-        ),
-        "Either peg should go through its socket 3 without force, however it is turned, as it does "
-        "in simulation.",
-        "If it needs force there, and goes through a higher one as it should, the printer makes "
-        "holes too narrow: set its program's compensation of holes to the difference, and print "
-        "the coupon again.",
-    ]
-
-
 # --- the page ---
 
 UNTRIED = (
-    "Nothing of this was printed by us so far, and no printer's program was tried with the files: "
-    "print the coupon first, weigh and measure."
+    "Nothing of this was printed by us so far; a slicer, PrusaSlicer, takes all parts of the "
+    "benchmark in tests. Print the coupon first, weigh and measure."
 )
 
 

@@ -1,7 +1,8 @@
 """The layout sheet: footprints of a layout's objects in their true size, on tiles of paper.
 
 On paper up is away from the robot (the table's x), and left is the robot's left (y). Tiles lie edge
-to edge on a grid of the table; what no object touches is left out.
+to edge on a grid of the table, the first one against the jig's front edge. What no object touches,
+and leads to none, is left out.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from itertools import product
 import numpy as np
 
 from duobench.errors import check_known
+from duobench.fabrication import jig
 from duobench.objects.prop import Prop
 from duobench.objects.solid import manifold_from, placed, printable
 from duobench.randomness import Uniform
@@ -35,6 +37,10 @@ LABEL = 12.0
 """Room that the place of a mark takes, in mm."""
 MARGIN, FOOT = 12.0, 22.0
 """White around a tile, and below it for the ruler, in mm."""
+START = 1000 * jig.LINE
+"""Where the first row of tiles begins: x in mm."""
+FIRST = (0, 0)
+"""The tile that lies against the jig, its lower edge's middle at the notch."""
 Tile = tuple[int, int]
 """Row and column of a tile, along the table's x and y."""
 Box = tuple[float, float, float, float]
@@ -190,16 +196,34 @@ class _Mark:
 
 
 def _tiles_of(marks: Sequence[_Mark], paper: Paper) -> list[Tile]:
-    """Rows and columns of the tiles that an outline touches; the middle column has y = 0."""
+    """Rows and columns of the tiles that an outline touches, and of those that lead to them.
+
+    The middle column has y = 0. Each tile but the first lies beside an earlier one.
+    """
     width, height = tile_size(paper)
-    found = set()
+    found = {FIRST}
     for mark in marks:
         for outline in mark.seen:
             low, high = outline.min(axis=0), outline.max(axis=0)
-            rows = range(math.floor(low[0] / height), math.floor(high[0] / height) + 1)
+            near, far = ((x - START) / height for x in (low[0], high[0]))
+            rows = range(math.floor(near), math.floor(far) + 1)
             columns = range(math.floor(low[1] / width + 0.5), math.floor(high[1] / width + 0.5) + 1)
             found |= set(product(rows, columns))
-    return sorted(found, key=lambda each: (-each[0], -each[1]))
+    for row, column in sorted(found, key=_from_jig):
+        nearer = {(row - _sign(row), column), (row, column - _sign(column))} - {(row, column)}
+        if nearer and not nearer & found:
+            found |= {(0, k) for k in range(min(column, 0), max(column, 0) + 1)}
+            found |= {(k, column) for k in range(min(row, 0), max(row, 0) + 1)}
+    return sorted(found, key=_from_jig)
+
+
+def _from_jig(tile: Tile) -> tuple[int, int, int]:
+    """Order of tiles from the jig: row by row, and in a row from its middle."""
+    return abs(tile[0]), abs(tile[1]), -tile[1]
+
+
+def _sign(value: int) -> int:
+    return (value > 0) - (value < 0)
 
 
 def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: Paper) -> Sheet:
@@ -210,16 +234,17 @@ def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: 
     explanation = (
         f"Print all pages at 100 % on {paper.value.upper()}; each sheet has two rulers of "
         f"{RULER:.0f} mm to check that.",
-        f"{len(tiles)} sheets follow. Cut them at their frames and lay them edge to edge, as",
+        f"{len(tiles)} sheets follow. Cut them at their frames. Sheet 1 lies against the jig, its",
+        "mark at the notch (duobench print jig), and the others edge to edge with it, as they do",
         "below. Up is away from the robot (x), left is the robot's left (y). x = 0, y = 0 is",
-        "under the middle of the mount; corners of the sheets have their places in mm.",
+        f"under the middle of the mount, {START:.0f} mm behind the notch. Places are in mm.",
         "Full lines are what lies on the table; dashed ones what is above it.",
     )
     for number, line in enumerate(explanation):
         sheet.text(MARGIN, height - 28 - 5 * number, line, 2.6)
     (low_x, high_x), (low_y, high_y) = (1000 * np.array(edge) for edge in (TABLE_X, TABLE_Y))
     scale = width / (high_y - low_y)
-    top = height - 62
+    top = height - 67
 
     def at(x: float, y: float) -> tuple[float, float]:
         return MARGIN + scale * (high_y - y), top - scale * (high_x - x)
@@ -227,7 +252,7 @@ def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: 
     sheet.polygon(_rectangle(at(low_x, high_y), at(high_x, low_y)), grey=0.5)
     tile_width, tile_height = tile_size(paper)
     for number, (row, column) in enumerate(tiles, 1):
-        x, y = row * tile_height, (column + 0.5) * tile_width
+        x, y = START + row * tile_height, (column + 0.5) * tile_width
         left, low = at(x, y)
         frame = _rectangle((left, low), at(x + tile_height, y - tile_width))
         sheet.polygon(frame, line=0.15, grey=0.6, dash=1.0)
@@ -236,6 +261,9 @@ def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: 
         for outline in mark.seen:
             sheet.polygon([at(*point) for point in outline], line=0.2, fill=0.85)
         sheet.text(*at(mark.x, mark.y), str(number), 2.4, bold=True)
+    half = 500 * jig.WIDTH
+    edge = _rectangle(at(START - 1000 * jig.BAR, half), at(START, -half))
+    sheet.polygon(edge, line=0.2, grey=0.4, fill=0.95)
     x, y = at(0.0, 0.0)
     _plus(sheet, x, y, 4)
     sheet.text(x + 2, y + 2, "x = 0, y = 0", 2.2)
@@ -258,19 +286,20 @@ def _places(sheet: Sheet, marks: Sequence[_Mark], top: float) -> None:
 def _tile_sheet(title: str, place: Tile, marks: Sequence[_Mark], paper: Paper) -> Sheet:
     sheet = Sheet(*paper.size)
     width, height = tile_size(paper)
-    low_x, high_y = place[0] * height, (place[1] + 0.5) * width
+    low_x, high_y = START + place[0] * height, (place[1] + 0.5) * width
     left = (sheet.width - width) / 2
     bottom = sheet.height - MARGIN - height
 
     def at(x: float, y: float) -> tuple[float, float]:
         return left + high_y - y, bottom + x - low_x
 
-    for x in np.arange(math.ceil(low_x / GRID) * GRID, low_x + height + 1e-6, GRID):
-        for y in np.arange(math.ceil((high_y - width) / GRID) * GRID, high_y + 1e-6, GRID):
-            across, up = at(x, y)
-            _plus(sheet, across, up, 2, line=0.1, grey=0.5)
-            if across + LABEL < left + width:
-                sheet.text(across + 0.6, up + 0.6, f"{x:.0f}, {y:.0f}", 1.3)
+    columns = np.arange(math.ceil((high_y - width) / GRID) * GRID, high_y + 1e-6, GRID)
+    rows = np.arange(math.ceil(low_x / GRID) * GRID, low_x + height + 1e-6, GRID)
+    for x, y in product(rows, columns):
+        across, up = at(x, y)
+        _plus(sheet, across, up, 2, line=0.1, grey=0.5)
+        if across + LABEL < left + width:
+            sheet.text(across + 0.6, up + 0.6, f"{x:.0f}, {y:.0f}", 1.3)
     inside = (left, bottom, left + width, bottom + height)
     for mark in marks:
         for outlines, style in (
@@ -284,10 +313,18 @@ def _tile_sheet(title: str, place: Tile, marks: Sequence[_Mark], paper: Paper) -
             _cross(sheet, mark, at(mark.x, mark.y), inside)
     frame = _rectangle((left, bottom), (left + width, bottom + height))
     sheet.polygon(frame, line=0.15, dash=2.0, grey=0.4)
+    if place == FIRST:
+        _mark_of_jig(sheet, *at(START, 0.0))
     corner = f"lower left corner: x {low_x:.0f}, y {high_y:.0f} mm"
     sheet.text(left, bottom - 5.5, f"{title}; {corner}", 2.2)
     _rulers(sheet, (left, bottom - 14), (left - 6, bottom))
     return sheet
+
+
+def _mark_of_jig(sheet: Sheet, x: float, y: float) -> None:
+    """What meets the notch of the jig."""
+    sheet.polygon(((x, y), (x - 3, y + 6), (x + 3, y + 6)), line=0.15, fill=0.0)
+    sheet.text(x + 5, y + 2, "this edge against the jig, this mark at its notch", 2.2)
 
 
 def _cross(sheet: Sheet, mark: _Mark, at: tuple[float, float], inside: Box) -> None:

@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from duobench.errors import OptionError
 from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
+from duobench.types import Array
 
 Point = tuple[float, float, float]
 LONGEST = 5.0
@@ -28,6 +31,10 @@ class Workspace:
                 f"low and high of a workspace have both tools at home between them, x {x:.2f}, "
                 f"y {-y:.2f} and {y:.2f}, z {z:.2f}; got {list(self.low)} and {list(self.high)}."
             )
+
+    def room(self, point: Array) -> float:
+        """How far in metres a point (3,) is inside, at least; negative where it is outside."""
+        return float(min(np.min(point - self.low), np.min(self.high - point)))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -10,8 +10,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Protocol
+
+PACE_S = 0.002
+"""Seconds from one turn of paced time to the next."""
+LONGEST_PACE_S = 0.02
+"""Longest time in seconds that passes in one turn; what a computer takes longer is left out."""
 
 
 class Ticker(Protocol):
@@ -95,8 +101,8 @@ class VirtualClock:
 
     def wait_until(self, time_s: float) -> None:
         """Let time pass: make all calls that are due until then, in the order of their times."""
-        while self._tickers:
-            first = min(self._tickers, key=lambda ticker: ticker.due)  # the older one of two
+        while tickers := tuple(self._tickers):
+            first = min(tickers, key=lambda ticker: ticker.due)  # the older one of two
             if first.due > time_s:
                 break
             self._now = max(self._now, first.due)
@@ -110,6 +116,57 @@ class VirtualClock:
         return ticker
 
 
+class PacedClock(VirtualClock):
+    """Time of rigs without hardware for people: as fast as real time, and never faster.
+
+    One thread makes all periodic calls, in the order of their times. Where a computer cannot keep
+    up, time passes more slowly for everybody, so that no device seems to stand still.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._passed = threading.Condition()
+        self._thread: threading.Thread | None = None  # while there are calls to be made
+        self._error: Exception | None = None
+
+    def wait_until(self, time_s: float) -> None:
+        """Wait until time has passed; a periodic call that waits lets it pass itself."""
+        if threading.current_thread() is self._thread:
+            super().wait_until(time_s)
+            return
+        with self._passed:
+            self._passed.wait_for(lambda: self._now >= time_s or self._thread is None)
+        if self._error is not None:
+            raise self._error
+        if (left := time_s - self._now) > 0.0:
+            time.sleep(left)
+            super().wait_until(time_s)
+
+    def every(self, period_s: float, call: Callable[[], None], name: str) -> Ticker:
+        """Make a call periodically, in the thread of all of them."""
+        with self._passed:
+            ticker = super().every(period_s, call, name)
+            if self._thread is None and self._error is None:
+                self._thread = threading.Thread(target=self._run, name="time", daemon=True)
+                self._thread.start()
+        return ticker
+
+    def _run(self) -> None:
+        last = time.monotonic()
+        while True:
+            with self._passed:
+                self._passed.notify_all()
+                if not self._tickers or self._error is not None:
+                    self._thread = None
+                    return
+            time.sleep(PACE_S)
+            before, last = last, time.monotonic()
+            try:
+                super().wait_until(self._now + min(last - before, LONGEST_PACE_S))
+            except Exception as error:  # noqa: BLE001 - whoever waits is told
+                self._error = error
+
+
 @dataclass(eq=False)
 class _Virtual:
     """A periodic call on a virtual clock, in its list of them."""
@@ -119,15 +176,22 @@ class _Virtual:
     period_s: float
     call: Callable[[], None]
     calls: int = 0
+    running: threading.RLock = field(default_factory=threading.RLock)
+    is_over: bool = False
 
     @property
     def due(self) -> float:
         return self.start + (self.calls + 1) * self.period_s  # so that no rounding adds up
 
     def run(self) -> None:
-        self.calls += 1
-        self.call()
+        with self.running:
+            self.calls += 1
+            if not self.is_over:
+                self.call()
 
     def stop(self) -> None:
-        if self in self.tickers:
+        self.is_over = True
+        with suppress(ValueError):  # it was stopped before
             self.tickers.remove(self)
+        with self.running:  # a running call ends first
+            pass

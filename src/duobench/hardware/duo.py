@@ -25,7 +25,7 @@ from duobench.hardware.devices import (
     Gripper,
     GripperReading,
 )
-from duobench.hardware.follower import PERIOD, tool_share
+from duobench.hardware.follower import PERIOD, paced
 from duobench.hardware.guard import Guard
 from duobench.hardware.hands import OPEN, Hands
 from duobench.hardware.mounts import SWAPPED, are_swapped
@@ -33,7 +33,7 @@ from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import HELD, State, Supervisor
 from duobench.hardware.watchdog import Watchdog
 from duobench.hardware.way_home import path_home, points
-from duobench.robot.frames import tcp_poses, tool_jacobians
+from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits
 from duobench.types import SIDES, Array, DuoCommand, DuoState, Side
 
@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 REST_S = 1.0
 """Longest time in seconds that arms are given to come to rest before they stop, damped."""
 HOME_TOLERANCE = 0.03
-"""How near in radians a joint has to be home, which an arm with a soft grip on its joints may miss
-by a little."""
+"""How near in radians a joint has to be home, which an arm with low gains may miss by a little."""
 SETTLE_S = 5.0
 """Seconds that arms may take to come to rest, and grippers to open."""
 
@@ -57,8 +56,7 @@ class FrankaDuo:
     `start` connects, and moves nothing. Before anything moves the operator has to confirm
     (`supervisor.confirm`): then `home` goes home slowly, or `command` moves on from where the arms
     are. A fault of any device holds both arms until the operator recovers them
-    (`supervisor.recover`). The guard keeps the arms apart and off the table; None leaves that to
-    people.
+    (`supervisor.recover`). Without a guard it is left to people to keep the arms apart.
     """
 
     def __init__(
@@ -86,9 +84,10 @@ class FrankaDuo:
         self.limits = duo_limits()
         """Those of the simulation, so that spaces are the same; the rig's own are narrower."""
         self._limits = duo_limits((left.speed_fraction, right.speed_fraction), RANGE_MARGIN)
+        self._tool_speeds = left.tool_speed, right.tool_speed
         self._accelerations = np.array([[left.acceleration], [right.acceleration]])
-        slow = [min(arm.home_fraction, arm.speed_fraction) for arm in (left, right)]
-        self._home_fractions = np.array(slow)[:, None]
+        slow = [[min(arm.home_fraction, arm.speed_fraction)] for arm in (left, right)]
+        self._home_fractions = np.array(slow)
         self._due = 0.0
         self.late_s = 0.0
         """How many seconds too late the last command came."""
@@ -150,8 +149,6 @@ class FrankaDuo:
             device.close()
         if self.supervisor.state is not State.OFF:
             self.supervisor.enter(State.OFF)
-        if self.guard is not None:
-            self.guard.close()
 
     def _devices(self) -> tuple[Device, ...]:
         return (*self.arms.values(), *self.grippers.values(), *self.cameras.values())
@@ -271,7 +268,7 @@ class FrankaDuo:
 
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""
-        for point in points(start, end, self._home_fractions):
+        for point in points(start, end, self._home_fractions, self._tool_speeds):
             with self._motion:
                 if self.supervisor.state is not State.HOMING:
                     reason = self.held or "they were stopped"
@@ -342,7 +339,7 @@ class FrankaDuo:
     def _send(self, targets: Array) -> None:
         last = self.last_command
         sent = DuoCommand.from_flat(self._limits.clip(targets, last.flat))
-        sent = self._as_fast_as_tools_may(last, sent)
+        sent = paced(last, sent, self._tool_speeds)
         if (fault := self._guard_fault(last.joints, sent.joints)) is not None:
             self.hold(fault.text, fault)
             return
@@ -353,19 +350,6 @@ class FrankaDuo:
             self.hands.have_grasped |= bool(sent.openings.min() < OPEN)
             self._last = sent
             self._watchdog.feed()
-
-    def _as_fast_as_tools_may(self, last: DuoCommand, sent: DuoCommand) -> DuoCommand:
-        """A command on the way to another one, where a tool would get there too fast.
-
-        Both arms go the same part of it, so that hands that hold one thing stay together.
-        """
-        way = sent.joints - last.joints
-        jacobians, arms = tool_jacobians(last.joints), self.rig.arms
-        speeds = [arms[side].tool_speed * PERIOD for side in SIDES]
-        share = min(map(tool_share, jacobians, way, speeds))
-        if share == 1.0:
-            return sent
-        return DuoCommand(joints=last.joints + share * way, openings=sent.openings)
 
     def _guard_fault(self, last: Array, target: Array) -> Fault | None:
         """Why the guard does not let a command pass; None if it does."""

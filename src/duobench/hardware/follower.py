@@ -6,6 +6,7 @@ simulation does, within limits of position, speed and acceleration.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from duobench.errors import ActionError
 from duobench.hardware.rig import ArmConfig
 from duobench.robot.frames import tool_jacobians
 from duobench.robot.joints import JOINT_RANGES, RANGE_MARGIN, speed_limits
-from duobench.types import ARM_JOINTS, CONTROL_HZ, Array
+from duobench.types import ARM_JOINTS, CONTROL_HZ, Array, DuoCommand
 
 PERIOD = 1.0 / CONTROL_HZ
 """Seconds over which a target is approached linearly."""
@@ -83,29 +84,28 @@ class Follower:
         if dt == 0.0:
             return self.reference.copy(), self.velocity.copy()
         wanted = np.zeros(ARM_JOINTS) if self._is_held else self._wanted(dt)
-        allowed = self._within(self._next_velocity(self._within(wanted, dt), dt), dt)
-        change = self._acceleration * dt
-        # Last, so that it holds whatever else changes; from any speed that was allowed a joint can
-        # stop before its range ends.
-        velocity = np.minimum(np.maximum(allowed, self.velocity - change), self.velocity + change)
-        self.velocity = velocity
+        self.velocity = velocity = self._next_velocity(self._within(wanted, dt), dt)
         self.reference = self.reference + velocity * dt
         if self._is_held and not velocity.any():
             self._begin = self._end = self.reference
         return self.reference.copy(), velocity.copy()
 
-    def _next_velocity(self, wanted: Array, dt: float) -> Array:
-        """The velocity next to the wanted one that acceleration and the tool's speed allow."""
+    def _next_velocity(self, allowed: Array, dt: float) -> Array:
+        """The velocity next to one that positions allow, with which the tool is not too fast."""
         if np.abs(self.reference - self._near).max() > NEAR:
             self._near, self._jacobian = self.reference, tool_jacobians(self.reference)
         most, change = self._tool_speed, self._acceleration * dt
-        wanted = wanted * tool_share(self._jacobian, wanted, most)
-        velocity = np.minimum(np.maximum(wanted, self.velocity - change), self.velocity + change)
-        if tool_share(self._jacobian, velocity, most) == 1.0:
-            return velocity
-        # Joints that change together lead from one speed that the tool may have to another.
-        turn = wanted - self.velocity
-        return self.velocity + turn * min(1.0, change / max(np.abs(turn).max(), change))
+        least, largest = self.velocity - change, self.velocity + change
+        allowed = allowed * tool_share(self._jacobian, allowed, most)
+        velocity = np.minimum(np.maximum(allowed, least), largest)
+        if tool_share(self._jacobian, velocity, most) < 1.0:
+            # Joints that change together lead from one speed that the tool may have to another.
+            turn = allowed - self.velocity
+            velocity = self.velocity + turn * min(1.0, change / max(np.abs(turn).max(), change))
+            velocity = self._within(velocity, dt)
+        # Last, so that it holds whatever else changes; from any speed that was allowed a joint can
+        # stop before its range ends.
+        return np.minimum(np.maximum(velocity, least), largest)
 
     def _wanted(self, dt: float) -> Array:
         """The velocity that the targets ask for; without a new target it ends at rest."""
@@ -145,6 +145,19 @@ def tool_share(jacobian: Array, velocity: Array, most: float) -> float:
     """
     speed = math.hypot(*(jacobian @ velocity).tolist())
     return min(1.0, most / speed) if speed > 0.0 else 1.0
+
+
+def paced(last: DuoCommand, sent: DuoCommand, speeds: Sequence[float]) -> DuoCommand:
+    """A command on the way from one to the next, to which no tool is faster than its speed in m/s.
+
+    Both arms go the same part of the way, so that hands that hold one thing stay together.
+    """
+    way = sent.joints - last.joints
+    most = [speed * PERIOD for speed in speeds]
+    share = min(map(tool_share, tool_jacobians(last.joints), way, most))
+    if share == 1.0:
+        return sent
+    return DuoCommand(joints=last.joints + share * way, openings=sent.openings)
 
 
 def _stopping(distance: Array, reach: float, dt: float) -> Array:

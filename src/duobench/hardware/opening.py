@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from duobench.hardware.clock import Clock, SystemClock
+from duobench.hardware.clock import Clock, PacedClock, SystemClock
 from duobench.hardware.devices import Arm, Camera, Gripper
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.guard import Guard
@@ -78,19 +78,19 @@ and a clock, and a camera's with its name; their libraries are loaded when one i
 def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True) -> FrankaDuo:
     """A rig, its file, "simulated" or "rehearsal", not connected yet: `start` does that.
 
-    Without a clock it takes the machine's own. With a guard our own simulation keeps the arms apart
-    and off the table.
+    Without a clock it takes the machine's own, and a rehearsal a paced one. With a guard our own
+    simulation keeps the arms apart and off the table.
 
     Raises:
         FileError: The file cannot be read, or is no rig.
     """
-    clock = clock or SystemClock()
     if isinstance(rig, str) and rig in COMPUTED:
         rig = COMPUTED[rig]()
     elif not isinstance(rig, Rig):
         rig = Rig.read(Path(rig))
-    rehearsal = None
-    if REHEARSAL in rig.drivers:
+    rehearsal, is_rehearsal = None, REHEARSAL in rig.drivers
+    clock = clock or (PacedClock() if is_rehearsal else SystemClock())
+    if is_rehearsal:
         rehearsal = _driver("rehearsal:Rehearsal")(clock)
     return FrankaDuo(
         rig,
@@ -98,7 +98,7 @@ def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool =
         arms={side: _arm(rig, side, clock, rehearsal) for side in SIDES},
         grippers={side: _gripper(rig, side, clock, rehearsal) for side in SIDES},
         cameras={name: _camera(rig, name, clock, rehearsal) for name in rig.cameras},
-        guard=Guard() if guard else None,
+        guard=Guard(rig.workspace, rig.obstacles) if guard else None,
         world=None if rehearsal is None else rehearsal.world,
     )
 

@@ -12,7 +12,6 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from ipaddress import AddressValueError, IPv4Address
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ import msgspec
 
 from duobench import files
 from duobench.errors import FileError, OptionError, UnknownNameError, check_known
+from duobench.hardware.addresses import is_host, is_simulator
 from duobench.hardware.cell import Obstacle, Workspace
 from duobench.hardware.rig_file import decode, parse
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
@@ -146,6 +146,11 @@ class ArmConfig:
                     f"damping of joint {number + 1} is {least:.1f} to {most:.1f} beside its "
                     f"stiffness of {self.stiffness[number]:g}, got {damping}."
                 )
+
+    @property
+    def tool_thresholds(self) -> tuple[float, ...]:
+        """Those at the tool (6,): forces in N along x, y and z, then moments in N·m about them."""
+        return (self.force_threshold,) * 3 + (self.moment_threshold,) * 3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -304,7 +309,7 @@ class Rig:
             place = getattr(device, key)
             if not place or place != place.strip():
                 raise OptionError(f"{name}.{key} says where it is, without spaces; got {place!r}.")
-            if key == "address" and not _is_host(place):
+            if key == "address" and not is_host(place):
                 raise OptionError(
                     f"{name}.address is a host name or four numbers, such as 172.16.0.2; got "
                     f"{place!r}."
@@ -317,7 +322,7 @@ class Rig:
     def _check_drivers(self) -> None:
         """Reject what is computed beside a real arm: its records would hold it as measured."""
         arms = [arm for arm in self.arms.values() if arm.driver is ArmDriver.FRANKY]
-        if all(_is_simulator(arm.address) for arm in arms):
+        if all(is_simulator(arm.address) for arm in arms):
             return
         for name, _, device in self._places():
             if str(device.driver) not in HARDWARE:
@@ -429,18 +434,3 @@ def _check_schema(schema: object) -> None:
             f"{ARM_JOINTS} numbers and moment_threshold stands beside force_threshold: write them "
             "anew, and leave out what may have its default (see docs/real_arms.md)."
         )
-
-
-def _is_host(text: str) -> bool:
-    """Whether it is a host name or an address of the Internet protocol's version 4."""
-    if re.fullmatch(r"[\d.]+", text):
-        try:
-            IPv4Address(text)
-        except AddressValueError:
-            return False
-    return re.fullmatch(r"[\w.-]+", text) is not None
-
-
-def _is_simulator(address: str) -> bool:
-    """Whether an arm's address is this computer, where only a simulator of arms can be."""
-    return address == "localhost" or address.startswith("127.")

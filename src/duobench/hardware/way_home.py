@@ -1,12 +1,12 @@
 """The way home: first a little back along the tools, out of what the fingers were around."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from duobench.hardware.follower import HIGHEST, LOWEST, PERIOD
 from duobench.hardware.guard import Guard
-from duobench.robot.frames import tool_frames
+from duobench.robot.frames import tool_frames, tool_jacobians
 from duobench.robot.joints import HOME_JOINTS, speed_limits
 from duobench.types import SIDES, Array, Side
 
@@ -37,17 +37,23 @@ def path_home(guard: Guard | None, here: Array, *, retreats: bool) -> list[Array
     return [*back, *([HOME_JOINTS] if guard is None else guard.plan_path(here, HOME_JOINTS))]
 
 
-def points(start: Array, end: Array, fractions: Array) -> Iterator[Array]:
+def points(
+    start: Array, end: Array, fractions: Array, tool_speeds: Sequence[float]
+) -> Iterator[Array]:
     """Points (2, 7) on a straight line in joint space, one a control period, `end` the last.
 
-    As fast as the slowest joint may be where it is, so that none leaves the line: `fractions` (2,
-    1) are the parts of the joints' speed limits that each arm takes.
+    As fast as the slowest joint and tool may be where they are, so that none leaves the line:
+    `fractions` (2, 1) are the parts of the joints' speed limits that each arm takes, and no tool is
+    faster than its speed in m/s.
     """
     way, share = end - start, 0.0
     while share < 1.0:
         low, high = map(np.array, zip(*map(speed_limits, start + share * way), strict=True))
         speeds = np.maximum(HOME_SHARE * fractions * np.minimum(-low, high), SLOWEST)
-        share = min(1.0, share + PERIOD / max(np.max(np.abs(way) / speeds), PERIOD))
+        tools = tool_jacobians(start + share * way) @ way[..., None]
+        most = HOME_SHARE * np.array(tool_speeds)
+        seconds = max(np.max(np.abs(way) / speeds), np.max(np.linalg.norm(tools, axis=1).T / most))
+        share = min(1.0, share + PERIOD / max(seconds, PERIOD))
         yield start + share * way
 
 

@@ -299,13 +299,16 @@ def comparison_json(comparison: RunComparison) -> str:
     return json_text(content)
 
 
+_FACTS = (
+    *("policy", "policy_version", "privileged", "domain", "trained_on"),
+    *("suite_version", "look", "shift", "first_episode"),
+    *("expected_episodes", "suite", "execute", "latency", "versions"),
+)
+
+
 def _entrant(one: Entrant) -> dict[str, Any]:
-    facts: dict[str, Any] = {"name": one.name, "group": one.group.value}
-    if one.part:
-        facts |= one.part.facts("policy", "policy_version", "privileged", "domain", "trained_on")
-        facts |= one.part.facts("suite_version", "look", "shift", "first_episode")
-        facts |= one.part.facts("expected_episodes", "suite", "execute", "latency", "versions")
-    return facts
+    named = {"name": one.name, "group": one.group.value}
+    return named | one.part.facts(*_FACTS) if one.part else named
 
 
 def _row(row: TableRow) -> dict[str, Any]:

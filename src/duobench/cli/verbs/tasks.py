@@ -159,6 +159,8 @@ def view(
 
 ALL = "all"
 """In the place of a task: every one of the benchmark."""
+JIG = "jig"
+"""In the place of a task: none, but the jig."""
 
 
 def print_(
@@ -167,23 +169,30 @@ def print_(
     variants: tuple[str, ...] = (),
     seed: int | None = None,
     paper: Literal["a4", "a3"] = "a4",
+    foot: tuple[float, float] | None = None,
 ) -> None:
     """Write what is needed to print a task's objects: STL, 3MF, recipes, layout sheet, coupon.
 
     The same command in the same folder writes the same files again.
 
     Args:
-        task: Id of a task (see: duobench list) or module:ATTRIBUTE; all for every task.
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE; all for every task; jig for
+            the jig alone from which objects are placed.
         out: Folder of the files: a new one, or that of the same command.
         variants: Which variants of objects that have some, such as numbers of mazes; all for all
             of them. By default those of the seed's layout, or the first ones.
         seed: Seed of the layout on the sheets; without one, everything is in the middle of where
             it may be.
         paper: Size of the sheets.
+        foot: Front edge and width in mm of the foot of your mount, and the jig for it is written
+            too; see docs/real_setup.md. By default that of the simulated mount.
     """
-    from duobench.fabrication import Paper, write_prints
+    from duobench.fabrication import Foot, Paper, write_prints
 
-    infos = find_tasks(() if task == ALL else (task,))
+    of = Foot() if task == JIG and foot is None else None
+    if foot is not None:
+        of = Foot(front=foot[0] / 1000, width=foot[1] / 1000)
+    infos = [] if task == JIG else find_tasks(() if task == ALL else (task,))
     tasks = [catalog.get(info.reference) for info in infos]
     layouts = None if seed is None else {each.id: _reset(each, seed).layout for each in tasks}
 
@@ -203,6 +212,7 @@ def print_(
             layouts=layouts,
             seed=seed,
             paper=Paper(paper),
+            foot=of,
             progress=tell,
         )
     say(f"Begin with {out / 'README.md'}; {out / 'shopping.md'} lists what is bought.")

@@ -84,8 +84,9 @@ class FrankyArm:
                 if self._robot.has_errors:
                     names = ", ".join(errors_in(self._robot.state.current_errors))
                     raise BackendError(f"The arm at {config.address} has errors: {names}.")
-                at_tool = [config.force_threshold] * 3 + [config.moment_threshold] * 3
-                self._robot.set_collision_behavior([*config.torque_threshold], at_tool)
+                self._robot.set_collision_behavior(
+                    [*config.torque_threshold], [*config.tool_thresholds]
+                )
                 self._tracker = franky.JointImpedanceTracker(
                     self._robot,
                     stiffness=np.array(config.stiffness),
@@ -208,7 +209,7 @@ class FrankyArm:
                 config.address,
                 # One number for all; `start` gives each joint its own.
                 default_torque_threshold=min(config.torque_threshold),
-                default_force_threshold=min(config.force_threshold, config.moment_threshold),
+                default_force_threshold=min(config.tool_thresholds),
                 realtime_config=realtime.Enforce if config.is_realtime else realtime.Ignore,
             )
         except self._errors() as error:

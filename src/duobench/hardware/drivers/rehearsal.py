@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from duobench.backend import Image
 from duobench.errors import BackendError, check_known
-from duobench.hardware.clock import Clock, Ticker
+from duobench.hardware.clock import Clock, SystemClock, Ticker, VirtualClock
 from duobench.hardware.devices import ArmReading
 from duobench.hardware.drivers.frames import TickedCamera
 from duobench.hardware.drivers.rendering_process import RenderingProcess
@@ -143,7 +143,10 @@ class RehearsalViews:
         self._render()
         self._world.look_again = self._tick
         if self._ticker is None:
-            self._ticker = self._clock.every(RENDER_S, self._tick, "rendering")
+            # In virtual time images are those of their moments; people's arms wait for none.
+            is_virtual = type(self._clock) is VirtualClock
+            clock = self._clock if is_virtual else SystemClock()
+            self._ticker = clock.every(RENDER_S, self._tick, "rendering")
 
     def remove(self, name: str) -> None:
         """Render a camera no more; the process ends with the last one."""
@@ -154,6 +157,7 @@ class RehearsalViews:
             self._ticker.stop()
         self._process.close()
         self._process = self._ticker = None
+        self._world.look_again = lambda: None
         self._world.leave(self)
 
     def image(self, name: str) -> Image:
@@ -174,7 +178,8 @@ class RehearsalViews:
 
     def _render(self) -> None:
         assert self._process is not None  # it renders while there are cameras
-        self._newest = self._process.images(self._world.scene(), dict(self._shapes))
+        self._newest = self._process.images(self._world, self._shapes)
+        self._trouble = ""
 
 
 class RehearsalCamera(TickedCamera):
