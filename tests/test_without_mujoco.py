@@ -19,7 +19,11 @@ ROOMS = (
     *("lerobot_keys", "machine", "video", "training"),
     *("fabrication", "hardware"),
 )
-NEEDS_AN_ENGINE = ("duobench.envs.sim_env",)
+NEEDS_AN_ENGINE = (
+    "duobench.envs.sim_env",
+    "duobench.hardware.rehearsal",
+    "duobench.hardware.drivers.rehearsal",
+)
 
 IMPORT_ALL = """
 import importlib

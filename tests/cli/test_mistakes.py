@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from duobench.data import DataSet
-from duobench.policy.serving.address import KEY_VARIABLE, SERVED
+from duobench.policy.serving.access import KEY_VARIABLE
+from duobench.policy.serving.address import SERVED
 from tests.cli.conftest import refusal
 from tests.cli.real.test_doctor import lab
 from tests.results.outcomes import play

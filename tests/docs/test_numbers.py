@@ -17,6 +17,7 @@ from duobench.fabrication import coupon, jig, recipe
 from duobench.fabrication.formats import BED_STEP
 from duobench.hardware.calibration import places
 from duobench.hardware.calibration.board import RULER_MM
+from duobench.hardware.cell import Workspace
 from duobench.hardware.doctor.examine import (
     LARGEST_SHIFT_PX,
     LEAST_RATE,
@@ -24,8 +25,16 @@ from duobench.hardware.doctor.examine import (
     LONGEST_ANSWER_S,
 )
 from duobench.hardware.drivers import frames, robotiq
-from duobench.hardware.guard import FINGER_MARGIN, MARGIN, TABLE_DEPTH
-from duobench.hardware.rig import CameraDriver
+from duobench.hardware.guard import FINGER_MARGIN, MARGIN, PROP_MARGIN, TABLE_DEPTH
+from duobench.hardware.rig import (
+    DAMPING_RATIOS,
+    JOINT_TORQUES,
+    MAX_FORCE,
+    MAX_TOOL_SPEED,
+    ArmConfig,
+    CameraDriver,
+    GripperConfig,
+)
 from duobench.hardware.watchdog import STOP_AFTER_S
 from duobench.objects import chest, hexagon_peg, joint_blocks, shapes
 from duobench.replay.sources import LAYOUTS
@@ -73,7 +82,6 @@ SENTENCES: Mapping[str, Sequence[str]] = {
         f"{mm(*coupon.HEXAGON_PLAYS[::4])} mm of play",
         f"{mm(*coupon.SQUARE_PLAYS[::4])} mm;",
     ),
-    "real_arms": ("Not yet tried on an arm.",),
     "real_cameras": (
         "**Not yet tried on a camera",
         f"No image for {frames.STALE_S} s is a fault",
@@ -91,10 +99,21 @@ SENTENCES: Mapping[str, Sequence[str]] = {
         f"keep {mm(MARGIN)} mm from each other",
         f"fingers keep {mm(FINGER_MARGIN)} mm",
         f"press {mm(TABLE_DEPTH)} mm on the table",
+        f"arms and hands keep {mm(PROP_MARGIN)} mm from it",
         f"after {STOP_AFTER_S:g} s",
         "tried on an arm yet",
     ),
+    "real_arms": (
+        "Not yet tried on an arm.",
+        f"at most {MAX_TOOL_SPEED:g}: the reduced speed",
+        f"at most {MAX_FORCE:g} |",
+        f"what the joint gives: {JOINT_TORQUES[0]} for four, {JOINT_TORQUES[-1]} for three",
+        f"{DAMPING_RATIOS[0]} to {DAMPING_RATIOS[1]} times 2 √stiffness",
+        f"x {Workspace().low[0]} to {Workspace().high[0]}, y ±{Workspace().high[1]}",
+    ),
     "real_setup": (
+        f"at about {GripperConfig().newtons:.0f} N",
+        f"tools at {ArmConfig().tool_speed} m/s",
         "**Not yet tried on an arm",
         f"No answer for {robotiq.SILENT_S} s is a fault",
         f"less than {percent(LEAST_SUCCESS)}",

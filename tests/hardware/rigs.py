@@ -17,6 +17,7 @@ from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import Rig
 from duobench.robot.joints import HOME_JOINTS
+from duobench.sim.layout import Layout
 from duobench.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side
 
 PERIOD = 1.0 / CONTROL_HZ
@@ -106,14 +107,18 @@ class Steps:
         self.error = error
 
 
-def half_tempo(task: str) -> list[Array]:
-    """What an expert sends in its first episode, each (16,), and the middles between them."""
+def half_tempo(task: str) -> tuple[list[Array], Layout]:
+    """What an expert sends in its first episode, each (16,), and the middles between them.
+
+    And the layout of that episode.
+    """
     env, watcher = make_env(task, cameras=False), Steps()
     rollout(env, ExpertPolicy(env), seed=0, watchers=[watcher])
     env.close()
     assert len(watcher.steps) > 50
     sent = [step.info["sent"] for step in watcher.steps]
-    return [each for one, two in pairwise(sent) for each in ((one + two) / 2.0, two)]
+    way = [each for one, two in pairwise(sent) for each in ((one + two) / 2.0, two)]
+    return way, Layout.from_json(watcher.info["layout"])
 
 
 def wait(duo: FrankaDuo, seconds: float) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pymodbus.server import ModbusSerialServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from duobench.hardware.drivers.registers import GripperRegisters
+from duobench.hardware.registers import GripperRegisters
 from tests.ptys import Cable
 
 COMMAND, STATUS = 1000, 2000

@@ -24,7 +24,7 @@ from duobench.hardware.doctor.examine import (
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.mounts import gravity_torques
-from duobench.hardware.rig import ArmConfig, ArmDriver, Rig
+from duobench.hardware.rig import ArmConfig, Rig
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import SIDES, Side
 from tests.hardware.rigs import arm, camera, confirmed, gripper, joints, new_rig
@@ -183,8 +183,11 @@ def test_swapped_arms_are_found_by_their_torques() -> None:
 
 
 def real_rig(*, is_realtime: bool = True) -> Rig:
-    arm = ArmConfig(driver=ArmDriver.FRANKY, address="x", is_realtime=is_realtime)
-    return replace(Rig.simulated(), arms=dict.fromkeys(SIDES, arm))
+    arms = {
+        side: ArmConfig(address=f"127.0.0.{1 + side.index}", is_realtime=is_realtime)
+        for side in SIDES
+    }
+    return replace(Rig.simulated(), arms=arms)
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,22 @@ from duobench.hardware.follower import (
     PERIOD,
     Follower,
 )
-from duobench.hardware.rig import FOLLOWER_HZ, MAX_ACCELERATION, MAX_SPEED_FRACTION, ArmConfig
+from duobench.hardware.rig import (
+    FOLLOWER_HZ,
+    MAX_ACCELERATION,
+    MAX_SPEED_FRACTION,
+    MAX_TOOL_SPEED,
+    ArmConfig,
+)
+from duobench.robot.frames import tcp_poses, tool_frames, tool_jacobians
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS, speed_limits
+from duobench.types import Side
 
 HOME = HOME_JOINTS[0]
 DT = 1.0 / FOLLOWER_HZ
-FULL = ArmConfig(speed_fraction=MAX_SPEED_FRACTION, acceleration=MAX_ACCELERATION)
+FULL = ArmConfig(
+    speed_fraction=MAX_SPEED_FRACTION, acceleration=MAX_ACCELERATION, tool_speed=MAX_TOOL_SPEED
+)
 
 
 def play(
@@ -83,6 +93,47 @@ def test_whatever_is_told_no_bound_is_broken() -> None:
         targets = [rng.uniform(low - 0.5, high + 0.5) for _ in range(200)]
         targets += [low] * 90 + [high] * 90
         check_bounds(*play(follower, targets), limits)
+
+
+@pytest.mark.parametrize("most", [0.1, 0.25, 1.0])
+def test_whatever_is_told_the_tool_is_not_faster_than_it_may_be(most: float) -> None:
+    rng = np.random.default_rng(1)
+    low, high = JOINT_RANGES.T
+    limits = replace(FULL, tool_speed=most)
+    fastest = []
+    for targets in (
+        [rng.uniform(low, high) for _ in range(90)],
+        [HOME + rng.uniform(-0.6, 0.6, 7) for _ in range(90)],
+        [each for _ in range(6) for each in [rng.uniform(low, high)] * 15],
+        [HOME + 0.6 * np.sign(np.sin(0.4 * number)) for number in range(90)],
+    ):
+        follower = Follower(HOME, limits)
+        positions, speeds = play(follower, targets, rest=1.0)
+        check_bounds(positions, speeds, limits)
+        places, _ = tool_frames(Side.LEFT, positions)
+        fastest.append(np.linalg.norm(np.diff(places, axis=0), axis=1).max() / DT)
+        assert follower.is_at_rest or np.abs(positions[-1] - targets[-1]).max() > 0.1
+    assert 0.9 * most < max(fastest) < 1.12 * most
+
+
+def test_a_tool_that_may_not_be_fast_gets_where_it_is_led() -> None:
+    follower, goal = Follower(HOME, replace(FULL, tool_speed=0.1)), HOME + 0.3
+    positions, _ = play(follower, [goal], rest=6.0)
+    assert positions[-1] == pytest.approx(goal, abs=1e-4)
+
+
+def test_tools_move_with_joints_as_their_jacobians_say() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(10):
+        joints, change = (
+            HOME_JOINTS + rng.uniform(-1.0, 1.0, (2, 7)),
+            1e-6 * rng.normal(size=(2, 7)),
+        )
+        moved = tcp_poses(joints + change)[:, :3] - tcp_poses(joints - change)[:, :3]
+        told = np.einsum("sij,sj->si", tool_jacobians(joints), 2.0 * change)
+        assert np.linalg.norm(told, axis=1) == pytest.approx(
+            np.linalg.norm(moved, axis=1), rel=1e-5
+        )
 
 
 def test_targets_keep_away_from_the_ends_of_the_range() -> None:

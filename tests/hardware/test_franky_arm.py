@@ -24,9 +24,10 @@ from duobench.hardware.rig import ArmConfig
 CONFIG = ArmConfig(
     address="172.16.0.2",
     stiffness=(11.0, 12.0, 13.0, 14.0, 15.0, 16.0, 17.0),
-    damping=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0),
-    torque_threshold=18.0,
+    damping=(6.0, 6.1, 6.2, 6.3, 6.4, 6.5, 6.6),
+    torque_threshold=(21.0, 20.0, 19.0, 18.0, 9.0, 8.0, 7.0),
     force_threshold=25.0,
+    moment_threshold=6.0,
 )
 
 
@@ -80,12 +81,12 @@ def test_thresholds_and_gains_are_those_of_the_rigs_file(arm: franky_arm.FrankyA
     robot: FakeRobot = arm._robot
     assert robot.address == CONFIG.address
     assert robot.options == {
-        "default_torque_threshold": CONFIG.torque_threshold,
-        "default_force_threshold": CONFIG.force_threshold,
+        "default_torque_threshold": 7.0,
+        "default_force_threshold": 6.0,
         "realtime_config": "enforce",
     }
     arm.start()
-    assert robot.behavior == ([CONFIG.torque_threshold] * 7, [CONFIG.force_threshold] * 6)
+    assert robot.behavior == (list(CONFIG.torque_threshold), [25.0] * 3 + [6.0] * 3)
     gains = {name: np.ravel(value).tolist() for name, value in arm._tracker.gains.items()}
     assert gains == {
         "stiffness": list(CONFIG.stiffness),

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from duobench.errors import BackendError
+from duobench.hardware.cell import Obstacle, Workspace
 from duobench.hardware.devices import FaultKind
+from duobench.hardware.env import make_real_env
 from duobench.hardware.follower import HIGHEST, LOWEST
 from duobench.hardware.guard import FINGER_MARGIN, MARGIN, PATH_STEP, Guard
 from duobench.hardware.rig import Rig
@@ -17,6 +19,9 @@ from duobench.hardware.supervisor import State
 from duobench.kinematics.inverse import Kinematics
 from duobench.robot.frames import tcp_poses
 from duobench.robot.joints import HOME_JOINTS
+from duobench.sim.layout import Layout
+from duobench.spatial import SE3
+from duobench.tasks import catalog
 from duobench.types import SIDES, Array, DuoCommand
 from tests.hardware.rigs import (
     arm,
@@ -94,14 +99,14 @@ def test_fingers_reach_the_table_and_no_further(guard: Guard) -> None:
 
 
 @pytest.mark.parametrize("task", REAL_TASKS)
-def test_a_rig_plays_experts_at_half_tempo_within_what_the_guard_allows(
-    guard: Guard, task: str
-) -> None:
-    """With where the arms would come to rest looked at, too."""
+def test_a_rig_plays_experts_at_half_tempo_within_what_the_guard_allows(task: str) -> None:
+    """With where the arms would come to rest looked at, too, and what stands fixed."""
     duo = ready_rig(replace(Rig.simulated(), cameras={}), guard=True)
-    for targets in half_tempo(task):
+    way, layout = half_tempo(task)
+    assert duo.guard is not None
+    duo.guard.set_scene(catalog.get(task).props, layout)
+    for targets in way:
         joints = DuoCommand.from_flat(targets).joints
-        assert guard.problem(joints) is None
         duo.command(DuoCommand(joints=joints, openings=np.ones(2)))
         assert duo.held is None
 
@@ -201,11 +206,117 @@ def test_arms_that_are_already_too_near_may_move_apart(guard: Guard) -> None:
     assert np.array_equal(way[-1], HOME_JOINTS)
 
 
-def test_a_ghost_shows_the_arms_where_they_are(guard: Guard) -> None:
-    there = guard.ghost(HOME_JOINTS, ["head"], (90, 160))["head"]
-    elsewhere = guard.ghost(leaning(-0.4), ["head"], (90, 160))["head"]
-    assert there.shape == (90, 160, 3)
-    changed = np.abs(there.astype(int) - elsewhere.astype(int)).max(axis=2) > 20
-    assert 0.01 < changed.mean() < 0.6
-    assert np.array_equal(guard.ghost(HOME_JOINTS, ["head"], (90, 160))["head"], there)
-    guard.close()
+# --- the cell, and what stands fixed in a layout -------------------------------------------------
+
+CHEST = catalog.get("hinge_chest")
+
+
+def chest_at(x: float, y: float, z: float) -> Layout:
+    """A layout with the chest there, and the cube elsewhere."""
+    return Layout(poses={"chest": SE3.at(x, y, z), "cube": SE3.at(0.5, 0.21, 0.2)})
+
+
+def first_problem(guard: Guard, way: list[Array]) -> str:
+    return next((found for joints in way if (found := guard.problem(joints))), "")
+
+
+def test_hands_keep_away_from_what_stands_fixed_and_fingers_may_touch_it() -> None:
+    guard, way = Guard(), lowered()
+    guard.set_scene(CHEST.props, chest_at(0.51, -0.21, 0.0))
+    assert "the table" in first_problem(guard, way)  # fingers are in the chest before
+    guard.set_scene(CHEST.props, chest_at(0.51, -0.21, 0.15))
+    problem = first_problem(guard, way)
+    assert ("the right gripper" in problem, "the chest" in problem) == (True, True)
+    assert "at least 10 mm" in problem
+    # Under the left hand there is a cube, which is loose.
+    guard.set_scene(CHEST.props, chest_at(0.51, -0.6, 0.15))
+    assert "the table" in first_problem(guard, way)
+    guard.set_scene(catalog.get("bin_sort").props, Layout(poses={}))
+    assert "the table" in first_problem(guard, way)
+
+
+def test_a_lid_is_where_somebody_left_it_and_nothing_to_keep_from() -> None:
+    guard = Guard()
+    guard.set_scene(CHEST.props, chest_at(0.55, 0.0, 0.0))
+    guard.nearest(HOME_JOINTS)
+    assert "the chest" in guard._words.values()
+    model = guard._sim.model if guard._sim is not None else None
+    assert model is not None
+    lid = {
+        geom
+        for geom in range(model.ngeom)
+        if model.body(model.geom_bodyid[geom]).name.endswith("lid")
+    }
+    assert lid
+    assert not lid & set(guard._words)
+
+
+def test_an_episode_begins_with_what_its_layout_says_stands_there() -> None:
+    duo = new_rig(guard=True)
+    env = make_real_env(duo, "hinge_chest", cameras=())
+
+    def led_down(layout: Layout | None) -> str:
+        duo.supervisor.confirm()
+        env.reset(options={} if layout is None else {"layout": layout})
+        for step in lowered():
+            env.step(DuoCommand(joints=step, openings=np.ones(2)).flat)
+            if duo.fault is not None:
+                break
+        assert duo.fault is not None
+        reason = duo.fault.text
+        duo.supervisor.recover()
+        duo.supervisor.confirm()
+        duo.home()  # before somebody puts the objects elsewhere
+        return reason
+
+    assert "the chest" in led_down(chest_at(0.51, -0.21, 0.15))
+    assert "the table" in led_down(chest_at(0.51, -0.6, 0.15))
+    assert "the chest" in led_down(chest_at(0.51, 0.21, 0.15))
+    assert "the table" in led_down(None)
+    env.close()
+
+
+def test_a_tool_is_not_led_out_of_the_workspace_and_finds_back_into_it() -> None:
+    box = Workspace(low=(0.1, -0.5, 0.4), high=(0.8, 0.5, 0.8))
+    duo = ready_rig(replace(Rig.simulated(), cameras={}, workspace=box), guard=True)
+    assert duo.guard is not None
+    for joints_of_step in lowered():
+        duo.command(DuoCommand(joints=joints_of_step, openings=np.ones(2)))
+        if duo.held:
+            break
+    assert duo.fault is not None
+    assert duo.fault.kind is FaultKind.CONTACT
+    assert "tool would be" in duo.fault.text
+    assert "outside of the workspace" in duo.fault.text
+    wait(duo, 0.5)
+    assert tcp_poses(joints(duo))[:, 2].min() > 0.395
+    outside = lowered()[40]
+    assert duo.guard.problem(outside) is not None
+    assert tcp_poses(outside)[:, 2].max() < 0.38
+    way = duo.guard.plan_path(outside, HOME_JOINTS)
+    assert np.array_equal(way[-1], HOME_JOINTS)
+    assert not duo.guard.is_free(outside, [lowered()[50]])  # further out
+
+
+def test_a_path_that_begins_outside_of_the_workspace_is_not_free_of_anything_else() -> None:
+    guard = Guard(Workspace(low=(0.1, -0.5, 0.4), high=(0.8, 0.5, 0.8)))
+    outside = lowered()[40]
+    meeting = next(c for c in np.arange(0.0, 1.2, 0.02) if guard.problem(leaning(c)))
+    assert not guard.is_free(outside, [leaning(meeting + 0.1)])
+
+
+def test_a_lab_has_obstacles_of_its_own() -> None:
+    mast = Obstacle(centre=(0.51, 0.21, 0.1), size=(0.1, 0.1, 0.1), yaw=0.3)
+    guard = Guard(obstacles={"mast": mast})
+    problem = first_problem(guard, lowered())
+    assert ("left" in problem, "the obstacle mast" in problem) == (True, True)
+    assert "at least 20 mm" in problem  # fingers, too
+    guard.set_scene(CHEST.props, chest_at(0.51, -0.21, 0.25))
+    assert "the chest" in first_problem(guard, lowered())
+    guard.set_scene((), Layout(poses={}))
+    assert "the obstacle mast" in first_problem(guard, lowered())
+
+
+def test_experts_and_home_are_well_within_the_workspace_of_a_new_rig() -> None:
+    box = Workspace()
+    assert min(box.room(tool[:3]) for tool in tcp_poses(HOME_JOINTS)) > 0.2

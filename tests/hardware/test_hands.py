@@ -19,9 +19,9 @@ from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.guard import Guard
 from duobench.hardware.mounts import gravity_torques
 from duobench.hardware.opening import open_rig
-from duobench.hardware.retreat import RETREAT, retreated
 from duobench.hardware.rig import GripperConfig, GripperDriver, Rig
 from duobench.hardware.supervisor import State
+from duobench.hardware.way_home import RETREAT, retreated
 from duobench.robot.frames import tool_pose
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import SIDES, DuoCommand, Side

@@ -128,7 +128,7 @@ def test_a_rig_that_says_nothing_lets_the_camera_choose(library: Library) -> Non
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"exposure_us": 200000.0}, r"exposure of 1 to 165000, got 200000"),
+        ({"exposure_us": 200000.0, "fps": 5}, r"exposure of 1 to 165000, got 200000"),
         ({"device": "42"}, f"connected are: {SERIAL}"),
     ],
 )

@@ -21,7 +21,7 @@ from tests.hardware.rigs import new_rig
         {"speed_fraction": 0.0},
         {"acceleration": 6.5},
         {"home_fraction": 0.6},
-        {"torque_threshold": 150.0},
+        {"torque_threshold": (150.0,) * 7},
         {"force_threshold": 0.0},
         {"stiffness": (1.0,)},
         {"damping": (float("nan"),) * 7},

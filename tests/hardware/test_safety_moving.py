@@ -17,9 +17,11 @@ from duobench.hardware.rig import (
     MAX_ACCELERATION,
     MAX_SPEED_FRACTION,
     ArmConfig,
+    GripperConfig,
     Rig,
 )
 from duobench.hardware.supervisor import State
+from duobench.robot.frames import tool_frames
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.types import SIDES, DuoCommand, Side
 from tests.hardware.rigs import (
@@ -100,6 +102,63 @@ def test_arms_that_are_held_stop_damped_after_a_while(soon: float) -> None:
     assert duo.held == "The connection to the page is lost."
 
 
+def test_arms_that_wait_at_home_are_not_engaged_for_long_and_are_again_when_led(
+    soon: float,
+) -> None:
+    duo = ready_rig()
+    wait(duo, soon - 0.5)
+    assert is_tracking(duo) == [True, True]
+    wait(duo, 1.0)
+    assert is_tracking(duo) == [False, False]
+    assert (duo.held, duo.supervisor.state) == (None, State.READY)
+    for _ in range(30):
+        duo.command(shifted(0.1))
+    assert is_tracking(duo) == [True, True]
+    assert joints(duo)[:, 0] == pytest.approx(HOME_JOINTS[:, 0] + 0.1, abs=0.01)
+    duo.stop()
+    duo.supervisor.confirm()
+    duo.home()
+    wait(duo, soon + 1.0)
+    duo.home()
+    assert (is_tracking(duo), duo.supervisor.state) == ([True, True], State.READY)
+
+
+def test_a_way_home_may_take_longer_than_arms_wait_for_commands(soon: float) -> None:
+    duo = new_rig()
+    put(duo, HOME_JOINTS + 4.0 * AWAY)
+    start = duo.clock.now()
+    confirmed(duo).home()
+    assert duo.clock.now() - start > soon + 1.0
+    assert duo.supervisor.state is State.READY
+
+
+def test_arms_on_a_way_home_that_nobody_leads_any_more_stop(soon: float) -> None:
+    duo = ready_rig()
+    duo.supervisor.begin(State.HOMING)
+    wait(duo, soon + 1.0)
+    assert (is_tracking(duo), duo.supervisor.state) == ([False, False], State.HOLDING)
+
+
+def test_tools_are_led_no_faster_than_they_may_be_and_arms_together() -> None:
+    plain = Rig.simulated()
+    slow = replace(plain.arms[Side.RIGHT], tool_speed=0.2)
+    duo = ready_rig(replace(plain, arms={**plain.arms, Side.RIGHT: slow}))
+    log, target, before = Log(duo, Side.RIGHT), shifted(0.4), duo.last_command
+    shares = []
+    while not np.array_equal(duo.last_command.joints, target.joints):
+        sent = duo.command(target).joints
+        gone = (sent - before.joints)[:, 0] / 0.4
+        assert gone[0] == pytest.approx(gone[1], abs=1e-9)  # hands that hold one thing
+        shares.append(gone[0])
+    assert len(shares) > 20
+    for _ in range(15):
+        duo.command(target)
+    assert duo.read().joints == pytest.approx(target.joints, abs=2e-3)
+    places, _ = tool_frames(Side.RIGHT, np.array(log.joints))
+    fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max() * FOLLOWER_HZ
+    assert 0.15 < fastest < 0.2 * 1.05
+
+
 def test_stop_comes_to_rest_before_it_lets_go_and_takes_the_confirmation_back() -> None:
     duo = ready_rig()
     log = Log(duo)
@@ -151,6 +210,26 @@ def test_home_is_slow_and_ends_at_home_with_open_grippers() -> None:
     assert duo.read().joints == pytest.approx(HOME_JOINTS, abs=2e-3)
     assert duo.read().openings.min() > 0.99
     assert duo.supervisor.state is State.READY
+
+
+@pytest.mark.parametrize("tool_speed", [0.05, 0.25])
+def test_a_tool_that_may_not_be_fast_is_led_home_on_the_same_line(tool_speed: float) -> None:
+    plain = Rig.simulated()
+    arms = {
+        side: replace(arm, tool_speed=tool_speed, home_fraction=0.4)
+        for side, arm in plain.arms.items()
+    }
+    duo = new_rig(replace(plain, arms=arms))
+    put(duo, HOME_JOINTS + AWAY)
+    log = Log(duo)
+    confirmed(duo).home()
+    told = np.array(log.joints)
+    share = (told[:, 0] - told[0, 0]) / (told[-1, 0] - told[0, 0])
+    line = told[0] + share[:, None] * (told[-1] - told[0])
+    assert np.abs(told - line).max() < 0.01  # the way that the guard has looked at
+    places, _ = tool_frames(Side.LEFT, told)
+    fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max() * FOLLOWER_HZ
+    assert 0.5 * tool_speed < fastest < 1.05 * tool_speed
 
 
 def test_followers_begin_at_the_measured_joints() -> None:
@@ -270,7 +349,11 @@ def test_arms_stop_damped_when_a_policy_says_nothing_for_long(soon: float) -> No
 
 def test_a_new_rig_starts_low() -> None:
     config = ArmConfig()
-    assert (config.torque_threshold, config.force_threshold) == (20.0, 30.0)
+    assert config.torque_threshold == (20.0,) * 4 + (8.0,) * 3
+    assert (config.force_threshold, config.moment_threshold) == (30.0, 8.0)
+    assert config.tool_speed == 0.25  # the reduced speed of ISO 10218-1
+    gripper = GripperConfig()
+    assert (gripper.mm_per_s < 60.0, gripper.newtons < 45.0) == (True, True)
     assert (config.speed_fraction, config.acceleration, config.home_fraction) == (0.25, 4.0, 0.1)
 
 

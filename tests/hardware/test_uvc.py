@@ -189,7 +189,7 @@ def wait_for_fault(camera: ThreadedCamera) -> str:
 
 @pytest.fixture
 def camera() -> Iterator[Numbers]:
-    made = Numbers(config_of("", size=(4, 6)), SystemClock(), "head")
+    made = Numbers(config_of("", size=(90, 160)), SystemClock(), "head")
     made.connect()
     yield made
     made.close()

@@ -215,6 +215,27 @@ def test_weights_can_run_in_other_numbers(folders: dict[str, Path]) -> None:
     assert np.isfinite(chunk_of(made)).all()
 
 
+def test_policy_with_domain_ids_is_told_where_it_plays(tmp_path: Path) -> None:
+    folder = checkpoints.xvla(tmp_path / "xvla", domain_feature_key="domain")
+    simulated, real = load(folder), load(folder, "&domain=real")
+    assert "domain real" in (real.metadata.version or "")
+    seen: list[list[int]] = []
+    for made in (simulated, real):
+        asked = made._model._get_domain_id
+
+        def note(*words: Any, asked: Callable[..., torch.Tensor] = asked) -> torch.Tensor:
+            seen.append(asked(*words).tolist())
+            return asked(*words)
+
+        made._model._get_domain_id = note
+    chunks = [chunk_of(made) for made in (simulated, real)]
+    assert seen == [[0], [1]]
+    assert not np.allclose(*chunks, atol=ROUNDING)
+    plain = checkpoints.xvla(tmp_path / "plain")
+    without = [chunk_of(load(plain, query)) for query in ("", "&domain=real")]
+    np.testing.assert_array_equal(*without)  # it learned without, and is told nothing
+
+
 Maker = Callable[[Path], Path]
 """Saves a checkpoint in a folder, and gives what is loaded."""
 

@@ -16,14 +16,8 @@ from duobench.types import POLICY_CAMERAS
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.hardware.rigs import camera, wait
-from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
+from tests.pages.windows import DARK_PHONE, broken_rules, opened, until
 from tests.teleop.test_real import Bench
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Browser]:
-    with started() as window:
-        yield window
 
 
 class Led:

@@ -20,7 +20,7 @@ from duobench.web.messages import PageMessage, pack_frame
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from duobench.web.track import decode, encode
-from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, started, until
+from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, until
 
 FIRST_LOAD = 150_000
 STATUS = {
@@ -69,12 +69,6 @@ def shown() -> Iterator[Shown]:
     shown = Shown()
     yield shown
     shown.server.close()
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Browser]:
-    with started() as window:
-        yield window
 
 
 @pytest.fixture

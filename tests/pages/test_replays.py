@@ -15,7 +15,7 @@ from duobench.tasks import get
 from duobench.web.geometry import Geometry
 from duobench.web.page import EpisodeReplay, replay_page
 from duobench.web.track import encode
-from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, started, until
+from tests.pages.windows import VIEWS, broken_rules, difference, opened, picture, until
 
 TASKS = ("bin_sort", "pour_marbles", "spring_door")
 STEPS = 40
@@ -59,12 +59,6 @@ def replays(tmp_path_factory: pytest.TempPathFactory) -> Path:
         )
     page.write_text(replay_page("Some episodes", scenes, episodes), encoding="utf-8")
     return page
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Browser]:
-    with started() as window:
-        yield window
 
 
 @pytest.fixture

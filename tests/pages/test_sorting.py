@@ -16,7 +16,7 @@ from duobench.results.leaderboard import Board, begin_site, write_site
 from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
 from duobench.results.suite import find_tasks
-from tests.pages.windows import opened, started
+from tests.pages.windows import opened
 from tests.results.boards import entry
 from tests.results.samples import sample_folder, sample_record, sample_run
 
@@ -39,12 +39,6 @@ def played(folder: Path, name: str, share: float, *, privileged: bool) -> RunFol
         records.append(sample_record(task, episode, reached, policy=name, unmet=unmet))
     records[0] = sample_record(tasks[0], 0, (), "Traceback\nValueError: no\n", policy=name)
     return sample_folder(folder, run, records)
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Browser]:
-    with started() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -9,19 +9,17 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
+from duobench.hardware.devices import FaultKind
+from duobench.rig_sessions import interruptible
+from duobench.rig_sessions.policy_runner import REASONS
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
 from duobench.rig_sessions.trials_folder import LogKind
-from tests.pages.windows import DARK_PHONE, broken_rules, opened, started, until
+from duobench.types import Side
+from tests.pages.windows import DARK_PHONE, broken_rules, opened, until
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import POLICIES, STEPS, Stand, records
 
 LAST = 5
-
-
-@pytest.fixture(scope="module")
-def window() -> Iterator[Browser]:
-    with started() as window:
-        yield window
 
 
 class Led:
@@ -86,6 +84,9 @@ def test_no_rule_of_accessibility_is_broken(window: Browser, led: Led, view: Vie
         assert page.locator("#at-end").is_visible()
         assert page.evaluate("document.documentElement.scrollWidth") == view.width
         assert broken_rules(page) == []
+        page.click("#finish")
+        until(page, "document.querySelector('.note').textContent.startsWith('Say first')")
+        page.check("[name=holds][value=yes]")
         page.click("#finish")
         shown(page, "#over")
         assert broken_rules(page) == []
@@ -161,6 +162,38 @@ def test_space_bar_holds_whatever_has_the_focus(window: Browser, led: Led) -> No
         until(page, "document.querySelector('.where').textContent.includes('attempt 2')")
     kinds = [entry.kind for entry in led.stand.folder.read_log()]
     assert kinds[:5] == [LogKind.BEGIN, LogKind.PLACED, LogKind.START, LogKind.HOLD, LogKind.END]
+
+
+def test_emergency_stop_is_asked_about_and_cannot_count(window: Browser, led: Led) -> None:
+    with opened(window, led.stand.server.url) as page:
+        start(page)
+        assert "policy hidden" in (page.locator(".where").text_content() or "")
+        led.stand.duo.arms[Side.LEFT].fail("User Stop", FaultKind.PERSON)  # type: ignore[attr-defined]
+        toys.Patient.gate.release()
+        shown(page, "#invalid")
+        assert page.locator("#finish").is_disabled()
+        assert "never counts" in (page.locator(".note").text_content() or "")
+        offered = "[...document.querySelectorAll('#reasons option')].map((one) => one.value)"
+        assert page.evaluate(offered) == list(REASONS[FaultKind.PERSON])
+        assert broken_rules(page) == []
+        page.fill("#reason", REASONS[FaultKind.PERSON][1])
+        page.click("#invalid")
+        until(page, "document.querySelector('.where').textContent.includes('attempt 2')")
+        assert page.evaluate(offered) != list(REASONS[FaultKind.PERSON])
+
+
+def test_policy_that_does_not_answer_is_given_up(
+    window: Browser, led: Led, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruptible, "PATIENCE_S", 0.1)
+    with opened(window, led.stand.server.url) as page:
+        start(page)
+        shown(page, "#give_up")
+        assert broken_rules(page) == []
+        page.click("#give_up")
+        shown(page, "#finish")
+        assert page.locator("#give_up").is_hidden()
+        assert interruptible.GIVEN_UP in (page.locator(".note").text_content() or "")
 
 
 def test_second_browser_watches(window: Browser, led: Led) -> None:

@@ -61,6 +61,7 @@ def test_what_is_neither_folder_nor_id_is_never_looked_for_on_the_hub(name: str)
     [
         ("runs/act", Address(checkpoint="runs/act")),
         ("user/name", Address(checkpoint="user/name")),
+        ("runs/x?domain=real", Address(checkpoint="runs/x", domain="real")),
         (
             "a:b?steps=10&device=cuda:1&dtype=bfloat16",
             Address(checkpoint="a:b", steps=10, device="cuda:1", dtype="bfloat16"),
@@ -82,6 +83,7 @@ def test_a_name_says_which_checkpoint_and_how_it_runs(text: str, expected: Addre
         ("a?steps=٣", "1 or more"),
         ("a?device=", "needs one value"),
         ("a?steps=3&steps=4", "needs one value"),
+        ("a?domain=rael", "Did you mean 'real'"),
     ],
 )
 def test_a_name_that_says_nothing_clear_is_rejected(text: str, message: str) -> None:

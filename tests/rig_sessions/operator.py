@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from duobench.errors import DuoBenchError
-from duobench.hardware.clock import VirtualClock
+from duobench.hardware.clock import Clock, VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import open_rig
+from duobench.hardware.rig import Rig
 from duobench.results.records import EpisodeRecord, Judged
 from duobench.results.suite import TaskInfo, find_tasks
 from duobench.rig_sessions.trials import TrialsSession
@@ -121,17 +122,27 @@ class Operator:
 class Stand:
     """Simulated arms, a page and a folder, put together as `duobench real eval` does."""
 
-    def __init__(self, path: Path, policies: Sequence[tuple[str, str]], **options: Any) -> None:
+    def __init__(
+        self,
+        path: Path,
+        policies: Sequence[tuple[str, str]],
+        *,
+        rig: Rig | str = "simulated",
+        task: TaskInfo | None = None,
+        clock: Clock | None = None,
+        **options: Any,
+    ) -> None:
         self.folder = TrialsFolder(path)
         self.ending = ExitStack()
-        self.duo: FrankaDuo = open_rig("simulated", VirtualClock(), guard=False)
+        self.duo: FrankaDuo = open_rig(rig, clock or VirtualClock(), guard=False)
         self.ending.callback(self.duo.close)
         self.server = PageServer(assets("trials_page.html"))
         self.ending.callback(self.server.close)
         chosen: dict[str, Any] = {"rater": "operator", "silence_s": 60.0} | options
         try:
             self.session = TrialsSession(
-                *(self.folder, self.duo, short_task(), policies, self.server, self.ending), **chosen
+                *(self.folder, self.duo, task or short_task(), policies, self.server, self.ending),
+                **chosen,
             )
         except DuoBenchError:
             self.ending.close()

@@ -300,23 +300,31 @@ def test_policy_that_does_not_answer_is_given_up(
     monkeypatch.setattr(interruptible, "PATIENCE_S", 0.1)
 
     def script(operator: Operator) -> None:
-        for _ in range(2):
-            operator.begin()
-            operator.press(2)
-            operator.until(lambda status: status["waits"])
-            operator.say("hold")
-            operator.wait_for_hold()
-            operator.say("give_up")
-            assert GIVEN_UP in operator.phase("judging")["message"]
-            operator.say("give_up")
-            assert "Not now" in operator.page.hear_of("refused")["reason"]
-            operator.finish()
+        operator.begin()
+        operator.press(2)
+        operator.until(lambda status: status["waits"])
+        operator.say("hold")
+        operator.wait_for_hold()
+        operator.say("give_up")
+        assert GIVEN_UP in operator.phase("judging")["message"]
+        operator.say("give_up")
+        assert "Not now" in operator.page.hear_of("refused")["reason"]
+        operator.finish()
+        operator.phase("placing")
+        operator.say("placed")
+        operator.phase("ready")
+        operator.say("start")
+        operator.until(lambda status: status["waits"])  # for its reset
+        operator.say("give_up")
+        operator.phase("judging")
+        operator.finish()
         toys.Patient.gate.release()
 
     stand = played(tmp_path / "t", script, ONE, episodes=2)
     ((one, other),) = records(stand.folder).values()
+    assert (one.final_stage, other.final_stage) == (2, 0)
     for record in (one, other):
-        assert (record.steps, record.final_stage, record.success) == (0, 2, False)
+        assert (record.steps, record.success) == (0, False)
         assert GIVEN_UP in (record.error or "")
     ends = [each.time_s for each in stand.folder.read_log() if each.kind is LogKind.END]
     assert ends == [None, None]  # no step was made
@@ -399,6 +407,28 @@ def test_killed_session_goes_on(tmp_path: Path) -> None:
     stand = played(path, script, POLICIES)
     assert reasons(stand) == [CUT]
     assert {record.final_stage for (record,) in records(stand.folder).values()} == {1, 2}
+
+
+@pytest.mark.parametrize(
+    ("end", "is_chosen"), [(None, False), ("", True), ("person", False), ("limit", True)]
+)
+def test_program_that_ends_after_the_outcome_was_seen_is_told_as_a_choice(
+    end: str | None, is_chosen: bool, tmp_path: Path
+) -> None:
+    Stand(tmp_path / "t", ONE, episodes=1).ending.close()
+    folder = TrialsFolder(tmp_path / "t")
+    log, about = folder.open_log(""), {"trial": 0, "attempt": 1}
+    for kind in (LogKind.BEGIN, LogKind.START):
+        log.add(LogEntry(kind=kind, **about))
+    for stage in (2, 1, None):
+        log.add(LogEntry(kind=LogKind.PRESS, **about, stage=stage, step=1))
+    fault = FaultKind(end) if end else None
+    if end is not None:
+        log.add(LogEntry(kind=LogKind.END, **about, fault=fault))
+    log.close()
+    folder.open_log("").close()
+    (one,) = TrialsProgress.of(folder.read_log()).invalid[0]
+    assert one == InvalidTrial(reason=CUT, stage=2, fault=fault, is_chosen=is_chosen)
 
 
 def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:

@@ -130,6 +130,7 @@ def test_page_hides_the_names_until_the_end(whole: Whole) -> None:
     shown = " ".join(whole.script.names)
     assert "Patient" not in shown
     assert "Keen" not in shown
+    assert {json.loads(status)["trial"]["policy"] for status in whole.script.names} == {""}
     assert "Patient" in json.dumps(whole.script.over)
 
 
@@ -167,15 +168,27 @@ def test_mixed_table(whole: Whole, tmp_path: Path) -> None:
     simulated = [sample_record(task, 0, (1, 2, 3, 4, 5)), sample_record(task, 1, (9,))]
     sim = sample_folder(tmp_path / "sim", run_, simulated)
     sources = [f"sim={sim.path}", str(folder.run.path)]
-    rows = read_mixed(sources)
-    assert [row.trained_on for row in rows] == ["sim", "mixed"]
-    assert rows[0].scores["sim"].successes == 1
+    table = read_mixed(sources)
+    places = list(table.entrants)
+    assert [tuple(place) for place in places] == [
+        *(("", "sim", "sim"), ("", "sim", "real"), ("", "mixed", "real"))
+    ]
+    (row,) = table.rows  # of one task, all of them would be the same
+    simulated = table.score(row, places[0])
+    assert simulated is not None
+    assert simulated.successes == 1
     by_training = {one.trained_on: one.score for one in report.policies}
-    for row in rows:
-        assert row.scores["real"].successes == by_training[row.trained_on].successes
-        assert row.scores["real"].interval == by_training[row.trained_on].interval
-    page = write_mixed(rows, tmp_path / "mixed").read_text()
+    for place in places[1:]:
+        real = table.score(row, place)
+        assert real is not None
+        assert real.successes == by_training[place.trained_on].successes
+        assert real.interval == by_training[place.trained_on].interval
+    (test,) = table.tests  # in simulation there is one training
+    assert test.pair.paired
+    assert test.domain == "real"
+    page = write_mixed(table, tmp_path / "mixed").read_text()
     assert "Evaluated in real arms" in page
+    assert "trained on mixed" in page
     assert "n = 15" in (tmp_path / "mixed" / "mixed.md").read_text()
     with pytest.raises(EvaluationError, match="not known"):
         read_mixed([str(sim.path)])

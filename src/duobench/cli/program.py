@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import tyro
 
-from duobench.cli.real import arms, calibrate
+from duobench.cli.real import arms, calibrate, check
 from duobench.cli.shared.console import say
 from duobench.cli.shared.spelling import check_spelling
 from duobench.cli.verbs import data, doctor, episodes, policies, runs, tasks, teleop
@@ -52,10 +52,12 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
         "home": arms.home,
         "grippers": arms.grippers,
         "calibrate": calibrate.calibrate,
+        "rig": check.rig,
         "record": arms.record,
         "eval": arms.evaluate,
         "teleop": teleop.teleop_rig,
     },
+    "real rig": {"check": check.check},
     "real calibrate": {
         "board": calibrate.board,
         "lens": calibrate.lens,

@@ -5,13 +5,16 @@ Every real image is remapped once to the pinhole of the simulation's camera (740
 of a camera is not changed: where it really is stands in its calibration.
 """
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pictures
 
 from duobench.backend import Image
-from duobench.errors import OptionError, UnknownNameError
-from duobench.hardware.rig import CameraCalibration
+from duobench.errors import BackendError, OptionError, UnknownNameError, check_known
+from duobench.hardware.devices import Camera
+from duobench.hardware.rig import CameraCalibration, CameraConfig
 from duobench.robot.cameras import (
     FLANGE_FROM_WRIST,
     HEAD_FOCAL,
@@ -135,3 +138,24 @@ def remapped(image: Image, places: NDArray[np.floating]) -> Image:
 def _inside(places: NDArray[np.floating], size: tuple[int, int]) -> NDArray[np.bool_]:
     x, y = places[..., 0], places[..., 1]
     return (x >= 0) & (x <= size[1] - 1) & (y >= 0) & (y <= size[0] - 1)
+
+
+class CanonicalViews:
+    """The cameras of a rig as the simulation's would see; a view is made when it is asked for."""
+
+    def __init__(self, cameras: Mapping[str, Camera], configs: Mapping[str, CameraConfig]) -> None:
+        self._cameras, self._configs = cameras, configs
+        self._views: dict[str, CanonicalView] = {}
+
+    def images(self, names: Iterable[str], shape: tuple[int, int]) -> dict[str, Image]:
+        """The latest image of each of some cameras, of a height and width in pixels."""
+        found: dict[str, Image] = {}
+        for name in names:
+            check_known("camera of this rig", name, self._cameras)
+            if (frame := self._cameras[name].latest()) is None:
+                raise BackendError(f"The camera {name} has given no image yet.")
+            if name not in self._views:
+                config = self._configs[name]
+                self._views[name] = CanonicalView(name, config.calibration, config.size)
+            found[name] = self._views[name].image(frame.image, shape)
+        return found

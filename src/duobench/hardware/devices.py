@@ -32,6 +32,11 @@ class FaultKind(StrEnum):
     COMMUNICATION = "communication"
     """A network, a cable, a computer, a gripper or a camera."""
 
+    @property
+    def may_count(self) -> bool:
+        """Whether a trial that it ended may count against the policy."""
+        return self in {FaultKind.CONTACT, FaultKind.LIMIT}
+
     def fault(self, text: str) -> Fault:
         """A fault of this sort, in words for people."""
         return Fault(kind=self, text=text)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duobench.backend import Image
-from duobench.errors import ActionError, BackendError, UnknownNameError, escaped
-from duobench.hardware.canonical import CanonicalView
+from duobench.errors import ActionError, BackendError, escaped
+from duobench.hardware.canonical import CanonicalViews
 from duobench.hardware.clock import Clock
 from duobench.hardware.controller import ArmsController
 from duobench.hardware.devices import (
@@ -25,16 +25,16 @@ from duobench.hardware.devices import (
     Gripper,
     GripperReading,
 )
-from duobench.hardware.follower import PERIOD
+from duobench.hardware.follower import PERIOD, paced
 from duobench.hardware.guard import Guard
 from duobench.hardware.hands import OPEN, Hands
 from duobench.hardware.mounts import SWAPPED, are_swapped
-from duobench.hardware.retreat import retreated
 from duobench.hardware.rig import Rig
 from duobench.hardware.supervisor import HELD, State, Supervisor
-from duobench.hardware.watchdog import GRACE_S, Watchdog
+from duobench.hardware.watchdog import Watchdog
+from duobench.hardware.way_home import path_home, points
 from duobench.robot.frames import tcp_poses
-from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits, speed_limits
+from duobench.robot.joints import HOME_JOINTS, RANGE_MARGIN, duo_limits
 from duobench.types import SIDES, Array, DuoCommand, DuoState, Side
 
 if TYPE_CHECKING:
@@ -44,13 +44,8 @@ if TYPE_CHECKING:
 
 REST_S = 1.0
 """Longest time in seconds that arms are given to come to rest before they stop, damped."""
-HOME_SHARE = 0.8
-"""Part of the speed on the way home that the path itself takes; the rest is for catching up."""
-SLOWEST = 0.02
-"""Speed in rad/s with which a joint leaves an end of its range."""
 HOME_TOLERANCE = 0.03
-"""How near in radians a joint has to be home, which an arm with a soft grip on its joints may miss
-by a little."""
+"""How near in radians a joint has to be home, which an arm with low gains may miss by a little."""
 SETTLE_S = 5.0
 """Seconds that arms may take to come to rest, and grippers to open."""
 
@@ -61,8 +56,7 @@ class FrankaDuo:
     `start` connects, and moves nothing. Before anything moves the operator has to confirm
     (`supervisor.confirm`): then `home` goes home slowly, or `command` moves on from where the arms
     are. A fault of any device holds both arms until the operator recovers them
-    (`supervisor.recover`). The guard keeps the arms apart and off the table; None leaves that to
-    people.
+    (`supervisor.recover`). Without a guard it is left to people to keep the arms apart.
     """
 
     def __init__(
@@ -83,8 +77,6 @@ class FrankaDuo:
         self.supervisor = Supervisor(self._recover)
         self.hands = Hands(self.grippers, self.supervisor, clock)
         """The grippers, as the operator has them activated and opened."""
-        self.waits = 0
-        """How often the arms came to rest and waited for an image that was late."""
         self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
         self._watchdog = Watchdog(self._controller, self.cameras, self.supervisor, clock, self.hold)
         self._motion = threading.RLock()  # between who moves the arms and who holds them
@@ -92,16 +84,17 @@ class FrankaDuo:
         self.limits = duo_limits()
         """Those of the simulation, so that spaces are the same; the rig's own are narrower."""
         self._limits = duo_limits((left.speed_fraction, right.speed_fraction), RANGE_MARGIN)
+        self._tool_speeds = left.tool_speed, right.tool_speed
         self._accelerations = np.array([[left.acceleration], [right.acceleration]])
-        slow = [min(arm.home_fraction, arm.speed_fraction) for arm in (left, right)]
-        self._home_fractions = np.array(slow)[:, None]
+        slow = [[min(arm.home_fraction, arm.speed_fraction)] for arm in (left, right)]
+        self._home_fractions = np.array(slow)
         self._due = 0.0
         self.late_s = 0.0
         """How many seconds too late the last command came."""
         self.time = 0.0
         """Seconds on the rig's clock when the latest state was measured."""
         self._last: DuoCommand | None = None
-        self._views: dict[str, CanonicalView] = {}
+        self._views = CanonicalViews(self.cameras, rig.cameras)
         self._state: DuoState | None = None
         self._velocities = np.zeros((2, 7))
 
@@ -156,8 +149,6 @@ class FrankaDuo:
             device.close()
         if self.supervisor.state is not State.OFF:
             self.supervisor.enter(State.OFF)
-        if self.guard is not None:
-            self.guard.close()
 
     def _devices(self) -> tuple[Device, ...]:
         return (*self.arms.values(), *self.grippers.values(), *self.cameras.values())
@@ -209,7 +200,9 @@ class FrankaDuo:
 
         Where an image is late the arms come to rest, and it is waited for.
         """
-        self._wait_for_images()
+        if self._watchdog.wait_for_images():
+            self._due = self.clock.now()
+            self._measure()
         self._watchdog.check()
         fault = self.supervisor.fault
         return None if fault is None else fault.text
@@ -257,22 +250,10 @@ class FrankaDuo:
         self.hands.have_grasped = False
 
     def path_home(self) -> list[Array]:
-        """The path that `home` takes from where the arms are; see `Guard.plan_path`.
-
-        Hands that may have been around something first go back a little, along their own axes.
-
-        Raises:
-            BackendError: The guard found no free one.
-        """
+        """The path that `home` takes from where the arms are; see `way_home.path_home`."""
         self._measure()
-        here, back = self.read().joints, []
-        if self.hands.have_grasped and not self.hands.holding:
-            away = retreated(here)
-            if self.guard is None or self.guard.is_free(here, [away]):
-                here, back = away, [away]
-        if self.guard is None:
-            return [*back, HOME_JOINTS]
-        return [*back, *self.guard.plan_path(here, HOME_JOINTS)]
+        retreats = self.hands.have_grasped and not self.hands.holding
+        return path_home(self.guard, self.read().joints, retreats=retreats)
 
     def _rest(self) -> None:
         """Wait until arms that still move are at rest where they are."""
@@ -287,17 +268,13 @@ class FrankaDuo:
 
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""
-        way, share = end - start, 0.0
-        while share < 1.0:
-            # As fast as the slowest joint may be where it is, so that none leaves the line.
-            low, high = map(np.array, zip(*map(speed_limits, start + share * way), strict=True))
-            speeds = np.maximum(HOME_SHARE * self._home_fractions * np.minimum(-low, high), SLOWEST)
-            share = min(1.0, share + PERIOD / max(np.max(np.abs(way) / speeds), PERIOD))
+        for point in points(start, end, self._home_fractions, self._tool_speeds):
             with self._motion:
                 if self.supervisor.state is not State.HOMING:
                     reason = self.held or "they were stopped"
                     raise BackendError(f"The arms did not get home: {reason}")
-                self._controller.aim(start + share * way)
+                self._controller.aim(point)
+                self._watchdog.feed()
             self._tick()
 
     def _settle(self) -> None:
@@ -362,6 +339,7 @@ class FrankaDuo:
     def _send(self, targets: Array) -> None:
         last = self.last_command
         sent = DuoCommand.from_flat(self._limits.clip(targets, last.flat))
+        sent = paced(last, sent, self._tool_speeds)
         if (fault := self._guard_fault(last.joints, sent.joints)) is not None:
             self.hold(fault.text, fault)
             return
@@ -441,24 +419,14 @@ class FrankaDuo:
         latest = {name: camera.latest() for name, camera in self.cameras.items()}
         return {name: frame for name, frame in latest.items() if frame is not None}
 
+    @property
+    def waits(self) -> int:
+        """How often the arms came to rest and waited for an image that was late."""
+        return self._watchdog.waits
+
     def image_ages(self) -> dict[str, float]:
         """Seconds since the latest image of each camera that is seen; infinite without one."""
         return self._watchdog.image_ages()
-
-    def _wait_for_images(self) -> None:
-        """Bring the arms to rest while an image is late, and hold them if it does not come."""
-        if self.supervisor.state is not State.RUNNING or not self._watchdog.late_image():
-            return
-        self.waits += 1
-        with self._motion:
-            self._controller.hold()
-        end = self.clock.now() + GRACE_S
-        while self.held is None and self._watchdog.late_image() and self.clock.now() < end:
-            self.clock.wait_until(self.clock.now() + PERIOD)
-        if self.held is None and (fault := self._watchdog.late_image()) is not None:
-            self.hold(fault.text, fault)
-        self._due = self.clock.now()
-        self._measure()
 
     def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
         """The latest image of each of some cameras, as the simulation's camera would see it.
@@ -467,17 +435,7 @@ class FrankaDuo:
             UnknownNameError: The rig has no such camera.
             BackendError: A camera has given no image yet.
         """
-        frames, images = self.frames(), {}
-        for name in cameras:
-            if name not in self.cameras:
-                raise UnknownNameError("camera of this rig", name, self.cameras)
-            if name not in frames:
-                raise BackendError(f"The camera {name} has given no image yet.")
-            if name not in self._views:
-                config = self.rig.cameras[name]
-                self._views[name] = CanonicalView(name, config.calibration, config.size)
-            images[name] = self._views[name].image(frames[name].image, shape)
-        return images
+        return self._views.images(cameras, shape)
 
     def _measure(self) -> None:
         readings, grippers = self.readings(), self.gripper_readings()

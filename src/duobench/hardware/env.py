@@ -97,6 +97,8 @@ class RealEnv(DuoEnv):
         if self.prepare is not None:
             self.prepare(options)
         self.rig.see(self.config.cameras)
+        if self.rig.guard is not None:
+            self.rig.guard.set_scene(task.props, self._layout)
         self.rig.home()
         self._waits = self.rig.waits
         return {LAYOUT: self._layout.to_json(), "seed": seed, SPLIT: split}

@@ -6,13 +6,15 @@ simulation does, within limits of position, speed and acceleration.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from duobench.errors import ActionError
 from duobench.hardware.rig import ArmConfig
+from duobench.robot.frames import tool_jacobians
 from duobench.robot.joints import JOINT_RANGES, RANGE_MARGIN, speed_limits
-from duobench.types import ARM_JOINTS, CONTROL_HZ, Array
+from duobench.types import ARM_JOINTS, CONTROL_HZ, Array, DuoCommand
 
 PERIOD = 1.0 / CONTROL_HZ
 """Seconds over which a target is approached linearly."""
@@ -20,6 +22,8 @@ GAIN = 25.0
 """Speed in rad/s for each radian that the reference is behind [measured: 8 mrad behind]."""
 MAX_STEP_S = 0.02
 """Longest time that one call moves a reference by: after a freeze it goes on, it does not leap."""
+NEAR = 0.02
+"""How far in radians a joint moves until the speed of the tool is looked at anew."""
 BRAKING_SHARE = 0.8
 """Part of the acceleration that the approach of a far target is planned with."""
 
@@ -38,7 +42,7 @@ class Follower:
         """Part of the joints' speed limits, which depend on where they are, that the reference may
         move with. It may change at any time: one that is faster slows down as the acceleration
         allows."""
-        self._acceleration = limits.acceleration
+        self._acceleration, self._tool_speed = limits.acceleration, limits.tool_speed
         self.reset(joints)
 
     def reset(self, joints: Array) -> None:
@@ -49,6 +53,7 @@ class Follower:
         self.velocity = np.zeros(ARM_JOINTS)
         """How fast the reference moves (7,), in rad/s."""
         self._begin = self._end = start
+        self._near, self._jacobian = start, tool_jacobians(start)
         self._elapsed = PERIOD
         self._is_held = False
 
@@ -79,16 +84,28 @@ class Follower:
         if dt == 0.0:
             return self.reference.copy(), self.velocity.copy()
         wanted = np.zeros(ARM_JOINTS) if self._is_held else self._wanted(dt)
-        change = self._acceleration * dt
-        allowed = self._within(wanted, dt)
-        # Last, so that it holds whatever else changes; from any speed that was allowed a joint can
-        # stop before its range ends.
-        velocity = np.minimum(np.maximum(allowed, self.velocity - change), self.velocity + change)
-        self.velocity = velocity
+        self.velocity = velocity = self._next_velocity(self._within(wanted, dt), dt)
         self.reference = self.reference + velocity * dt
         if self._is_held and not velocity.any():
             self._begin = self._end = self.reference
         return self.reference.copy(), velocity.copy()
+
+    def _next_velocity(self, allowed: Array, dt: float) -> Array:
+        """The velocity next to one that positions allow, with which the tool is not too fast."""
+        if np.abs(self.reference - self._near).max() > NEAR:
+            self._near, self._jacobian = self.reference, tool_jacobians(self.reference)
+        most, change = self._tool_speed, self._acceleration * dt
+        least, largest = self.velocity - change, self.velocity + change
+        allowed = allowed * tool_share(self._jacobian, allowed, most)
+        velocity = np.minimum(np.maximum(allowed, least), largest)
+        if tool_share(self._jacobian, velocity, most) < 1.0:
+            # Joints that change together lead from one speed that the tool may have to another.
+            turn = allowed - self.velocity
+            velocity = self.velocity + turn * min(1.0, change / max(np.abs(turn).max(), change))
+            velocity = self._within(velocity, dt)
+        # Last, so that it holds whatever else changes; from any speed that was allowed a joint can
+        # stop before its range ends.
+        return np.minimum(np.maximum(velocity, least), largest)
 
     def _wanted(self, dt: float) -> Array:
         """The velocity that the targets ask for; without a new target it ends at rest."""
@@ -119,6 +136,28 @@ class Follower:
         high = np.minimum(self.speed_fraction * high, _stopping(up, reach, dt))
         low = np.maximum(self.speed_fraction * low, -_stopping(down, reach, dt))
         return np.minimum(np.maximum(velocity, low), high)
+
+
+def tool_share(jacobian: Array, velocity: Array, most: float) -> float:
+    """The part of joint velocities (7,) in rad/s with which a tool moves at most so fast, in m/s.
+
+    The Jacobian (3, 7) is that of `tool_jacobians`.
+    """
+    speed = math.hypot(*(jacobian @ velocity).tolist())
+    return min(1.0, most / speed) if speed > 0.0 else 1.0
+
+
+def paced(last: DuoCommand, sent: DuoCommand, speeds: Sequence[float]) -> DuoCommand:
+    """A command on the way from one to the next, to which no tool is faster than its speed in m/s.
+
+    Both arms go the same part of the way, so that hands that hold one thing stay together.
+    """
+    way = sent.joints - last.joints
+    most = [speed * PERIOD for speed in speeds]
+    share = min(map(tool_share, tool_jacobians(last.joints), way, most))
+    if share == 1.0:
+        return sent
+    return DuoCommand(joints=last.joints + share * way, openings=sent.openings)
 
 
 def _stopping(distance: Array, reach: float, dt: float) -> Array:

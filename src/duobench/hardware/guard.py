@@ -1,29 +1,32 @@
 """The guard: our own simulation of the arms, asked before anything moves.
 
 The control boxes of two arms know nothing of each other, nor of the table. The guard knows arms,
-grippers, wrist cameras, table and mount; it does not know the objects of a task. MuJoCo is loaded
-at first use.
+grippers, wrist cameras, table and mount, what a rig's file says of its cell, and what stands fixed
+in a layout; it does not know loose objects. MuJoCo is loaded at first use.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from duobench.backend import Image
 from duobench.errors import BackendError
+from duobench.hardware.cell import Obstacle, Workspace
 from duobench.hardware.follower import HIGHEST, LOWEST
+from duobench.scene.naming import tcp_name
+from duobench.spatial import SE3
 from duobench.types import SIDES, Array, Side
 
 if TYPE_CHECKING:
     from mujoco import MjModel
 
-    from duobench.sim.rendering import Renderer
+    from duobench.objects.prop import Prop
+    from duobench.sim.layout import Layout
     from duobench.sim.simulation import Simulation
 
 MARGIN = 0.02
@@ -33,10 +36,16 @@ FINGER_MARGIN = 0.01
 Experts of the tasks that the paper rebuilt keep it [measured]."""
 TABLE_DEPTH = 0.002
 """How far fingers may be told to press on the table, in metres: they grasp what lies on it."""
+PROP_MARGIN = 0.01
+"""Distance in metres that arms and hands keep from what stands fixed in a layout. Fingers may touch
+it: they lift its lid, and grasp what lies in it."""
+OBSTACLE = "obstacle"
+"""Begins the name of what a rig's file says is in the way."""
 PATH_STEP = 0.02
 """Largest change of a joint in radians between two configurations of a path that are looked at."""
 _ALLOWED_NEARER = 1e-4
 """A path may begin too near something, if it comes no nearer than by this many metres."""
+_GREY = (0.5, 0.5, 0.5, 1.0)
 _FINGER_WORDS = ("driver", "coupler", "spring_link", "follower", "pad")
 
 
@@ -70,10 +79,24 @@ class Guard:
     The simulation is made when it is first asked.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, workspace: Workspace | None = None, obstacles: Mapping[str, Obstacle] | None = None
+    ) -> None:
         self._lock = threading.RLock()
+        self._workspace, self._obstacles = workspace, obstacles or {}
+        self._fixed: tuple[Prop, ...] = ()
+        self._poses: Mapping[str, SE3] = {}
         self._sim: Simulation | None = None
-        self._renderers: dict[tuple[int, int], Renderer] = {}
+
+    def set_scene(self, props: Iterable[Prop], layout: Layout) -> None:
+        """Look out for those props, too, that stand fixed in a layout, and for no earlier ones."""
+        fixed = tuple(prop for prop in props if prop.fixed and prop.name in layout.poses)
+        with self._lock:
+            if fixed != self._fixed:
+                self._fixed, self._sim = fixed, None
+            self._poses = layout.poses
+            if self._sim is not None:
+                self._place(self._sim)
 
     def nearest(self, joints: Array, within: float = 0.1) -> Clearance | None:
         """The two parts with the least room at joint positions (2, 7) in radians.
@@ -96,17 +119,17 @@ class Guard:
             return best
 
     def problem(self, joints: Array) -> str | None:
-        """What is too near at joint positions (2, 7) in radians, in words; None if nothing is."""
-        nearest = self.nearest(joints, MARGIN)
-        return str(nearest) if nearest is not None and nearest.room < 0.0 else None
+        """What is too near or outside at joint positions (2, 7), in words; None if nothing is."""
+        return next((words for room, words in self._rooms(joints) if room < 0.0), None)
 
     def plan_path(self, start: Array, end: Array) -> list[Array]:
         """A path between joint positions (2, 7) on which nothing comes too near anything.
 
-        At its start the arms may be too near something; then it comes no nearer. It is what to go
+        At its start the arms may be too near something; then it comes no nearer. A tool that is
+        outside of the workspace gets no further out. It is what to go
         through, `end` last, each on a straight line from the one before.
         """
-        why: Clearance | None = None
+        why: str | None = None
         for path in path_candidates(start, end):
             problem = self._problem_on(start, path)
             if problem is None:
@@ -121,45 +144,34 @@ class Guard:
         """Whether nothing comes too near anything on a path, as `plan_path` gives them."""
         return self._problem_on(start, path) is None
 
-    def _problem_on(self, start: Array, path: Sequence[Array]) -> Clearance | None:
-        nearest = self.nearest(start, MARGIN)
-        allowed = 0.0 if nearest is None else min(0.0, nearest.room - _ALLOWED_NEARER)
+    def _problem_on(self, start: Array, path: Sequence[Array]) -> str | None:
+        rooms = [room for room, _ in self._rooms(start)]
+        allowed = [room - _ALLOWED_NEARER if room < 0.0 else 0.0 for room in rooms]
         here = start
         for there in path:
             steps = max(1, int(np.ceil(np.max(np.abs(there - here)) / PATH_STEP)))
             for step in range(1, steps + 1):
-                nearest = self.nearest(here + (there - here) * (step / steps), MARGIN)
-                room = 0.0 if nearest is None else min(0.0, nearest.room)
-                if nearest is not None and room < allowed:
-                    return nearest
-                allowed = max(allowed, room - _ALLOWED_NEARER)
+                found = self._rooms(here + (there - here) * (step / steps))
+                for number, (room, words) in enumerate(found):
+                    if room < allowed[number]:
+                        return words
+                    allowed[number] = max(allowed[number], room - _ALLOWED_NEARER)
             here = there
         return None
 
-    def ghost(
-        self, joints: Array, cameras: Sequence[str], shape: tuple[int, int]
-    ) -> Mapping[str, Image]:
-        """The arms at joint positions (2, 7) in radians as each of some cameras would see them.
-
-        Where image and ghost agree, calibration and measured joints do. The shape is height and
-        width in pixels.
-        """
-        from duobench.sim.rendering import Renderer
-
+    def _rooms(self, joints: Array) -> list[tuple[float, str]]:
+        """By how many metres parts are too near and tools outside, negative, and both in words."""
         with self._lock:
-            sim = self._at(joints)
-            sim.forward()
-            if shape not in self._renderers:
-                height, width = shape
-                self._renderers[shape] = Renderer(sim.model, height=height, width=width)
-            return self._renderers[shape].render_all(sim.data, cameras)
-
-    def close(self) -> None:
-        """Free what images need."""
-        with self._lock:
-            for renderer in self._renderers.values():
-                renderer.close()
-            self._renderers.clear()
+            nearest = self.nearest(joints, MARGIN)
+            rooms = [(0.0, "") if nearest is None else (min(nearest.room, 0.0), str(nearest))]
+            if (workspace := self._workspace) is not None:
+                places = self._at(joints).data.site_xpos
+                room, side = min(
+                    (workspace.room(places[site]), side) for side, site in self._tools.items()
+                )
+                far = f"{1000 * -room:.0f} mm outside of the workspace that the rig's file allows."
+                rooms.append((min(room, 0.0), f"the {side} tool would be {far}"))
+            return rooms
 
     def _at(self, joints: Array) -> Simulation:
         import mujoco
@@ -168,17 +180,28 @@ class Guard:
         if sim is None:
             from duobench.sim.simulation import Simulation
 
-            sim = self._sim = Simulation()
+            boxes = [_prop_of(name, obstacle) for name, obstacle in self._obstacles.items()]
+            sim = self._sim = Simulation([*self._fixed, *boxes])
+            self._place(sim)
             self._describe(sim)
         sim.data.qpos[sim.duo.joints] = joints
         mujoco.mj_kinematics(sim.model, sim.data)
         return sim
+
+    def _place(self, sim: Simulation) -> None:
+        """Put what stands still where it stands."""
+        for prop in self._fixed:
+            sim.place(prop.name, self._poses[prop.name])
+        for name, each in self._obstacles.items():
+            sim.place(f"{OBSTACLE} {name}", SE3.at(*each.centre, yaw=each.yaw))
 
     def _describe(self, sim: Simulation) -> None:
         """Say what each geom is, and list all pairs of them that may come too near."""
         model = sim.model
         solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
         parts = {int(geom): _part_of(model, int(geom)) for geom in solid}
+        parts = {geom: part for geom, part in parts.items() if not part.is_hinged}
+        self._tools = {side: model.site(tcp_name(side)).id for side in SIDES}
         self._words = {geom: part.words for geom, part in parts.items()}
         self._pairs = [
             (one, other, margin)
@@ -208,10 +231,32 @@ class _Part:
     is_finger: bool = False
     """Whether it is part of a gripper's fingers."""
     is_table: bool = False
+    is_prop: bool = False
+    """Whether it is an object of a task, which fingers may touch."""
+    is_hinged: bool = False
+    """Whether it is a lid or a door, of which nobody knows how far it is open."""
+
+
+def _prop_of(name: str, obstacle: Obstacle) -> Prop:
+    from duobench.objects.prop import Prop
+    from duobench.objects.shapes import box
+    from duobench.objects.solid import Solid
+
+    shape = box(*obstacle.size)
+    return Prop(name=f"{OBSTACLE} {name}", solid=Solid(shapes=(shape,), rgba=_GREY), fixed=True)
 
 
 def _part_of(model: MjModel, geom: int) -> _Part:
-    body, name = model.body(model.geom_bodyid[geom]).name, model.geom(geom).name
+    number = model.geom_bodyid[geom]
+    body, name = model.body(number).name, model.geom(geom).name
+    root = model.body_rootid[number]
+    if model.body_mocapid[root] >= 0:
+        thing = model.body(root).name
+        return _Part(
+            words=f"the {thing.replace('_', ' ')}",
+            is_prop=not thing.startswith(f"{OBSTACLE} "),
+            is_hinged=model.body_dofnum[number] > 0,
+        )
     for side in SIDES:
         rest = body.removeprefix(f"{side}/")
         if rest == body:
@@ -231,6 +276,8 @@ def _margin(one: _Part, other: _Part) -> float | None:
         arm, still = (one, other) if other.side is None else (other, one)
         if arm.side is None or (arm.link < 2 and not still.is_table):  # noqa: PLR2004
             return None  # the shoulder stands on the mount, and never comes near the table
+        if still.is_prop:
+            return None if arm.is_finger else PROP_MARGIN
         return -TABLE_DEPTH if arm.is_finger and still.is_table else MARGIN
     if one.side is other.side:
         nearer, further = sorted((one.link, other.link))

@@ -8,13 +8,61 @@ from duobench.hardware.clock import Clock, SystemClock
 from duobench.hardware.devices import Arm, Camera, Gripper
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.guard import Guard
-from duobench.hardware.rig import ArmDriver, CameraDriver, GripperDriver, Rig
+from duobench.hardware.rig import (
+    MAX_ACCELERATION,
+    MAX_SPEED_FRACTION,
+    MAX_TOOL_SPEED,
+    ArmConfig,
+    ArmDriver,
+    CameraConfig,
+    CameraDriver,
+    GripperConfig,
+    GripperDriver,
+    Rig,
+)
 from duobench.references import load
 from duobench.robot.joints import HOME_JOINTS
-from duobench.types import SIDES, Side
+from duobench.types import POLICY_CAMERAS, SIDES, Side
 
 SIMULATED, REHEARSAL = "simulated", "rehearsal"
-COMPUTED = {SIMULATED: Rig.simulated, REHEARSAL: Rig.rehearsal}
+REHEARSAL_SIZE = (180, 320)
+"""Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
+processor renders ten times a second beside the arms."""
+REHEARSAL_FORCE = 60.0
+"""Force in N at which an arm of a rehearsal stops: hands that pass a cube on press each other with
+25 to 31 N [measured on the expert's commands]."""
+REHEARSAL_MOMENT = 12.0
+"""Moment in N·m at its tool at which it stops: a pot at the end of an arm turns the wrist."""
+
+
+def rehearsal_rig() -> Rig:
+    """A rig without hardware whose arms and grippers act on our own simulation of a task.
+
+    Mounts are named by address and port, so that arms can be swapped as cables can.
+    """
+    arms = {
+        side: ArmConfig(
+            driver=ArmDriver.REHEARSAL,
+            address=side,
+            speed_fraction=MAX_SPEED_FRACTION,
+            acceleration=MAX_ACCELERATION,
+            tool_speed=MAX_TOOL_SPEED,
+            force_threshold=REHEARSAL_FORCE,
+            moment_threshold=REHEARSAL_MOMENT,
+            is_realtime=False,
+        )
+        for side in SIDES
+    }
+    camera = CameraConfig(driver=CameraDriver.REHEARSAL, size=REHEARSAL_SIZE)
+    return Rig(
+        name="rehearsal",
+        arms=arms,
+        grippers={side: GripperConfig(driver=GripperDriver.REHEARSAL, port=side) for side in SIDES},
+        cameras=dict.fromkeys(POLICY_CAMERAS, camera),
+    )
+
+
+COMPUTED = {SIMULATED: Rig.simulated, REHEARSAL: rehearsal_rig}
 """The rigs without hardware by their names."""
 DRIVERS = {
     ArmDriver.FRANKY: "franky_arm:FrankyArm",
@@ -50,7 +98,7 @@ def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool =
         arms={side: _arm(rig, side, clock, rehearsal) for side in SIDES},
         grippers={side: _gripper(rig, side, clock, rehearsal) for side in SIDES},
         cameras={name: _camera(rig, name, clock, rehearsal) for name in rig.cameras},
-        guard=Guard() if guard else None,
+        guard=Guard(rig.workspace, rig.obstacles) if guard else None,
         world=None if rehearsal is None else rehearsal.world,
     )
 

@@ -9,16 +9,14 @@ the world goes on more slowly; it never stands still and leaps.
 import math
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from duobench.errors import BackendError, escaped
+from duobench.errors import BackendError, SimulationError, escaped
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind
-from duobench.hardware.drivers.registers import GripperRegisters
+from duobench.hardware.registers import GripperRegisters
 from duobench.hardware.rig import ArmConfig
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
@@ -55,16 +53,6 @@ _CONTACT = mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS.value
 RELEASE = "The emergency stop is pressed. Release it, then recover the arms."
 
 
-class Scene(NamedTuple):
-    """What images are rendered from: a model, and what moves and changes in it."""
-
-    model: mujoco.MjModel
-    qpos: Array
-    mocap_pos: Array
-    mocap_quat: Array
-    geom_rgba: Array
-
-
 class MountedArm:
     """One arm of the world, as it stands on its mount; numbers are (7,) in radians and N·m."""
 
@@ -94,7 +82,7 @@ class MountedArm:
         """What the arm stops at, as its library says it; None while nothing is too much."""
         if (np.abs(self.external) > self.config.torque_threshold).any():
             return "joint_reflex"
-        if (np.abs(self.wrench) > self.config.force_threshold).any():
+        if (np.abs(self.wrench) > self.config.tool_thresholds).any():
             return "cartesian_reflex"
         return None
 
@@ -125,8 +113,8 @@ class RehearsalWorld:
         self._random = np.random.default_rng(seed)
         self._users: set[int] = set()
         self._ticker: Ticker | None = None
-        self._time = 0.0
-        self._steps = 0
+        self._time, self._steps = 0.0, 0
+        self._has_failed = False
         self._sides = [arm_joint_names(side) for side in SIDES]
         self._install(Simulation())
         model = self.simulation.model
@@ -162,19 +150,12 @@ class RehearsalWorld:
         """The emergency stop is released; the arms still have to be recovered."""
         self.is_stopped = False
 
-    def scene(self) -> Scene:
-        """What there is to see at this moment."""
+    def scene(self) -> tuple[mujoco.MjModel, tuple[Array, ...]]:
+        """The model, and what moves or changes in it: joints, fixed objects, and colours."""
         with self.lock:
             model, data = self.simulation.model, self.simulation.data
             moved = data.qpos, data.mocap_pos, data.mocap_quat, model.geom_rgba
-            return Scene(model, *(np.array(each) for each in moved))
-
-    @contextmanager
-    def looking(self) -> Iterator[Simulation]:
-        """The simulation with its contacts up to date, while the world stands still."""
-        with self.lock:
-            self.simulation.contacts.update()
-            yield self.simulation
+            return model, tuple(np.array(each) for each in moved)
 
     # --- placing ---------------------------------------------------------------------------------
 
@@ -226,8 +207,10 @@ class RehearsalWorld:
         qpos, qvel, ctrl = robot.qpos[:nq].copy(), robot.qvel[:nv].copy(), robot.ctrl[:nu].copy()
         simulation.reset_data()
         data = simulation.data
-        data.qpos[:nq], data.qvel[:nv], data.ctrl[:nu] = qpos, qvel, ctrl
+        if np.isfinite(qpos).all() and np.isfinite(qvel).all():  # or physics had failed: home
+            data.qpos[:nq], data.qvel[:nv], data.ctrl[:nu] = qpos, qvel, ctrl
         simulation.apply(layout)
+        self._has_failed = False
 
     def _objection(self) -> str | None:
         """What is wrong with where the objects are; None if nothing is."""
@@ -279,11 +262,15 @@ class RehearsalWorld:
             model.actuator_biasprm[motors, 2] = -np.array(config.damping)
 
     def _tick(self) -> None:
-        try:
-            with self.lock:
-                self._catch_up()
-        except Exception as error:  # noqa: BLE001 - a fault tells of it
-            self._fail(f"The physics of the rehearsal failed: {escaped(repr(error))}")
+        with self.lock:
+            try:
+                if not self._has_failed:
+                    self._catch_up()
+            except Exception as error:  # noqa: BLE001 - a fault tells of it
+                self._has_failed = True
+                text = f"The physics of the rehearsal failed: {escaped(str(error))}"
+                for arm in self.arms.values():
+                    arm.stop(FaultKind.CONTROLLER.fault(text))
 
     def _catch_up(self) -> None:
         now = self.clock.now()
@@ -294,8 +281,6 @@ class RehearsalWorld:
             self._step()
         for side in SIDES:
             self._measure(side)
-        if self._data.warning.number.any():
-            self._fail("The physics of the rehearsal became unstable; place the objects again.")
 
     def _step(self) -> None:
         """One physics step: forces and integration, then where everything is."""
@@ -306,6 +291,8 @@ class RehearsalWorld:
         if self._steps % FEEL_EVERY == 0:
             self._feel()
         mujoco.mj_step1(model, data)
+        if data.warning.number.any():
+            raise SimulationError("it became unstable. Place the objects again.")
         self._steps += 1
         self._time += STEP_S
         if self._steps % HAND_EVERY == 0:
@@ -348,7 +335,3 @@ class RehearsalWorld:
             data.ctrl[hand] = CTRL_CLOSED * (target - low) / (high - low)
         elif np.abs(data.qvel[self._driver_dofs[index]]).max() > STILL:
             data.ctrl[hand] = CTRL_CLOSED * share  # stop; a grip that rests is kept
-
-    def _fail(self, text: str) -> None:
-        for arm in self.arms.values():
-            arm.stop(FaultKind.CONTROLLER.fault(text))

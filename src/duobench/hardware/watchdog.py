@@ -13,6 +13,7 @@ from duobench.errors import escaped
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.controller import ArmsController
 from duobench.hardware.devices import Camera, Fault, FaultKind, image_ages
+from duobench.hardware.follower import PERIOD
 from duobench.hardware.supervisor import State, Supervisor
 
 _log = logging.getLogger(__name__)
@@ -51,6 +52,7 @@ class Watchdog:
         self._fed = 0.0
         self.seen = frozenset(cameras)
         """Cameras that somebody looks through while commands are followed."""
+        self.waits = 0
         self.look: Callable[[], None] = lambda: None
         """Looks whether somebody is there while arms or fingers may move; see `watch_person`."""
 
@@ -88,14 +90,11 @@ class Watchdog:
             _log.exception("The watch failed.")
             text = f"What is wrong cannot be told: {escaped(repr(error))}"
             self._hold(text, FaultKind.CONTROLLER.fault(text))
-        now, state = self._clock.now(), self._supervisor.state
-        if not self._controller.is_engaged or state in {State.HOMING, State.READY}:
-            return
-        if now - self._fed > STOP_AFTER_S:
-            if state is State.RUNNING:
+        if self._controller.is_engaged and self._clock.now() - self._fed > STOP_AFTER_S:
+            self._controller.disengage()
+            if self._supervisor.state in {State.HOMING, State.RUNNING}:  # asked now: it may be new
                 reason = f"No command came for {STOP_AFTER_S:g} s; the arms were stopped."
                 self._hold(reason, None)
-            self._controller.disengage()
 
     def _arm_fault(self) -> Fault | None:
         for side, arm in self._controller.arms.items():
@@ -137,6 +136,22 @@ class Watchdog:
             if camera.fault is not None and (name in self.seen or not is_running):
                 return _named(f"The camera {name}", camera.fault)
         return self.late_image(GRACE_S) if is_running else None
+
+    def wait_for_images(self) -> bool:
+        """Bring the arms to rest while an image is late, and hold them if it does not come.
+
+        Whether one was waited for.
+        """
+        if self._supervisor.state is not State.RUNNING or not self.late_image():
+            return False
+        self.waits += 1
+        self._controller.hold()
+        end = self._clock.now() + GRACE_S
+        while self._supervisor.reason is None and self.late_image() and self._clock.now() < end:
+            self._clock.wait_until(self._clock.now() + PERIOD)
+        if self._supervisor.reason is None and (fault := self.late_image()) is not None:
+            self._hold(fault.text, fault)
+        return True
 
     def late_image(self, grace: float = 0.0) -> Fault | None:
         """The fault that the image of a camera is which somebody sees, and is late.

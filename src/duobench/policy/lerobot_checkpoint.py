@@ -16,6 +16,7 @@ from duobench.errors import PolicyError, check_known
 from duobench.files import digest_of
 from duobench.lerobot_keys import (
     ACTION,
+    DOMAINS,
     FEATURE_NAMES,
     IMAGE_PREFIX,
     LAST,
@@ -57,6 +58,8 @@ class Address:
     action: str | None = None
     """Mode that its actions are meant for, as an export names it; None takes what the names of its
     data set say."""
+    domain: str = DOMAINS[0]
+    """Where it plays, "sim" or "real"; for a policy that learned with domain ids."""
 
 
 def parse(text: str) -> Address:
@@ -82,6 +85,7 @@ def parse(text: str) -> Address:
     steps = options.pop("steps", None)
     if steps is not None and not (steps.isascii() and steps.isdigit() and int(steps) > 0):
         raise PolicyError(f"The steps of a LeRobot policy are 1 or more, got {steps!r}.")
+    check_known("domain", options.get("domain", DOMAINS[0]), DOMAINS)
     return Address(checkpoint=checkpoint, steps=None if steps is None else int(steps), **options)
 
 

@@ -22,7 +22,7 @@ from safetensors import safe_open  # pyright: ignore[reportMissingImports]
 from torch.overrides import TorchFunctionMode  # pyright: ignore[reportMissingImports]
 
 from duobench.errors import PolicyError
-from duobench.lerobot_keys import EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
+from duobench.lerobot_keys import DOMAINS, EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.policy import lerobot_checkpoint as checkpoint
 from duobench.policy.batch import NOISE_STREAM, Chunk, Observation, Session
 from duobench.policy.lerobot_checkpoint import DIFFUSION, horizon, inputs, labels_of, object_numbers
@@ -93,6 +93,8 @@ class LeRobotPolicy:
         )
         self._cameras, image_size = inputs(config, _rename_map(self._before))
         self._object_numbers = object_numbers(config)
+        self._domain_key = getattr(config, "domain_feature_key", None)
+        self._domain = DOMAINS.index(address.domain)
         mode = self._labels.mode.name
         self.metadata = PolicyMetadata(
             name=f"lerobot {config.type}",
@@ -100,7 +102,8 @@ class LeRobotPolicy:
             object_state=self._object_numbers > 0,
             image_size=image_size,
             action_mode=mode,
-            version=_version(folder, self._steps, mode, self._model, device, config.use_amp),
+            version=_version(folder, self._steps, mode, self._model, device, config.use_amp)
+            + (f", domain {address.domain}" if self._domain_key else ""),
             horizon=None if self._past is not None else self._steps,
             dtype=_dtype(self._model),
             device=torch.device(device).type,
@@ -156,7 +159,11 @@ class LeRobotPolicy:
         batch["task"] = [session.instruction for session in sessions]
         keys = [(session.seed, session.call) for session in sessions]
         with torch.inference_mode(), self._precision, EpisodeNoise(keys):
-            actions = self._model.predict_action_chunk(self._before(batch))
+            prepared = self._before(batch)
+            if self._domain_key:  # the processors drop it
+                domains = torch.full((len(sessions),), self._domain)
+                prepared[self._domain_key] = domains.to(prepared[STATE].device)
+            actions = self._model.predict_action_chunk(prepared)
         actions = self._after(actions[:, : self._steps])
         return [self._labels.to_actions(rows) for rows in actions.float().cpu().numpy()]
 

@@ -30,15 +30,16 @@ DOCUMENT = "comparison.json"
 
 def compare(sources: Sequence[str]) -> RunComparison:
     """Compare runs, any two of them, by their sources, see `read_entrants`; nothing is written."""
-    return _compared(read_entrants(sources))
+    return compare_entrants(read_entrants(sources))
 
 
 def compare_parts(parts: Iterable[RunPart]) -> RunComparison:
     """Compare what was played under several conditions, such as those of one run."""
-    return _compared(lettered([entrant_of(part) for part in parts]))
+    return compare_entrants(lettered([entrant_of(part) for part in parts]))
 
 
-def _compared(entrants: Sequence[Entrant]) -> RunComparison:
+def compare_entrants(entrants: Sequence[Entrant]) -> RunComparison:
+    """Compare entrants that have their letters, any two of them."""
     rows = table_rows(entrants)
     pairs = [compare_pair(a, b, rows) for a, b in combinations(entrants, 2)]
     tested = sorted((pair for pair in pairs if pair), key=lambda pair: pair.crosses_groups)

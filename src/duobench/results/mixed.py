@@ -1,24 +1,40 @@
 """The paper's mixed table: trained on simulated, real or mixed data, evaluated in both worlds.
 
-It is a table of runs, not a test: runs in simulation and on real arms are different episodes, and
-their intervals say how little few rollouts tell.
+Policies stand side by side, with a row for all tasks together. Trainings of one policy that played
+in the same world are tested against each other, in pairs where they played the same episodes. The
+two worlds are not tested against each other: their episodes differ.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 from duobench.errors import EvaluationError
 from duobench.results import tables
-from duobench.results.entrants import Cell, read_named
+from duobench.results.compare import compare_entrants
+from duobench.results.entrants import (
+    Cell,
+    Entrant,
+    RowKind,
+    TableRow,
+    entrant_of,
+    lettered,
+    read_named,
+    table_rows,
+)
 from duobench.results.pages import PAGE, check_free, json_text, page, write_files
+from duobench.results.pairs import Pair
 from duobench.results.records import DOMAINS, REAL, SIM
 from duobench.results.run import TRAININGS
-from duobench.results.scores import Score, interval_percent
-from duobench.results.suite import TaskInfo
+from duobench.results.scores import RunPart, Score, interval_percent, score, summarize
 
 DOCUMENT = "mixed.json"
 """The table for programs; a folder that has it holds one."""
+MIXED_SCHEMA = 3
 WORDS = {SIM: "simulation", REAL: "real arms"}
 CSV_HEADER = (
     *("task", "policy", "trained_on", "evaluated_in", "episodes", "successes", "success_rate"),
@@ -26,30 +42,96 @@ CSV_HEADER = (
 )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class MixedRow:
-    """One training of one policy on one task."""
+class Place(NamedTuple):
+    """Where a result stands in the table."""
 
-    task: TaskInfo
     policy: str
     """Name of the policy, the same for all of its trainings; may be empty."""
     trained_on: str
-    scores: dict[str, Score]
-    """What it reached, by where it was evaluated."""
+    domain: str
+    """Where it was evaluated."""
+
+    @property
+    def title(self) -> str:
+        """The policy with its training, in words."""
+        return f"{self.policy} trained on {self.trained_on}".strip()
 
 
-def read_mixed(sources: Sequence[str]) -> tuple[MixedRow, ...]:
-    """Read the rows of the table, task by task, policy by policy, training by training.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MixedTest:
+    """What tests say about two trainings of a policy that played in the same world."""
+
+    policy: str
+    domain: str
+    pair: Pair
+
+    @property
+    def text(self) -> str:
+        """The same in words."""
+        how = "the same episodes" if self.pair.paired else "different episodes"
+        more = [
+            f"Over {test.row.label.lower()}: {tables.numbers_text(test)}."
+            for test in self.pair.of(RowKind.OVERALL)
+        ]
+        if self.pair.conditions:
+            more.append(f"Not the trainings alone differ: {'; '.join(self.pair.conditions)}.")
+        verdict = tables.verdict(self.pair)
+        return " ".join([f"In {WORDS[self.domain]}, on {how}: {verdict}", *more])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class MixedTable:
+    """Trainings by the world that they played in, policy by policy."""
+
+    rows: tuple[TableRow, ...]
+    """The tasks, and all of them together."""
+    entrants: dict[Place, Entrant]
+    tests: tuple[MixedTest, ...]
+
+    @property
+    def policies(self) -> list[str]:
+        """The policies, in the order of their columns."""
+        return list(dict.fromkeys(place.policy for place in self.entrants))
+
+    @property
+    def columns(self) -> list[tuple[str, str]]:
+        """Policy and world of each column."""
+        return [(policy, domain) for policy in self.policies for domain in DOMAINS]
+
+    def lines(self) -> Iterator[tuple[TableRow, str, list[Score | None]]]:
+        """Line by line: what was played, what it was trained on, and the score of each column."""
+        for row in self.rows:
+            for trained_on in TRAININGS:
+                found = [
+                    self.score(row, Place(policy, trained_on, domain))
+                    for policy, domain in self.columns
+                ]
+                if any(found):
+                    yield row, trained_on, found
+
+    def score(self, row: TableRow, place: Place) -> Score | None:
+        """What was reached in a row; None where a task of it was not played."""
+        if (entrant := self.entrants.get(place)) is None:
+            return None
+        played = [entrant.records(task.id) for task in row.tasks]
+        return score("", list(chain.from_iterable(played))) if all(played) else None
+
+    def heading(self, policy: str, domain: str) -> str:
+        """Title of a column."""
+        return f"{policy} in {WORDS[domain]}" if policy else f"Evaluated in {WORDS[domain]}"
+
+
+def read_mixed(sources: Sequence[str]) -> MixedTable:
+    """Read what the table holds; nothing is written.
 
     Args:
         sources: Folders of runs or bundles, each alone where the run says what its policy was
             trained on, or as TRAINING=FOLDER or NAME/TRAINING=FOLDER with "sim", "real" or "mixed"
-            for the training.
+            for the training. Tasks of one training may come from several.
     """
     if not sources:
         raise EvaluationError("A mixed table needs a run.")
-    found: dict[tuple[str, str, str], MixedRow] = {}
-    tasks: dict[str, TaskInfo] = {}
+    found: dict[Place, list[RunPart]] = {}
     for source in sources:
         label, parts = read_named(source)
         name, _, given = label.rpartition("/")
@@ -61,34 +143,61 @@ def read_mixed(sources: Sequence[str]) -> tuple[MixedRow, ...]:
                     f"it is one of {', '.join(TRAININGS)}. Name it: sim={source}, or "
                     f"ACT/sim={source}."
                 )
-            domain = part.condition.domain
+            place = Place(name, trained_on, part.condition.domain)
+            before = found.setdefault(place, [])
             for one in part.results.tasks:
                 if not one.records:
                     raise EvaluationError(f"{source} has no finished episode of {one.task.id}.")
-                task = tasks.setdefault(one.task.id, one.task)
-                new = MixedRow(task=task, policy=name, trained_on=trained_on, scores={})
-                scores = found.setdefault((task.id, name, trained_on), new).scores
-                if domain in scores:
+                if any(each.results.played(one.task.id) for each in before):
                     raise EvaluationError(
-                        f"{source} is a second run of {task.id}, trained on {trained_on} and "
-                        f"evaluated in {WORDS[domain]}; name the policies: "
+                        f"{source} is a second run of {one.task.id}, trained on {trained_on} and "
+                        f"evaluated in {WORDS[place.domain]}; name the policies: "
                         f"ACT/{trained_on}={source}."
                     )
-                scores[domain] = one.score
-    ids = list(tasks)
-    order = sorted(found, key=lambda key: (ids.index(key[0]), key[1], TRAININGS.index(key[2])))
-    return tuple(found[key] for key in order)
+            before.append(part)
+    names = list(dict.fromkeys(place.policy for place in found))
+    order = sorted(found, key=lambda p: (names.index(p.policy), TRAININGS.index(p.trained_on)))
+    entrants = {place: entrant_of(_joined(found[place]), place.title) for place in order}
+    rows = [row for row in table_rows(list(entrants.values())) if row.kind is not RowKind.CATEGORY]
+    return MixedTable(rows=tuple(rows), entrants=entrants, tests=tuple(_tests(entrants)))
 
 
-def write_mixed(rows: Sequence[MixedRow], out: Path) -> Path:
+def _joined(parts: Sequence[RunPart]) -> RunPart:
+    """What several evaluations of one training played, each on other tasks, as one."""
+    first = parts[0]
+    if len(versions := {part.suite.version for part in parts}) > 1:
+        raise EvaluationError(
+            f"{first.candidate.policy} played different suites ({', '.join(sorted(versions))}), "
+            "whose scores cannot be added up; take runs of one of them."
+        )
+    tasks = tuple(one.task for part in parts for one in part.results.tasks)
+    run = replace(first.run, suite=replace(first.suite, tasks=tasks))
+    records = [record for part in parts for record in part.records]
+    return replace(first, run=run, results=summarize(tasks, records))
+
+
+def _tests(entrants: dict[Place, Entrant]) -> Iterator[MixedTest]:
+    for policy in dict.fromkeys(place.policy for place in entrants):
+        for domain in DOMAINS:
+            ours = [
+                entrant
+                for place, entrant in entrants.items()
+                if (place.policy, place.domain) == (policy, domain)
+            ]
+            if len(ours) > 1:
+                for pair in compare_entrants(lettered(ours)).pairs:
+                    yield MixedTest(policy=policy, domain=domain, pair=pair)
+
+
+def write_mixed(table: MixedTable, out: Path) -> Path:
     """Write the table as page, Markdown, CSV, LaTeX and JSON; an earlier one is replaced."""
     check_free(out, DOCUMENT, "mixed table")
-    text = page("mixed.html.j2", {}, rows=rows, domains=DOMAINS, words=WORDS, text=_cell_text)
+    text = page("mixed.html.j2", {}, table=table, text=_cell_text)
     contents = {
-        DOCUMENT: _document(rows),
-        "mixed.md": markdown(rows),
-        "mixed.csv": _csv(rows),
-        "mixed.tex": _latex(rows),
+        DOCUMENT: _document(table),
+        "mixed.md": markdown(table),
+        "mixed.csv": _csv(table),
+        "mixed.tex": _latex(table),
         PAGE: text,
     }
     return write_files(out, contents)
@@ -98,62 +207,80 @@ def _cell_text(score: Score) -> str:
     return tables.cell_text(Cell.of(score))
 
 
-def markdown(rows: Sequence[MixedRow]) -> str:
-    """The table as Markdown."""
-    heads = ["task", "trained on", *(f"evaluated in {WORDS[domain]}" for domain in DOMAINS)]
-    rules = ["---", "---", *["---:"] * len(DOMAINS)]
-    lines = [tables.md_row(cells) for cells in (heads, rules, *map(_cells, rows))]
+def markdown(table: MixedTable) -> str:
+    """The table as Markdown, and what tests say."""
+    heads, rules = _heads(table), ["---", "---", *["---:"] * len(table.columns)]
+    lines = [tables.md_row(cells) for cells in (heads, rules, *_cells(table))]
     what = "Success rate in percent, with mean final progress and the 95 % Wilson interval."
-    return "\n".join([what, "", *lines]) + "\n"
+    said = [line for test in table.tests for line in ("", test.text)]
+    return "\n".join([what, "", *lines, *said]) + "\n"
 
 
-def _latex(rows: Sequence[MixedRow]) -> str:
-    heads = ["Task", "Trained on", *(f"Evaluated in {WORDS[domain]}" for domain in DOMAINS)]
+def _latex(table: MixedTable) -> str:
+    heads, *rows = (
+        tables.tex_row(map(tables.tex, each)) for each in (_heads(table), *_cells(table))
+    )
     lines = [
-        rf"\begin{{tabular}}{{ll{'c' * len(DOMAINS)}}}",
-        r"\toprule",
-        tables.tex_row(heads),
-        r"\midrule",
-        *(tables.tex_row(map(tables.tex, _cells(row))) for row in rows),
-        r"\bottomrule",
-        r"\end{tabular}",
+        rf"\begin{{tabular}}{{ll{'c' * len(table.columns)}}}",
+        *(r"\toprule", heads, r"\midrule", *rows, r"\bottomrule", r"\end{tabular}"),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _cells(row: MixedRow) -> list[str]:
-    name = f"{row.policy}, {row.trained_on}" if row.policy else row.trained_on
-    found = (row.scores.get(domain) for domain in DOMAINS)
-    return [row.task.title, name, *("–" if score is None else _text(score) for score in found)]
+def _heads(table: MixedTable) -> list[str]:
+    return ["Task", "Trained on", *(table.heading(*column) for column in table.columns)]
+
+
+def _cells(table: MixedTable) -> Iterable[list[str]]:
+    for row, trained_on, found in table.lines():
+        yield [row.label, trained_on, *("–" if each is None else _text(each) for each in found)]
 
 
 def _text(score: Score) -> str:
     return f"{_cell_text(score)}, {interval_percent(score)}, n = {score.episodes}"
 
 
-def _csv(rows: Sequence[MixedRow]) -> str:
+def _scores(table: MixedTable) -> Iterator[tuple[str, Place, Score]]:
+    """Every score of the table, with the task's id, or "all"."""
+    for row in table.rows:
+        name = row.tasks[0].id if row.kind is RowKind.TASK else "all"
+        for place in table.entrants:
+            if (found := table.score(row, place)) is not None:
+                yield name, place, found
+
+
+def _csv(table: MixedTable) -> str:
     lines = [
         [
-            *(row.task.id, row.policy, row.trained_on, domain, score.episodes, score.successes),
-            *(f"{number:.6f}" for number in (score.success_rate or 0.0, *score.interval)),
-            f"{score.mean_final_progress or 0.0:.6f}",
+            *(task, *place, found.episodes, found.successes),
+            *(f"{number:.6f}" for number in (found.success_rate or 0.0, *found.interval)),
+            f"{found.mean_final_progress or 0.0:.6f}",
         ]
-        for row in rows
-        for domain, score in sorted(row.scores.items())
+        for task, place, found in _scores(table)
     ]
     return tables.csv_text([CSV_HEADER, *lines])
 
 
-def _document(rows: Sequence[MixedRow]) -> str:
-    content = [
+def _document(table: MixedTable) -> str:
+    rows = [
         {
-            "task": row.task.id,
-            "policy": row.policy,
-            "trained_on": row.trained_on,
-            "evaluated_in": {
-                domain: score.numbers() for domain, score in sorted(row.scores.items())
-            },
+            "task": task,
+            "policy": place.policy,
+            "trained_on": place.trained_on,
+            "evaluated_in": place.domain,
+            **found.numbers(),
         }
-        for row in rows
+        for task, place, found in _scores(table)
     ]
-    return json_text({"schema": 2, "rows": content})
+    tests = [
+        {
+            "policy": test.policy,
+            "evaluated_in": test.domain,
+            **tables.pair_json(test.pair),
+            **{side: getattr(test.pair, side).title for side in ("a", "b")},
+        }
+        for test in table.tests
+    ]
+    overall = [row.tasks for row in table.rows if row.kind is RowKind.OVERALL]
+    tasks = [task.id for each in overall for task in each]
+    return json_text({"schema": MIXED_SCHEMA, "all": tasks, "rows": rows, "tests": tests})

@@ -122,7 +122,7 @@ def identity(part: RunPart) -> Facts:
         else f"{candidate.policy} ({policy.name})",
         "Its version": policy.version or UNKNOWN,
         "Trained on": candidate.trained_on,
-        "Rig": (run.rig or "")[:12],
+        "Rig": rig_text(part.records) if run.is_real else "",
         "Suite": f"{suite_text(suite)}, version {suite.version}, layouts of the split "
         f"{config.split}",
         "Salt": f"SHA-256 {suite.salt}" if suite.salt else "",
@@ -142,6 +142,12 @@ def identity(part: RunPart) -> Facts:
         f"{run.limits.episode_timeout:g} s an episode",
     }
     return {name: value for name, value in facts.items() if value}
+
+
+def rig_text(records: Iterable[EpisodeRecord]) -> str:
+    """The states of a rig's file that episodes were played on."""
+    rigs = list(dict.fromkeys(record.rig[:12] for record in records if record.rig))
+    return f"{len(rigs)} measurements of it: {', '.join(rigs)}" if len(rigs) > 1 else "".join(rigs)
 
 
 def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:

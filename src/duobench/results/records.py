@@ -217,7 +217,7 @@ class EpisodeRecord:
     software: Software = Software()
     domain: str = SIM
     rig: str | None = None
-    """SHA-256 of the rig on which it was played; None in simulation."""
+    """SHA-256 of the file of the rig on which it was played; None in simulation."""
     judged: Judged | None = None
     """None in simulation."""
 

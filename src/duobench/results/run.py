@@ -181,7 +181,8 @@ class Run:
     """SHA-256 of all source of the benchmark, as it was last; it may change while a run goes on."""
     domain: str = SIM
     rig: str | None = None
-    """SHA-256 of the rig on which it is played; None in simulation."""
+    """SHA-256 of what is chosen about the rig on which it is played, see `Rig.chosen`; None in
+    simulation. What was measured about it may change while the run goes on: records name that."""
 
     def __post_init__(self) -> None:
         if self.domain not in DOMAINS or (self.domain == REAL) != (self.rig is not None):
@@ -308,7 +309,6 @@ class Run:
             "execution": self.suite.execution_of(episode.task.id, episode.shift),
             "max_stage": episode.task.max_stage,
             "domain": self.domain,
-            "rig": self.rig,
         }
         if record.software.decisive != self.software.decisive:
             return "it was played by another source of the benchmark than the run."

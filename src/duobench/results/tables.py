@@ -110,7 +110,7 @@ def verdict(pair: Pair) -> str:
     more = (overall or tests)[0].more_episodes if len(tests) == 1 or overall else None
     of = " of all tasks together" if overall else ""
     would = f"; about {about(more)} more episodes{of} would tell, another look" if more else ""
-    numbers = f": {_numbers(tests[0])}" if len(tests) == 1 else ""
+    numbers = f": {numbers_text(tests[0])}" if len(tests) == 1 else ""
     return f"{'; '.join(found)}{numbers}{would}."
 
 
@@ -141,7 +141,8 @@ def _share(won: Sequence[str], tests: Sequence[Test]) -> str:
     return f"{len(won)} of {len(tests)} tasks after Holm ({listed(won)})"
 
 
-def _numbers(test: Test) -> str:
+def numbers_text(test: Test) -> str:
+    """The numbers of a test of success, in words."""
     (ours, theirs), (n, m) = test.successes, test.episodes
     counts = f"{ours} of {n:,} episodes against {theirs} of {m:,}"
     interval = points_interval_text(test.interval)
@@ -293,18 +294,21 @@ def comparison_json(comparison: RunComparison) -> str:
             }
             for row in comparison.rows
         ],
-        "pairs": [_pair(pair) for pair in comparison.pairs],
+        "pairs": [pair_json(pair) for pair in comparison.pairs],
     }
     return json_text(content)
 
 
+_FACTS = (
+    *("policy", "policy_version", "privileged", "domain", "trained_on"),
+    *("suite_version", "look", "shift", "first_episode"),
+    *("expected_episodes", "suite", "execute", "latency", "versions"),
+)
+
+
 def _entrant(one: Entrant) -> dict[str, Any]:
-    facts: dict[str, Any] = {"name": one.name, "group": one.group.value}
-    if one.part:
-        facts |= one.part.facts("policy", "policy_version", "privileged", "domain", "trained_on")
-        facts |= one.part.facts("suite_version", "look", "shift", "first_episode")
-        facts |= one.part.facts("expected_episodes", "suite", "execute", "latency", "versions")
-    return facts
+    named = {"name": one.name, "group": one.group.value}
+    return named | one.part.facts(*_FACTS) if one.part else named
 
 
 def _row(row: TableRow) -> dict[str, Any]:
@@ -322,7 +326,8 @@ def _cell(cell: Cell, is_best: bool) -> dict[str, Any]:
     }
 
 
-def _pair(pair: Pair) -> dict[str, Any]:
+def pair_json(pair: Pair) -> dict[str, Any]:
+    """What tests say about two runs, for programs."""
     return {
         "a": pair.a.key,
         "b": pair.b.key,

@@ -1,9 +1,10 @@
 """A policy on the arms, one episode at a time, and how an episode ended."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs
 
 import gymnasium as gym
 
@@ -17,7 +18,9 @@ from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import FAULT_KIND
+from duobench.policy.registry import PolicyKind, PolicyName
 from duobench.policy.serving.address import RemoteServer
+from duobench.results.records import REAL
 from duobench.results.run import TimeLimits
 from duobench.results.suite import TaskInfo
 from duobench.rig_sessions.interruptible import InterruptiblePolicy
@@ -35,7 +38,7 @@ class FixedLayout(DuoWrapper):
 
 
 def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource:
-    """A policy that can play on real arms.
+    """A policy that can play on real arms; one with domain ids is told that it does.
 
     Args:
         name: Its name, as `PolicyChoice.parse` takes it; `NAME@URL` for one that is served.
@@ -51,7 +54,17 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
             f"{name} reads the simulation, which real arms do not have; name a policy that sees "
             "images, or, to record, the file of a recorded episode."
         )
-    return find_source(choice, tasks, TimeLimits())
+    return find_source(replace(choice, name=as_real(choice.name)), tasks, TimeLimits())
+
+
+def as_real(name: PolicyName) -> PolicyName:
+    """A policy by name that is told that it plays on real arms, unless its name says where."""
+    if name.kind is not PolicyKind.LEROBOT or parse_qs(name.reference.partition("?")[2]).get(
+        "domain"
+    ):
+        return name
+    told = f"{name.reference}{'&' if '?' in name.reference else '?'}domain={REAL}"
+    return replace(name, reference=told)
 
 
 def make_rig_recorder(

@@ -203,9 +203,8 @@ class RigSession:
         self.view.publish()
         self._asked, runner.asked.on_wait = runner.asked, self._wait
         with self.view.moving():
-            played = runner.play(seed, options, [*watchers, self])
+            played = runner.play(seed, options, [self, *watchers])
         self._asked, self.waits = None, False
-        self.judge.end()
         fault = self.duo.fault
         if played.failure is not None and fault is not None:
             played = replace(played, fault=fault.kind)
@@ -235,8 +234,9 @@ class RigSession:
         """A control step is over."""
         self.waits = False
 
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """The policy plays no more."""
+    def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - the protocol's signature
+        """The policy plays no more, and what is pressed from now on may be late."""
+        self.judge.end()
 
     def decide(self, played: PlayedEpisode, message: str) -> str:
         """Wait for the operator's word; why the episode does not count, empty if it does.

@@ -16,7 +16,7 @@ from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Step
 from duobench.fabrication.sheet import layout_sheet
-from duobench.files import write
+from duobench.files import checksum, write
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.judge import HumanJudge
@@ -105,11 +105,12 @@ class TrialsSession(RigSession):
             sources=source_hashes(),
             package=package_source(),
             domain=REAL,
-            rig=duo.rig.hash,
+            rig=checksum(duo.rig.chosen),
         )
+        folder.check_rig(duo.rig)
         plan = folder.begin(TrialsPlan(run=run, rater=rater, order_seed=order_seed, blind=blind))
         duo.start()
-        duo.rig.write(folder.rig)
+        folder.keep_rig(duo.rig)
         super().__init__(duo, HumanJudge(plan.task.max_stage, duo.clock.now))
         definition = cast(Task, catalog.get(task.reference))
         self._overlay = Overlay(replace(definition, horizon=task.horizon), duo.rig)
@@ -247,7 +248,7 @@ class TrialsSession(RigSession):
             success_at_end=success and bool(self.at_end),
             unmet=None,
             domain=REAL,
-            rig=self._plan.run.rig,
+            rig=self.duo.rig.hash,
             judged=Judged(
                 rater=self._plan.rater,
                 presses=labels.all,

@@ -16,11 +16,20 @@ from pathlib import Path
 
 import msgspec
 
-from duobench.errors import EvaluationError, FileError
-from duobench.files import begin_or_continue, encode, make_folder, read, write, writing
+from duobench.errors import EvaluationError, FileError, OtherRunError
+from duobench.files import (
+    begin_or_continue,
+    differences,
+    encode,
+    make_folder,
+    read,
+    write,
+    writing,
+)
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.hardware.judge import StageLabel, StageLabels
+from duobench.hardware.rig import Rig
 from duobench.results.folder import RunFolder
 from duobench.results.records import InvalidTrial
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
@@ -185,7 +194,7 @@ class TrialsFolder:
         self.description = self.path / DESCRIPTION
         self.log_file = self.path / "log.jsonl"
         self.rig = self.path / "rig.json"
-        """The rig's file, as it was."""
+        """The rig's file, as it was last."""
         self.page = self.path / "index.html"
         self.run = RunFolder(self.path / "run")
         """Records, films and report of all policies."""
@@ -197,6 +206,27 @@ class TrialsFolder:
     def invalid_film(self, trial: int, attempt: int) -> Path:
         """Film of a trial that does not count."""
         return self.path / "invalid" / f"{trial:04d}.{attempt}.webm"
+
+    def check_rig(self, rig: Rig) -> None:
+        """Reject another rig than that of the evaluation here; one measured again is the same."""
+        if not self.rig.exists():
+            return
+        now, before = rig.chosen, Rig.read(self.rig).chosen
+        places = {**before, **now}
+        found = differences(
+            *({place: each.get(place) for place in places} for each in (now, before))
+        )
+        if found:
+            raise OtherRunError(
+                f"{self.path} holds an evaluation on another rig; this one has {'; '.join(found)}. "
+                "While an evaluation goes on, only its name, its grippers' ends and its cameras' "
+                "calibrations may change."
+            )
+
+    def keep_rig(self, rig: Rig) -> None:
+        """Write the file of the rig as it is now, beside those that it had before."""
+        rig.write(self.path / "rigs" / f"{rig.hash}.json")
+        rig.write(self.rig)
 
     def begin(self, plan: TrialsPlan) -> TrialsPlan:
         """Begin an evaluation, or continue the one that is there, perhaps with more episodes.
@@ -226,11 +256,20 @@ class TrialsFolder:
         return read(self.description, TrialsPlan, PLAN_SCHEMA)
 
     def open_log(self, at: str) -> TrialLog:
-        """The log to write on; a trial that was cut is closed as invalid first."""
+        """The log to write on; a trial that was cut is closed as invalid first.
+
+        One that was over is told as a person's choice: who ended the program had seen the outcome.
+        """
         log = TrialLog(self.log_file)
         if (cut := TrialsProgress.of(log.entries).cut) is not None:
+            is_seen = any(
+                entry.kind is LogKind.END
+                and (entry.trial, entry.attempt) == cut
+                and (entry.fault is None or entry.fault.may_count)
+                for entry in log.entries
+            )
             about = {"trial": cut[0], "attempt": cut[1]}
-            log.add(LogEntry(kind=LogKind.INVALID, **about, text=CUT, yes=True, at=at))
+            log.add(LogEntry(kind=LogKind.INVALID, **about, text=CUT, yes=not is_seen, at=at))
         return log
 
     def read_log(self) -> list[LogEntry]:

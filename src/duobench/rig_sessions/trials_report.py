@@ -6,11 +6,12 @@ from typing import Any
 
 from duobench.files import write
 from duobench.hardware.doctor.checks import Report, read_checks
+from duobench.hardware.rig import Rig
 from duobench.pages import render
 from duobench.results import scores
 from duobench.results.compare import compare_parts
 from duobench.results.folder import CONDITIONS
-from duobench.results.pages import counts_text
+from duobench.results.pages import counts_text, rig_text
 from duobench.results.records import InvalidTrial
 from duobench.results.report import read_parts, write_report
 from duobench.results.scores import RunPart, Score
@@ -96,6 +97,10 @@ class TrialsReport:
     missing: int
     verdicts: tuple[str, ...]
     """What tests say about any two policies, in words."""
+    rigs: str
+    """The states of the rig's file that trials were played on; empty without one."""
+    objection: str
+    """What the doctor has against the rig as it is now; empty if nothing."""
     doctor: Report | None
     """What the doctor has last found on the rig; None if nobody asked it."""
 
@@ -129,6 +134,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
     if len(policies) > 1:
         comparison = compare_parts(part for part in parts if part.records)
         verdicts = [verdict(pair) for pair in comparison.pairs]
+    doctor = read_checks(folder.path)
     reasons = Counter(one.reason for each in progress.invalid.values() for one in each)
     report = TrialsReport(
         plan=plan,
@@ -137,7 +143,9 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         invalid_by_policy=invalid_rows(plan, progress) if is_shown and reasons else (),
         missing=missing,
         verdicts=tuple(verdicts),
-        doctor=read_checks(folder.path),
+        rigs=rig_text(record for part in parts for record in part.records),
+        objection=doctor.objection(Rig.read(folder.rig).hash) if doctor else "",
+        doctor=doctor,
     )
     shown = {"report": report, "plan": plan, "scores": scores}
     write(folder.page, render("duobench.rig_sessions", "trials.html.j2", **shown))

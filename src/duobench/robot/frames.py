@@ -55,6 +55,25 @@ def tcp_poses(joints: ArrayLike) -> Array:
     return poses
 
 
+def tool_jacobians(joints: Array) -> Array:
+    """How the tools move with each joint (..., 3, 7), in m/rad in the frames of the arms' bases.
+
+    At joint positions (..., 7) in radians; the same for both sides.
+    """
+    rotation = np.broadcast_to(np.eye(3), (*joints.shape[:-1], 3, 3))
+    position = np.zeros(3)
+    axes, origins = np.empty((*joints.shape, 3)), np.empty((*joints.shape, 3))
+    for number, frame in enumerate(_FRAMES):
+        position = position + rotation @ frame.translation
+        rotation = rotation @ frame.rotation
+        axes[..., number, :], origins[..., number, :] = rotation[..., 2], position
+        cosine, sine = np.cos(joints[..., number, None]), np.sin(joints[..., number, None])
+        x, y = rotation[..., 0], rotation[..., 1]
+        rotation = np.stack([cosine * x + sine * y, cosine * y - sine * x, rotation[..., 2]], -1)
+    tool = position + rotation @ LINK7_FROM_TCP.translation
+    return np.swapaxes(np.cross(axes, tool[..., None, :] - origins), -1, -2)
+
+
 def tool_frames(side: Side, joints: Array) -> tuple[Array, Array]:
     """Tool poses of one arm in the table frame at joint positions (n, 7) in radians.
 

@@ -103,8 +103,8 @@ def plan_all(
             in a training of its own, unless only one is named.
         steps: Steps of the optimizer; None takes the recipe's.
         small: Whether to take the recipe for a processor.
-        domain_ids: Whether the policy is told which episodes are simulated and which are real; an
-            evaluation says domain 0, simulation, wherever it is played.
+        domain_ids: Whether the policy is told which episodes are simulated and which are real, and
+            where it plays in an evaluation.
     """
     data = data.absolute()
     wanted = () if ALL in tasks else tuple(tasks)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -89,6 +89,9 @@ class NumberDuo(NumberArms):
     def gripper_readings(self) -> Mapping[Side, SimpleNamespace]:
         openings = self.last_command.openings
         return {side: SimpleNamespace(opening=openings[side.index]) for side in SIDES}
+
+    def see(self, cameras: Iterable[str]) -> None:
+        """Images come whoever looks."""
 
     def frames(self) -> Mapping[str, Frame]:
         return {n: c.frame for n, c in self.cameras.items() if c.frame is not None}

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from duobench.errors import BackendError
 from duobench.hardware.duo import FrankaDuo
-from duobench.hardware.rig import ArmConfig, ArmDriver, Rig
+from duobench.hardware.rig import MAX_TOOL_SPEED, ArmConfig, ArmDriver, Rig
 from duobench.types import SIDES
 
 TRIES = 20
@@ -19,7 +19,8 @@ def franky_rig(*, cameras: Sequence[str] = (), **limits: float) -> Rig:
 
     Args:
         cameras: Names of the simulated cameras.
-        limits: `speed_fraction` and others of `ArmConfig`; those of a new rig where not given.
+        limits: `speed_fraction` and others of `ArmConfig`; those of a new rig where not given, but
+            for the speed of its tools, which is the largest.
     """
     plain = Rig.simulated()
     arms = {
@@ -27,7 +28,7 @@ def franky_rig(*, cameras: Sequence[str] = (), **limits: float) -> Rig:
             driver=ArmDriver.FRANKY,
             address=f"127.0.0.{side.index + 1}",
             is_realtime=False,
-            **limits,  # pyright: ignore[reportArgumentType]
+            **{"tool_speed": MAX_TOOL_SPEED, **limits},  # pyright: ignore[reportArgumentType]
         )
         for side in SIDES
     }

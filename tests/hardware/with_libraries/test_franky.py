@@ -26,7 +26,7 @@ MEDIAN = 0.015
 def targets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An expert's episode of bin_sort, each of its steps in two."""
     path = tmp_path_factory.mktemp("targets") / "targets.npy"
-    np.save(path, np.array(half_tempo("bin_sort")))
+    np.save(path, np.array(half_tempo("bin_sort")[0]))
     return path
 
 

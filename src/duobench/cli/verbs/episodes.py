@@ -25,7 +25,8 @@ from duobench.envs.execution import ChunkExecution
 from duobench.errors import DataError, EvaluationError, PolicyError
 from duobench.files import remove_abandoned, replacing
 from duobench.policy.batch import MAX_BATCH, Batching
-from duobench.policy.serving.address import SERVED, RemoteServer, read_key
+from duobench.policy.serving.access import read_key
+from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
 from duobench.results.folder import VIDEO_SUFFIX, RunFolder
 from duobench.results.run import WHOLE, Shard, TimeLimits

@@ -17,7 +17,7 @@ from duobench.cli.shared.process import stopping
 from duobench.errors import DataError, NoObjectStatesError, ServingError
 from duobench.policy.batch import Batching
 from duobench.policy.registry import reads_simulation
-from duobench.policy.serving.address import check_access, read_key
+from duobench.policy.serving.access import check_access, read_key
 
 if TYPE_CHECKING:
     from duobench.training.training import Training

@@ -191,10 +191,10 @@ def _compare_shifts(runs: tuple[str, ...], out: Path) -> bool:
 def _mixed(runs: tuple[str, ...], out: Path) -> None:
     from duobench.results.mixed import markdown, read_mixed, write_mixed
 
-    rows = read_mixed(runs)
+    table = read_mixed(runs)
     with advising(OTHER_OUT):
-        page = write_mixed(rows, out)
-    say(markdown(rows).rstrip())
+        page = write_mixed(table, out)
+    say(markdown(table).rstrip())
     say(f"Mixed table: {page}")
 
 

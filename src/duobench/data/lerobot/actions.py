@@ -78,12 +78,9 @@ def _turns_between(before: Array, after: Array) -> Array:
 
 def _joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Residual | None]:
     """The actions as joint targets and openings (T, 16)."""
-    mode = recording.info.mode
-    if source is ActionSource.SENT or (source is ActionSource.INTENDED and mode != JOINT):
-        return recording.sent, None
-    if mode == JOINT:
+    if recording.info.mode == JOINT and source is not ActionSource.SENT:
         return recording.action, None
-    return _solved(recording)
+    return _solved(recording) if source is ActionSource.GIVEN else (recording.sent, None)
 
 
 def _solved(recording: Recording) -> tuple[Array, Residual]:

@@ -23,7 +23,7 @@ from duobench.hardware.drivers.franka_errors import (
 )
 from duobench.hardware.rig import ArmConfig
 from duobench.machine import install_extra
-from duobench.types import ARM_JOINTS, Array
+from duobench.types import Array
 
 READ_HZ = 200.0
 """How often a second an arm is asked how it is."""
@@ -33,8 +33,6 @@ TORQUE_CHANGE = 2.0
 """Largest change of a joint's torque that the loop asks for in a millisecond, in N·m. The library's
 filter of 100 Hz lets 0.39 of it pass, 770 N·m/s, and an arm takes 1000 [libfranka]. With the
 library's own 1.0 stiff joints swung themselves up to twice their speed in a strict simulator."""
-FORCES = 6
-"""Numbers of a force and torque at the tool."""
 ARRAYS = (
     *("q", "q_d", "dq", "dq_d", "ddq_d", "tau_J", "tau_J_d", "dtau_J", "tau_ext_hat_filtered"),
     *("theta", "dtheta", "joint_contact", "joint_collision", "cartesian_contact"),
@@ -87,7 +85,7 @@ class FrankyArm:
                     names = ", ".join(errors_in(self._robot.state.current_errors))
                     raise BackendError(f"The arm at {config.address} has errors: {names}.")
                 self._robot.set_collision_behavior(
-                    [config.torque_threshold] * ARM_JOINTS, [config.force_threshold] * FORCES
+                    [*config.torque_threshold], [*config.tool_thresholds]
                 )
                 self._tracker = franky.JointImpedanceTracker(
                     self._robot,
@@ -209,8 +207,9 @@ class FrankyArm:
         try:
             self._robot = franky.Robot(
                 config.address,
-                default_torque_threshold=config.torque_threshold,
-                default_force_threshold=config.force_threshold,
+                # One number for all; `start` gives each joint its own.
+                default_torque_threshold=min(config.torque_threshold),
+                default_force_threshold=min(config.tool_thresholds),
                 realtime_config=realtime.Enforce if config.is_realtime else realtime.Ignore,
             )
         except self._errors() as error:

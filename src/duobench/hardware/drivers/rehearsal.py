@@ -154,6 +154,7 @@ class RehearsalViews:
             self._ticker.stop()
         self._process.close()
         self._process = self._ticker = None
+        self._world.look_again = lambda: None
         self._world.leave(self)
 
     def image(self, name: str) -> Image:
@@ -174,7 +175,8 @@ class RehearsalViews:
 
     def _render(self) -> None:
         assert self._process is not None  # it renders while there are cameras
-        self._newest = self._process.images(self._world.scene(), dict(self._shapes))
+        self._newest = self._process.images(self._world, self._shapes)
+        self._trouble = ""
 
 
 class RehearsalCamera(TickedCamera):

@@ -18,13 +18,11 @@ import numpy as np
 from duobench.errors import BackendError, DuoBenchError
 
 if TYPE_CHECKING:
-    import mujoco
-
     from duobench.backend import Image
-    from duobench.hardware.rehearsal import Scene
+    from duobench.hardware.rehearsal import RehearsalWorld
 
-FIRST_S = 60.0
-"""Seconds that the first images of a model may take, on a processor that has other work too."""
+ANSWER_S = 60.0
+"""Seconds that images may take: the first of a model, on a processor that has other work too."""
 END_S = 3.0
 """Seconds that the process has to end."""
 _START = (
@@ -33,35 +31,40 @@ _START = (
 )
 _MODEL = "model.mjb"
 
-Shapes = Mapping[str, tuple[int, int]]
-"""Height and width of the image of each camera."""
-
 
 class RenderingProcess:
-    """Renders what it is told; one image at a time is asked for, from any thread."""
+    """Renders what a world looks like, for any thread."""
 
     def __init__(self) -> None:
-        ours, theirs = Pipe()
+        self._connection, theirs = Pipe()
         command = [sys.executable, "-c", _START, json.dumps(sys.path), str(theirs.fileno())]
-        self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(),))
+        self.process = subprocess.Popen(command, pass_fds=(theirs.fileno(),))
         theirs.close()
-        self._connection = ours
         self._lock = threading.Lock()
-        self._model: mujoco.MjModel | None = None
+        self._model: Any = None
 
-    def images(self, scene: Scene, shapes: Shapes) -> dict[str, Image]:
-        """An image of each of some cameras.
+    def images(
+        self, world: RehearsalWorld, shapes: Mapping[str, tuple[int, int]]
+    ) -> dict[str, Image]:
+        """The image of each camera, whose height and width are given.
 
         Raises:
             BackendError: There is none; the process has ended, or cannot render.
         """
+        import mujoco
+
         try:
             with self._lock:
-                is_new = scene.model is not self._model
-                self._connection.send((_packed(scene.model) if is_new else None, scene[1:], shapes))
-                self._model = scene.model
-                if not self._connection.poll(FIRST_S):
-                    raise BackendError(f"No image was rendered in {FIRST_S:g} s.")
+                model, moved = world.scene()
+                packed = None
+                if model is not self._model:
+                    packed = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+                    mujoco.mj_saveModel(model, None, packed)
+                self._connection.send((packed, moved, dict(shapes)))
+                self._model = model
+                if not self._connection.poll(ANSWER_S):
+                    self.process.kill()  # a late answer would be taken for a later one
+                    raise BackendError(f"No image was rendered in {ANSWER_S:g} s.")
                 answer = self._connection.recv()
         except (OSError, EOFError) as error:
             raise BackendError("The process that renders images has ended.") from error
@@ -73,61 +76,52 @@ class RenderingProcess:
         """End the process; twice is harmless."""
         self._connection.close()
         try:
-            self._process.wait(END_S)
+            self.process.wait(END_S)
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            self.process.kill()
+            self.process.wait()
 
 
 def serve(descriptor: int) -> None:
     """Render what comes over a connection until it ends: the process itself."""
-    import mujoco
-
-    from duobench.sim.rendering import Renderer
-
-    connection, renderers = Connection(descriptor), dict[tuple[int, int], Renderer]()
-    model = data = None
+    connection, scene = Connection(descriptor), _Scene()
     with suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
-            packed, moved, shapes = connection.recv()
+            asked = connection.recv()
             try:
-                if packed is not None:
-                    for renderer in renderers.values():
-                        renderer.close()
-                    renderers.clear()
-                    model = mujoco.MjModel.from_binary_path(_MODEL, {_MODEL: packed})
-                    data = mujoco.MjData(model)
-                assert model is not None
-                assert data is not None
-                data.qpos[:], data.mocap_pos[:], data.mocap_quat[:], model.geom_rgba[:] = moved
-                connection.send(_rendered(model, data, renderers, shapes))
+                connection.send(scene.images(*asked))
             except DuoBenchError as error:
                 connection.send(str(error))
     os._exit(0)  # drivers have crashed while a process that had rendered was taken down
 
 
-def _rendered(
-    model: mujoco.MjModel, data: mujoco.MjData, renderers: dict[Any, Any], shapes: Shapes
-) -> dict[str, Image]:
-    import mujoco
+class _Scene:
+    """The scene in the process that renders it."""
 
-    from duobench.sim.rendering import Renderer
+    def __init__(self) -> None:
+        self._model: Any = None
+        self._data: Any = None
+        self._renderers: dict[tuple[int, int], Any] = {}
 
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_camlight(model, data)
-    images: dict[str, Image] = {}
-    for shape in set(shapes.values()):
-        if shape not in renderers:
-            renderers[shape] = Renderer(model, height=shape[0], width=shape[1])
-        names = [name for name, each in shapes.items() if each == shape]
-        images |= renderers[shape].render_all(data, names)
-    return images
+    def images(self, packed: Any, moved: Any, shapes: dict[str, Any]) -> dict[str, Image]:
+        import mujoco
 
+        from duobench.sim.rendering import Renderer
 
-def _packed(model: mujoco.MjModel) -> bytes:
-    import mujoco
-
-    content = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
-    mujoco.mj_saveModel(model, None, content)
-    return content.tobytes()
+        if packed is not None:
+            for renderer in self._renderers.values():
+                renderer.close()
+            self._renderers = {}
+            self._model = mujoco.MjModel.from_binary_path(_MODEL, {_MODEL: packed.tobytes()})
+            self._data = mujoco.MjData(self._model)
+        model, data = self._model, self._data
+        data.qpos[:], data.mocap_pos[:], data.mocap_quat[:], model.geom_rgba[:] = moved
+        for bring_up_to_date in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
+            bring_up_to_date(model, data)
+        images: dict[str, Image] = {}
+        for shape in set(shapes.values()):
+            if shape not in self._renderers:
+                self._renderers[shape] = Renderer(model, height=shape[0], width=shape[1])
+            names = [name for name, each in shapes.items() if each == shape]
+            images |= self._renderers[shape].render_all(data, names)
+        return images

@@ -20,8 +20,8 @@ from typing import Any, Protocol
 from duobench.errors import ActionError, BackendError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind, GripperReading
-from duobench.hardware.drivers.registers import ACTIVATE, ACTIVE, AT_GOAL, GO, MOVING
-from duobench.hardware.rig import GripperConfig
+from duobench.hardware.registers import ACTIVATE, ACTIVE, AT_GOAL, GO, MOVING
+from duobench.hardware.rig import SHORTEST_WAY, GripperConfig
 from duobench.machine import install_extra
 
 DEVICE_ID = 9
@@ -40,8 +40,6 @@ ACTIVATION_S = 15.0
 """Seconds in which an activation has to end."""
 REST_S = 0.7
 """Seconds without movement after which it is at an end."""
-SHORTEST_WAY = 150
-"""Counts from open to closed that an empty gripper moves at least."""
 TRIES = 3
 """How often a gripper is asked whether it is there."""
 _FAULTS = {

@@ -1,64 +1,15 @@
-"""Where a policy is served, in which format, and with which key: data, without a connection."""
+"""Where a policy is served, and in which format: data, without a connection."""
 
-import hmac
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from urllib.parse import SplitResult, urlsplit
 
 from duobench.errors import ServingError
-from duobench.machine import is_loopback
 from duobench.policy.batch import Batching
 from duobench.policy.registry import MADE_ALONE, SCRIPTED, PolicyKind
+from duobench.policy.serving import access
 from duobench.policy.serving.message_format import MessageFormat
-
-KEY_VARIABLE = "DUOBENCH_API_KEY"
-"""Environment variable with a key; a command line would show it to everybody on the machine."""
-_KEY_SCHEMES = ("Api-Key", "Bearer")
-
-
-def read_key(file: Path | None = None) -> str | None:
-    """The key of a server, from a file that holds nothing else or the environment, or None."""
-    if file is None:
-        key = os.environ.get(KEY_VARIABLE, "").strip()
-        where = KEY_VARIABLE
-    else:
-        where = str(file)
-        try:
-            key = file.read_text(encoding="ascii").strip()
-        except (OSError, UnicodeDecodeError) as error:
-            raise ServingError(f"The key in {where} cannot be read: {error}.") from error
-        if not key:
-            raise ServingError(f"{where} holds no key.")
-    if not all("!" <= letter <= "~" for letter in key):
-        raise ServingError(f"The key in {where} is no single word of ASCII characters.")
-    return key or None
-
-
-def check_access(host: str, key: str | None) -> None:
-    """Reject a server that other machines reach without a key."""
-    if key is None and not is_loopback(host):
-        raise ServingError(
-            f"A server at {host or 'every address'} could be used by anybody who reaches it. Give "
-            f"it a key, in {KEY_VARIABLE} or a file, or serve at 127.0.0.1."
-        )
-
-
-def key_headers(key: str | None) -> dict[str, str]:
-    """What a client sends with its first request."""
-    return {} if key is None else {"Authorization": f"{_KEY_SCHEMES[0]} {key}"}
-
-
-def is_allowed(authorization: str | None, key: str | None) -> bool:
-    """Whether the header of a request holds the key."""
-    if key is None:
-        return True
-    scheme, _, given = (authorization or "").partition(" ")
-    is_known = scheme.lower() in {name.lower() for name in _KEY_SCHEMES}
-    return hmac.compare_digest(given.strip().encode(), key.encode()) and is_known
-
 
 ANSWER_S = 110.0
 """Default seconds for one answer: under the limit of an evaluation, which ends the episode."""
@@ -129,7 +80,7 @@ class RemoteServer:
         if parts.username is not None or parts.query or parts.fragment:
             raise ServingError(
                 "The address of a server holds no key: put it into the environment variable "
-                f"{KEY_VARIABLE}, or into a file."
+                f"{access.KEY_VARIABLE}, or into a file."
             )
         if not (0 < self.answer_s <= MAX_S and 0 <= self.wait_s <= MAX_S):
             raise ServingError(

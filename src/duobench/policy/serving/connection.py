@@ -31,8 +31,8 @@ from duobench.errors import (
 )
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata
-from duobench.policy.serving import limits
-from duobench.policy.serving.address import KEY_VARIABLE, RemoteServer, key_headers
+from duobench.policy.serving import access, limits
+from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.message_format import MessageFormat, read_format
 
 _RETRY_S = 0.2
@@ -182,7 +182,7 @@ class ConnectedPolicy(ABC):
         try:
             connection = connect(
                 self._server.url,
-                additional_headers=key_headers(self._server.key),
+                additional_headers=access.headers(self._server.key),
                 open_timeout=max(min(limits.HANDSHAKE_S, self._left()), _SHORTEST_S),
                 close_timeout=limits.CLOSE_S,
                 ping_interval=None,  # some servers answer nothing at all while they infer
@@ -195,7 +195,7 @@ class ConnectedPolicy(ABC):
             if error.response.status_code in _NOT_ALLOWED and self._served is None:
                 raise ServingError(
                     f"The policy's server refuses the key, or asks for one ({fault}). It is read "
-                    f"from {KEY_VARIABLE} or a file."
+                    f"from {access.KEY_VARIABLE} or a file."
                 ) from error
             raise ConnectionError(fault) from error
         timeout = struct.pack("ll", math.ceil(self._server.answer_s), 0)

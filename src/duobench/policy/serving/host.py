@@ -24,8 +24,7 @@ from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import PolicyName, make_batched
-from duobench.policy.serving import limits
-from duobench.policy.serving.address import check_access, is_allowed
+from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 from duobench.serving_thread import ServingThread
@@ -68,7 +67,7 @@ class PolicyHost:
         busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
         answer_s: float = limits.INFERENCE_S,
     ) -> None:
-        check_access(host, key)
+        access.check_access(host, key)
         self._policy = policy
         self._loop = InferenceLoop(policy, batching, busy=busy)
         served = {**asdict(metadata), "batch": batching.mode, "max_batch": batching.size}
@@ -109,7 +108,7 @@ class PolicyHost:
         """Answer what asks for no session, and turn away who may not have one."""
         if request.path == HEALTH_PATH:
             return connection.respond(http.HTTPStatus.OK, "OK\n")
-        if not is_allowed(request.headers.get("Authorization"), self._key):
+        if not access.is_allowed(request.headers.get("Authorization"), self._key):
             return connection.respond(http.HTTPStatus.UNAUTHORIZED, "A key is needed.\n")
         if len(self._clients) >= limits.MAX_CONNECTIONS and not self._dismiss_one():
             return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n")

@@ -1,0 +1,103 @@
+"""`duobench real rig check`: what a rig's file lets arms, grippers and cameras do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import tyro
+
+from duobench.cli.real.rigs import rig_file
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import say
+from duobench.hardware.guard import Guard
+from duobench.hardware.opening import COMPUTED
+from duobench.hardware.rig import ArmConfig, CameraConfig, GripperConfig, Rig
+from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
+from duobench.types import ARM_JOINTS, Side
+
+
+def rig() -> None:
+    """Read a rig's file; nothing is connected."""
+
+
+def check(file: tyro.conf.Positional[str]) -> None:
+    """Say what will hold on a rig, or what is wrong with its file, which ends with exit code 1.
+
+    Args:
+        file: The rig's file, rig.json, or simulated or rehearsal.
+    """
+    known = COMPUTED[file]() if file in COMPUTED else Rig.read(rig_file(file))
+    if problem := Guard(known.workspace, known.obstacles).problem(HOME_JOINTS):
+        raise AdvisedError(
+            f"The arms cannot be at home beside what {file} says is in the way: {problem} Put its "
+            "obstacles where they are, or leave them out."
+        )
+    for line in described(known):
+        say(line)
+
+
+def described(rig: Rig) -> Iterable[str]:
+    """What will hold on a rig, line by line."""
+    yield f"Rig {rig.name}, hash {rig.hash}"
+    for side, arm in rig.arms.items():
+        yield from _arm(side, arm)
+    for side, gripper in rig.grippers.items():
+        yield _gripper(side, gripper)
+    for name, camera in rig.cameras.items():
+        yield _camera(name, camera)
+    if not rig.cameras:
+        yield "No cameras."
+    if rig.workspace is None:
+        yield "Workspace: none; tools go wherever the arms reach."
+    else:
+        box = zip("xyz", rig.workspace.low, rig.workspace.high, strict=True)
+        inside = ", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in box)
+        yield f"Workspace of both tools: {inside} m in the table frame"
+    for name, each in rig.obstacles.items():
+        size = " x ".join(f"{length:g}" for length in each.size)
+        at = ", ".join(f"{value:g}" for value in each.centre)
+        yield f"Obstacle {name}: {size} m around {at}, turned by {np.degrees(each.yaw):.0f} deg"
+
+
+def _arm(side: Side, arm: ArmConfig) -> Iterable[str]:
+    limits = np.array(VELOCITY_LIMITS)
+    speeds, home = arm.speed_fraction * limits, arm.home_fraction * limits
+    yield f"{side.capitalize()} arm: {_device(arm.driver, arm.address)}"
+    rows: dict[str, Iterable[float]] = {
+        "joint": range(1, ARM_JOINTS + 1),
+        "at most rad/s": speeds,
+        "at most deg/s": np.degrees(speeds).round(),
+        "way home, deg/s": np.degrees(np.minimum(speeds, home)).round(),
+        "stops at N·m": arm.torque_threshold,
+        "stiffness, N·m/rad": arm.stiffness,
+        "damping, N·m·s/rad": arm.damping,
+    }
+    for name, values in rows.items():
+        yield f"  {name:18}" + "".join(f"{value:8.4g}" for value in values)
+    yield (
+        f"  acceleration at most {arm.acceleration:g} rad/s², tool at most {arm.tool_speed:g} m/s; "
+        f"stops at {arm.force_threshold:g} N and {arm.moment_threshold:g} N·m at the tool"
+    )
+
+
+def _gripper(side: Side, gripper: GripperConfig) -> str:
+    return (
+        f"{side.capitalize()} gripper: {_device(gripper.driver, gripper.port)}, "
+        f"{gripper.newtons:.0f} N, {gripper.mm_per_s:.0f} mm/s; open at {gripper.open_count}, "
+        f"closed at {gripper.closed_count}"
+    )
+
+
+def _camera(name: str, camera: CameraConfig) -> str:
+    height, width = camera.size
+    lens = camera.calibration
+    calibrated = "not calibrated" if lens is None else f"calibrated {lens.date}".rstrip()
+    return (
+        f"Camera {name}: {_device(camera.driver, camera.device)}, {width} x {height} pixels, "
+        f"{camera.fps} Hz; {calibrated}"
+    )
+
+
+def _device(driver: str, place: str) -> str:
+    return f"{driver} at {place}" if place else str(driver)

@@ -1,0 +1,80 @@
+"""`duobench real rig check`: what will hold, or what is wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from duobench.hardware.rig import Rig
+from tests.cli.conftest import Told, refusal
+from tests.hardware.test_rig_file import RIGHT, changed
+
+
+def lab(folder: Path, document: Any) -> Path:
+    path = folder / "rig.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_what_will_hold_is_said(tmp_path: Path, told: Told) -> None:
+    path = lab(tmp_path, RIGHT)
+    said = told("real", "rig", "check", path)
+    words = " ".join(said.split())
+    for each in (
+        Rig.read(path).hash,
+        "Left arm: franky at 172.16.0.2",
+        "Right arm: franky at 172.16.1.2",
+        "at most rad/s 0.655 0.655 0.655 0.655 1.315 1.045 1.315",
+        "at most deg/s 38 38 38 38 75 60 75",
+        "way home, deg/s 15 15 15 15 30 24 30",
+        "stops at N·m 20 20 20 20 8 8 8",
+        "stiffness, N·m/rad 600 600 600 600 250 150 50",
+        "acceleration at most 4 rad/s², tool at most 0.25 m/s; stops at 30 N and 8 N·m",
+        "Left gripper: robotiq at /dev/left, 40 N, 53 mm/s; open at 3, closed at 228",
+        "Camera head: uvc at /dev/zed, 1280 x 720 pixels, 30 Hz; calibrated",
+        "Camera left_wrist: realsense at 1, 1280 x 720 pixels, 30 Hz; not calibrated",
+        "Workspace of both tools: x 0.1 to 0.8, y -0.5 to 0.6, z 0 to 0.8 m",
+        "Obstacle mast: 0.1 x 0.1 x 1 m around 0, 0.9, 0.5",
+    ):
+        assert each in words
+
+
+@pytest.mark.parametrize("name", ["simulated", "rehearsal"])
+def test_rigs_without_a_file_are_described(name: str, told: Told) -> None:
+    said = told("real", "rig", "check", name)
+    assert f"Left arm: {name}" in said
+    assert "tool at most 2 m/s" in said
+
+
+def test_what_a_rig_leaves_out_is_said(tmp_path: Path, told: Told) -> None:
+    document = changed("workspace", None)
+    del document["cameras"], document["obstacles"]
+    said = told("real", "rig", "check", lab(tmp_path, document))
+    assert ("No cameras." in said, "Workspace: none" in said) == (True, True)
+
+
+def test_a_way_home_is_never_faster_than_everything_else(tmp_path: Path, told: Told) -> None:
+    said = told("real", "rig", "check", lab(tmp_path, changed("arms.left.speed_fraction", 0.05)))
+    assert " ".join(said.split()).count("way home, deg/s 8 8 8 8 15 12 15") == 1
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "said"),
+    [
+        ("arms.left.speed_fracton", 0.05, "Did you mean 'speed_fraction'"),
+        ("obstacles.mast.centre", [0.5, 0.2, 0.5], "cannot be at home beside"),
+        ("workspace.low", [0.6, -0.5, 0.0], "both tools at home between them"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(tmp_path: Path, place: str, value: Any, said: str) -> None:
+    message = refusal("real", "rig", "check", lab(tmp_path, changed(place, value)))
+    assert said in message
+    assert "\n" not in message.strip()
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    assert "There is no file" in refusal("real", "rig", "check", tmp_path / "rig.json")
+    assert "Did you mean `duobench real rig check x.json`?" in refusal("real", "rig", "x.json")
