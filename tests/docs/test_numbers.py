@@ -13,7 +13,7 @@ import pytest
 from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.options import options_of
 from duobench.envs.config import IMAGE_SIZE
-from duobench.fabrication import coupon, recipe
+from duobench.fabrication import coupon, jig, recipe
 from duobench.fabrication.formats import BED_STEP
 from duobench.hardware.calibration import places
 from duobench.hardware.calibration.board import RULER_MM
@@ -120,6 +120,10 @@ SENTENCES: Mapping[str, Sequence[str]] = {
         f"at less than {percent(LEAST_RATE)}",
         f"more than {LARGEST_SHIFT_PX:g} px",
         f"answers take {1000 * LONGEST_ANSWER_S:.0f} ms",
+        f"its front edge is the line x = {mm(jig.LINE)} mm",
+        f"feet of {mm(*jig.ACROSS)} mm with the edge {mm(*jig.FRONT)} mm in front",
+        f"the simulated one, {mm(jig.Foot().front)} and {mm(jig.Foot().width)}.",
+        f"x from its edge plus {mm(jig.LINE)} mm",
     ),
     "viewing": (
         f"any of {LAYOUTS} layouts",

@@ -84,8 +84,8 @@ def test_the_rig_and_the_views_of_pages_are_some(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for page in (SETUP, CAMERAS):
-        exec(*blocks(page, "python"), {})
+    for code in (*blocks(SETUP, "python"), *blocks(CAMERAS, "python")):
+        exec(code, {})
     check, _ = blocks(SETUP, "sh")
     main(shlex.split(check)[1:])
     rig = Rig.read(tmp_path / "rig.json")
