@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ import pytest
 from duobench.errors import BackendError, UnknownNameError
 from duobench.hardware.clock import PacedClock, VirtualClock
 from duobench.hardware.devices import FaultKind
-from duobench.hardware.drivers.rehearsal import RehearsalViews
+from duobench.hardware.drivers.rehearsal import RehearsalCamera
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
 from duobench.hardware.rehearsal import HAND_M, HAND_RAD, MAX_BEHIND_S, STEP_S, RehearsalWorld
@@ -365,10 +365,9 @@ def test_cameras_see_the_world_from_a_process_of_their_own() -> None:
         off = np.abs(frames[HEAD].image.astype(int) - wanted.astype(int))
         assert off.mean() < 0.5, "objects rest, so that the image is that of this moment"
         assert max(duo.image_ages().values()) < 0.05
-        (camera, *_) = duo.cameras.values()
-        views: RehearsalViews = camera._views
-        assert views._process is not None
-        views._process.process.kill()
+        camera = cast("RehearsalCamera", duo.cameras[HEAD])
+        assert camera._views._process is not None
+        camera._views._process.process.kill()
         wait(duo, 1.0)
         assert duo.fault is not None
         assert "has ended" in duo.fault.text

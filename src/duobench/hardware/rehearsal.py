@@ -153,7 +153,7 @@ class RehearsalWorld:
         with self.lock:
             model, data = self.simulation.model, self.simulation.data
             moved = data.qpos, data.mocap_pos, data.mocap_quat, model.geom_rgba
-            return model, tuple(np.array(each) for each in moved)
+            return model, tuple(np.array(each, dtype=np.float64) for each in moved)
 
     # --- placing ---------------------------------------------------------------------------------
 
@@ -309,7 +309,8 @@ class RehearsalWorld:
             tool = self._tools[side.index]
             mujoco.mj_jacSite(self._model, data, jacobian[:3], jacobian[3:], tool)
             own = jacobian[:, dofs]
-            arm.wrench = np.linalg.solve(own @ own.T + _DAMPED, own @ arm.external)
+            wrench = np.linalg.solve(own @ own.T + _DAMPED, own @ arm.external)
+            arm.wrench = wrench.astype(np.float64)
             if arm.is_tracking and (name := arm.reflex()) is not None:
                 self._measure(side)
                 arm.stop(FaultKind.CONTACT.fault(f'motion aborted by reflex! ["{name}"]'))
