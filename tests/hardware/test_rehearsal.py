@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from duobench.errors import BackendError, UnknownNameError
-from duobench.hardware.clock import VirtualClock
+from duobench.hardware.clock import PacedClock, VirtualClock
 from duobench.hardware.devices import FaultKind
-from duobench.hardware.drivers.rehearsal import RehearsalViews
+from duobench.hardware.drivers.rehearsal import RehearsalCamera
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
 from duobench.hardware.rehearsal import HAND_M, HAND_RAD, MAX_BEHIND_S, STEP_S, RehearsalWorld
@@ -364,10 +365,61 @@ def test_cameras_see_the_world_from_a_process_of_their_own() -> None:
         off = np.abs(frames[HEAD].image.astype(int) - wanted.astype(int))
         assert off.mean() < 0.5, "objects rest, so that the image is that of this moment"
         assert max(duo.image_ages().values()) < 0.05
-        (camera, *_) = duo.cameras.values()
-        views: RehearsalViews = camera._views
-        assert views._process is not None
-        views._process.process.kill()
+        camera = cast("RehearsalCamera", duo.cameras[HEAD])
+        assert camera._views._process is not None
+        camera._views._process.process.kill()
         wait(duo, 1.0)
         assert duo.fault is not None
         assert "has ended" in duo.fault.text
+
+
+# --- time for people -----------------------------------------------------------------------------
+
+
+def test_time_passes_no_faster_than_real_and_in_order() -> None:
+    clock, calls = PacedClock(), list[tuple[str, float]]()
+    began = time.monotonic()
+    tickers = [
+        clock.every(period, lambda name=name: calls.append((name, clock.now())), name)
+        for name, period in (("a", 0.01), ("b", 0.025))
+    ]
+    clock.wait_until(0.2)
+    assert clock.now() <= time.monotonic() - began
+    for ticker in tickers:
+        ticker.stop()
+        ticker.stop()
+    count = len(calls)
+    clock.wait_until(clock.now() + 0.05)
+    assert len(calls) == count
+    times = [when for _, when in calls]
+    assert times == sorted(times)
+    early = [name for name, when in calls if when < 0.0999]
+    assert (early.count("a"), early.count("b")) == (9, 3), "none is left out"
+
+
+def test_a_call_that_takes_long_slows_time_down_for_everybody() -> None:
+    rig = rehearsal_rig()
+    with closing(open_rig(replace(rig, cameras={}), guard=False)) as duo:
+        assert isinstance(duo.clock, PacedClock)
+        duo.start()
+        duo.hands.activate()
+        duo.supervisor.confirm()
+        duo.home()
+        held = duo.clock.every(0.1, lambda: time.sleep(0.4), "a computer that stands still")
+        for _ in range(10):
+            duo.command(duo.last_command)
+        held.stop()
+        assert duo.held is None
+        assert duo.fault is None
+
+
+def test_whoever_waits_is_told_of_an_error() -> None:
+    clock = PacedClock()
+
+    def fail() -> None:
+        raise BackendError("It broke.")
+
+    clock.every(0.01, fail, "broken")
+    for _ in range(2):
+        with pytest.raises(BackendError, match="It broke"):
+            clock.wait_until(clock.now() + 10.0)

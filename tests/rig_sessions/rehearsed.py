@@ -91,7 +91,7 @@ def learn(task: str, seeds: Iterable[int]) -> int:
     longest = 0
     env = make_env(task, cameras=False)
     for seed in seeds:
-        watcher = Steps()
+        watcher: Any = Steps()
         rollout(env, ExpertPolicy(env), seed=seed, watchers=[watcher])
         sent = np.array([step.info["sent"] for step in watcher.steps])
         Expert.commands[policy_seed(task, seed)] = slowed(sent, TEMPO)
