@@ -69,6 +69,10 @@ def test_its_front_edge_is_the_line_and_its_notch_the_middle(foot: Foot) -> None
     assert left.bounds()[1] < 0.005
     assert low == pytest.approx(-WIDTH / 2)
     assert high >= WIDTH / 2
+    (part,) = placing_jig(foot).parts
+    assert [size.mm for size in part.sizes] == pytest.approx(
+        [1000 * (x - foot.front), 500 * foot.width, 1000 * (left.bounds()[3] - right.bounds()[1])]
+    )
 
 
 @feet

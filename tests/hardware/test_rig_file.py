@@ -47,7 +47,7 @@ REVIEWED: tuple[Row, ...] = (
     ("cameras.right_wrist.device", "1", "right_wrist.device is '1' as for cameras.left_wrist"),
     ("cameras.head.size", [1280, 720], "cameras.head: size is height and width in pixels"),
     ("cameras.head.fps", 0, "cameras.head: fps is 5 to 120, got 0"),
-    ("cameras.head.calibration.fx", -700.0, "head.calibration: fx is over 0"),
+    ("cameras.head.calibration.fx", -700.0, "fx and fy are 256 to 25600 pixels"),
     ("cameras.head.calibration.pose", [0.0] * 7, "qx qy qz qw, has length 1; got [0.0, 0.0"),
     ("arms.left.stiffness", [60000.0] * 7, "stiffness of joint 1 is over 0 and at most 1200"),
     ("arms.left.damping", [0.001] * 7, f"{BESIDE}, got 0.001"),
@@ -91,7 +91,13 @@ OWN: tuple[Row, ...] = (
     ("workspace.low", [0.5, 0.5], "workspace.low: Expected `array` of length 3"),
     ("obstacles.mast.size", [0.1, 0.0, 1.0], "obstacles.mast: size is three lengths over 0"),
     ("obstacles", [], "obstacles is an object, with keys in braces"),
-    ("name", " ", "have names that are not empty"),
+    ("name", " ", "have names in one line, got ' '"),
+    ("obstacles", {"a\nb": RIGHT["obstacles"]["mast"]}, r"have names in one line, got 'a\nb'"),
+    ("obstacles.mast.yaw", 30.0, "obstacles.mast: yaw is an angle in radians"),
+    ("obstacles.mast.centre", [500.0, 0.0, 0.0], "centre is at most 5 m away along each axis"),
+    ("cameras.head.calibration.pose", [0.0, 0.0, 900.0, 0.0, 0.0, 0.0, 1.0], "are in metres, at"),
+    ("cameras.head.calibration.fy", 0.7, "fx and fy are 256 to 25600 pixels"),
+    ("cameras.left_wrist.driver", "rehearsal", "left_wrist.driver is rehearsal beside a real arm"),
     ("schema", 1, "schema is 2, got 1. Since schema 2 torque_threshold is 7 numbers"),
 )
 
@@ -183,6 +189,13 @@ def test_beside_simulators_of_arms_the_rest_may_be_computed(tmp_path: Path) -> N
     }
     rig = read(tmp_path, json.dumps(document))
     assert isinstance(open_rig(rig).cameras["head"], SimulatedCamera)
+
+
+def test_a_name_that_looks_as_an_address_of_this_computer_is_no_simulators(tmp_path: Path) -> None:
+    document = changed("cameras", {"head": {"driver": "simulated"}})
+    document["arms"] = {"left": {"address": "127.lab"}, "right": {"address": "127.0.0.2"}}
+    with pytest.raises(FileError, match=r"head\.driver is simulated beside a real arm"):
+        read(tmp_path, json.dumps(document))
 
 
 def test_a_threshold_stops_an_arm_before_its_joints_give_all_they_can() -> None:

@@ -5,11 +5,11 @@ the front edge and the left side of the mount's foot. Its own front edge is then
 `LINE`, and a notch in it is y = 0. The layout sheets begin there.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from duobench.errors import FabricationError
-from duobench.fabrication.details import FREE, MATING, Dimension
-from duobench.fabrication.parts import PrintedPart, PrintJob, upright
+from duobench.fabrication.details import FREE, Dimension
+from duobench.fabrication.parts import PrintJob, upright
 from duobench.objects.blocks import YELLOW
 from duobench.objects.shapes import Shape, box, prism
 from duobench.objects.solid import mesh_of, union_of
@@ -62,29 +62,23 @@ class Foot:
 
 def placing_jig(foot: Foot) -> PrintJob:
     """The jig for a foot."""
-    frame, holes = union_of(_bars(foot)), union_of(_cuts(foot))
-    made = upright(ID, mesh_of(frame - holes), YELLOW)
-    reach = 1000 * (LINE - foot.front)
+    mesh = mesh_of(union_of(_bars(foot)) - union_of(_cuts(foot)))
+    sizes = (
+        ("from the foot to the front edge", LINE - foot.front),
+        ("from the hook's inner face to the notch", foot.width / 2),
+        ("front edge", WIDTH),
+    )
     return PrintJob(
         id=ID,
         title="Jig for placing",
         description="Lies against the mount of the arms; sheets and objects are placed from it.",
         parts=(
-            PrintedPart(
-                name=ID,
-                body=ID,
-                mesh=made.mesh,
-                rgba=made.rgba,
-                print_from_object=made.print_from_object,
+            replace(
+                upright(ID, mesh, YELLOW),
                 is_solid=False,
-                sizes=(
-                    Dimension(what="from the foot to the front edge", mm=reach, tolerance_mm=FREE),
-                    Dimension(
-                        what="from the hook's inner face to the notch",
-                        mm=500 * foot.width,
-                        tolerance_mm=FREE,
-                    ),
-                    Dimension(what="front edge", mm=1000 * WIDTH, tolerance_mm=MATING),
+                sizes=tuple(
+                    Dimension(what=what, mm=round(1000 * edge, 3), tolerance_mm=FREE)
+                    for what, edge in sizes
                 ),
             ),
         ),

@@ -7,13 +7,18 @@ from ipaddress import AddressValueError, IPv4Address
 def is_host(text: str) -> bool:
     """Whether it is a host name or an address of the Internet protocol's version 4."""
     if re.fullmatch(r"[\d.]+", text):
-        try:
-            IPv4Address(text)
-        except AddressValueError:
-            return False
+        return _address(text) is not None
     return re.fullmatch(r"[\w.-]+", text) is not None
 
 
-def is_simulator(address: str) -> bool:
+def is_simulator(text: str) -> bool:
     """Whether an arm's address is this computer, where only a simulator of arms can be."""
-    return address == "localhost" or address.startswith("127.")
+    address = _address(text)
+    return text == "localhost" if address is None else address.is_loopback
+
+
+def _address(text: str) -> IPv4Address | None:
+    try:
+        return IPv4Address(text)
+    except AddressValueError:
+        return None

@@ -1,5 +1,6 @@
 """What a lab's cell allows: where tools stay, and what stands in the way."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from duobench.types import Array
 
 Point = tuple[float, float, float]
 LONGEST = 5.0
-"""Longest side of an obstacle, in metres."""
+"""Longest side of an obstacle, and how far away anything is at most, in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -53,3 +54,9 @@ class Obstacle:
             raise OptionError(
                 f"size is three lengths over 0 and at most {LONGEST:g} m, got {list(self.size)}."
             )
+        if not all(abs(value) <= LONGEST for value in self.centre):
+            raise OptionError(
+                f"centre is at most {LONGEST:g} m away along each axis, got {list(self.centre)}."
+            )
+        if not abs(self.yaw) <= math.tau:
+            raise OptionError(f"yaw is an angle in radians, at most a turn; got {self.yaw}.")

@@ -96,7 +96,8 @@ class RealEnv(DuoEnv):
         self._instruction = words if isinstance(words, str) else own
         if self.prepare is not None:
             self.prepare(options)
-        self.rig.see(self.config.cameras)
+        if self.config is not None:
+            self.rig.see(self.config.cameras)
         if self.rig.guard is not None:
             self.rig.guard.set_scene(task.props, self._layout)
         self.rig.home()

@@ -255,7 +255,7 @@ def _part_of(model: MjModel, geom: int) -> _Part:
         return _Part(
             words=f"the {thing.replace('_', ' ')}",
             is_prop=not thing.startswith(f"{OBSTACLE} "),
-            is_hinged=model.body_dofnum[number] > 0,
+            is_hinged=bool(model.body_dofnum[number] > 0),
         )
     for side in SIDES:
         rest = body.removeprefix(f"{side}/")

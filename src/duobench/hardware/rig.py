@@ -20,7 +20,7 @@ import msgspec
 from duobench import files
 from duobench.errors import FileError, OptionError, UnknownNameError, check_known
 from duobench.hardware.addresses import is_host, is_simulator
-from duobench.hardware.cell import Obstacle, Workspace
+from duobench.hardware.cell import LONGEST, Obstacle, Workspace
 from duobench.hardware.rig_file import decode, parse
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.robot.fr3_links import LINKS
@@ -68,6 +68,8 @@ SHORTEST_WAY = 150
 """Counts from open to closed that an empty gripper moves at least."""
 SIZES, RATES = (90, 4320), (5, 120)
 """Least and most pixels of an image's side, and images a second."""
+FOCAL_LENGTHS = (0.2, 20.0)
+"""Least and largest focal length, in widths of the image: it shows 136 to 3 degrees."""
 UNIT = 1e-3
 """How far the length of a quaternion may be from 1."""
 UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -222,8 +224,10 @@ class CameraCalibration:
             raise OptionError(
                 f"The quaternion in pose, qx qy qz qw, has length 1; got {list(self.pose[3:])}."
             )
-        for name in ("fx", "fy"):
-            _check_positive(name, getattr(self, name), 10.0 * SIZES[1])
+        if not all(abs(value) <= LONGEST for value in self.pose[:3]):
+            raise OptionError(
+                f"x, y and z of pose are in metres, at most {LONGEST:g}; got {list(self.pose[:3])}."
+            )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -258,11 +262,18 @@ class CameraConfig:
             _check_positive("exposure_us", self.exposure_us, 1e6 / self.fps)
         if not (self.gain or 0.0) >= 0.0:
             raise OptionError(f"gain is 0 or more, got {self.gain}.")
-        lens = self.calibration
-        if lens is not None and not (0.0 <= lens.cx < width and 0.0 <= lens.cy < height):
+        if (lens := self.calibration) is None:
+            return
+        if not (0.0 <= lens.cx < width and 0.0 <= lens.cy < height):
             raise OptionError(
                 f"cx and cy lie in the image of {width} x {height} pixels, got {lens.cx:g} and "
                 f"{lens.cy:g}."
+            )
+        least, most = (share * width for share in FOCAL_LENGTHS)
+        if not all(least <= focal <= most for focal in (lens.fx, lens.fy)):
+            raise OptionError(
+                f"fx and fy are {least:g} to {most:g} pixels where images are {width} wide, got "
+                f"{lens.fx:g} and {lens.fy:g}."
             )
 
 
@@ -289,8 +300,9 @@ class Rig:
                 raise OptionError(f"A rig has {what} left and right, got {sorted(devices)}.")
         for name in self.cameras:
             check_known("camera of a rig", name, POLICY_CAMERAS)
-        if not self.name.strip() or not all(name.strip() for name in self.obstacles):
-            raise OptionError("A rig and its obstacles have names that are not empty.")
+        for name in (self.name, *self.obstacles):
+            if not name.strip() or not name.isprintable():
+                raise OptionError(f"A rig and its obstacles have names in one line, got {name!r}.")
         self._check_places()
         self._check_drivers()
 

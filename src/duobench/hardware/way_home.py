@@ -79,4 +79,4 @@ def _change(side: Side, row: Array) -> Array:
     jacobian = np.hstack([moves, turns[:, 2, 1, None], turns[:, 0, 2, None], turns[:, 1, 0, None]])
     wanted = np.concatenate([-STEP * rotations[0][:, 2], np.zeros(3)])
     square = jacobian.T @ jacobian + _DAMPING**2 * np.eye(6)
-    return jacobian @ np.linalg.solve(square, wanted)
+    return np.array(jacobian @ np.linalg.solve(square, wanted), dtype=np.float64)

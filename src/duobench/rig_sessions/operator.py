@@ -40,7 +40,7 @@ class Operator(Protocol):
         """Ask for one of some keys, and wait for it; `QUIT` if nobody can answer any more."""
         ...
 
-    def listen(self, call: Callable[[str], None] | None) -> None:
+    def listen(self, call: Callable[[str], object] | None) -> None:
         """Have every key given to a call at once, from any thread; None ends it.
 
         One who has gone gives an empty text.
@@ -66,7 +66,7 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
         key = operator.ask(question, f"{''.join(acts)}{QUIT}")
         if key == QUIT:
             return False
-        operator.listen(lambda pressed: hold_by_key(duo, pressed))
+        operator.listen(partial(hold_by_key, duo))
         try:
             acts[key]()
         except DuoBenchError as error:  # it is asked again, with what is still wrong

@@ -268,8 +268,17 @@ class TrialsFolder:
                 and (entry.fault is None or entry.fault.may_count)
                 for entry in log.entries
             )
-            about = {"trial": cut[0], "attempt": cut[1]}
-            log.add(LogEntry(kind=LogKind.INVALID, **about, text=CUT, yes=not is_seen, at=at))
+            trial, attempt = cut
+            log.add(
+                LogEntry(
+                    kind=LogKind.INVALID,
+                    trial=trial,
+                    attempt=attempt,
+                    text=CUT,
+                    yes=not is_seen,
+                    at=at,
+                )
+            )
         return log
 
     def read_log(self) -> list[LogEntry]:

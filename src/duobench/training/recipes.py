@@ -40,7 +40,8 @@ class Recipe:
 def _settings(table: str) -> tuple[Setting, ...]:
     """Settings from a table with a line `option=value why` for each."""
     rows = (line.split(maxsplit=1) for line in table.strip().splitlines())
-    return tuple(Setting(*option.split("=", maxsplit=1), why) for option, why in rows)
+    named = ((*option.partition("=")[::2], why) for option, why in rows)
+    return tuple(Setting(option, value, why) for option, value, why in named)
 
 
 def _steps(steps: int, why: str) -> Setting:

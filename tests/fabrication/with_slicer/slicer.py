@@ -9,6 +9,7 @@ from pathlib import Path
 
 import manifold3d
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.objects.shapes import PRINTER
 from duobench.objects.solid import PLA_DENSITY, Mesh, manifold_from
@@ -156,7 +157,7 @@ def longest_bridge(mesh: Mesh, lines: list[Line]) -> float:
     return longest
 
 
-def _inside(points: Array, polygons: list[Array]) -> Array:
+def _inside(points: Array, polygons: list[Array]) -> NDArray[np.bool_]:
     """Which points (n, 2) are inside polygons, whose holes are polygons as well."""
     inside = np.zeros(len(points), dtype=bool)
     x, y = points.T

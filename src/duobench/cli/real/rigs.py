@@ -62,7 +62,7 @@ class KeyTerminal:
     def __init__(self, handle: int | None = None) -> None:
         self._handle = sys.stdin.fileno() if handle is None else handle
         self._keys: queue.Queue[str] = queue.Queue()
-        self._call: Callable[[str], None] | None = None
+        self._call: Callable[[str], object] | None = None
         self._before: list[Any] | None = None
         if os.isatty(self._handle):
             self._before = termios.tcgetattr(self._handle)
@@ -91,7 +91,7 @@ class KeyTerminal:
             if key in keys:
                 return key
 
-    def listen(self, call: Callable[[str], None] | None) -> None:
+    def listen(self, call: Callable[[str], object] | None) -> None:
         """Have every key given to a call at once, whatever is asked."""
         self._call = call
 

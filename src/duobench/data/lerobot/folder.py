@@ -124,7 +124,7 @@ class Residual:
     max_position: float = 0.0
     max_rotation: float = 0.0
 
-    def __add__(self, other: Self) -> Self:
+    def __add__(self, other: "Residual") -> "Residual":
         return Residual(
             targets=self.targets + other.targets,
             sum_position=self.sum_position + other.sum_position,
