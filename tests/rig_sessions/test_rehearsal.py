@@ -136,4 +136,4 @@ def test_teleoperation_finds_the_objects_where_the_layout_says(tmp_path: Path) -
     assert layout.poses
     for name, pose in layout.poses.items():
         assert math.dist(world.simulation.position(name), pose.translation) < 0.02
-    bench.duo.close()
+    bench.session.close()
