@@ -36,6 +36,8 @@ from tests.teleop.test_real import Bench
 EPISODES = int(os.environ.get("DUOBENCH_REHEARSAL_EPISODES", "1"))
 """Episodes of each of three policies in each of four tasks."""
 TASKS = ("ball_maze", "hinge_chest", "bin_sort", "transfer_cube")
+CARRIES = "ball_maze"
+"""The task in which something is in the air for most of the time."""
 ENOUGH = 9
 """Episodes in which drops and reflexes are certain."""
 HOLDS = (1, 10, 20)
@@ -92,7 +94,7 @@ def test_records_of_a_rehearsal_hold_what_the_operator_meant(task: str, tmp_path
     everything = operator.meant.values()
     assert any(meant.was_held for meant in everything)
     if EPISODES >= ENOUGH:
-        assert any(meant.has_dropped for meant in everything)
+        assert task != CARRIES or any(meant.has_dropped for meant in everything)
         assert any(record.judged.fault == FaultKind.CONTACT for record in found if record.judged)
     faults = [str(record.judged.fault) for record in found if record.judged and record.judged.fault]
     stages = Counter(meant.stage for meant in everything)
