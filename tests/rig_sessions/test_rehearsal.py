@@ -6,28 +6,38 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 from collections import Counter
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from duobench.data import DataSet
+from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
-from duobench.hardware.opening import rehearsal_rig
+from duobench.hardware.opening import open_rig, rehearsal_rig
 from duobench.hardware.rig import Rig
 from duobench.randomness import EVAL, episode_seed
 from duobench.results.suite import find_tasks
+from duobench.rig_sessions.recording import RigRecording, find_policy
 from duobench.rig_sessions.session import HELD_BY_OPERATOR
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
 from tests.rig_sessions import rehearsed
 from tests.rig_sessions.operator import Stand
 from tests.rig_sessions.rehearsal_operator import RehearsalOperator
+from tests.rig_sessions.test_recording import Script
+from tests.teleop.test_real import Bench
 
 EPISODES = int(os.environ.get("DUOBENCH_REHEARSAL_EPISODES", "1"))
 """Episodes of each of three policies in each of four tasks."""
 TASKS = ("ball_maze", "hinge_chest", "bin_sort", "transfer_cube")
+CARRIES = "ball_maze"
+"""The task in which something is in the air for most of the time."""
 ENOUGH = 9
 """Episodes in which drops and reflexes are certain."""
 HOLDS = (1, 10, 20)
@@ -84,7 +94,7 @@ def test_records_of_a_rehearsal_hold_what_the_operator_meant(task: str, tmp_path
     everything = operator.meant.values()
     assert any(meant.was_held for meant in everything)
     if EPISODES >= ENOUGH:
-        assert any(meant.has_dropped for meant in everything)
+        assert task != CARRIES or any(meant.has_dropped for meant in everything)
         assert any(record.judged.fault == FaultKind.CONTACT for record in found if record.judged)
     faults = [str(record.judged.fault) for record in found if record.judged and record.judged.fault]
     stages = Counter(meant.stage for meant in everything)
@@ -95,3 +105,37 @@ def test_records_of_a_rehearsal_hold_what_the_operator_meant(task: str, tmp_path
         f"{sum(meant.erred for meant in everything)} wrong presses"
     )
     logging.getLogger(__name__).info(tally)
+
+
+def test_recording_on_a_rehearsal_solves_the_task(
+    tmp_path: Path, demonstrations: Callable[..., Path]
+) -> None:
+    """The terminal of `real record` is answered; the objects of the world are really moved."""
+    (demonstration,) = DataSet(demonstrations("bin_sort")).episodes()
+    duo = open_rig(quick_rig(), VirtualClock(), guard=False)
+    source, script = find_policy(str(demonstration)), Script("ahpk", {})
+    data = DataSet.open(tmp_path)
+    options = {"horizon": 320, "episodes": 1}
+    with closing(RigRecording(duo, "bin_sort", data, source, script, **options)) as recording:
+        assert recording.run() == 1
+        assert duo.world is not None
+        simulation, layout = duo.world.simulation, recording._layout
+        moved = {
+            name: math.dist(simulation.position(name), layout.poses[name].translation)
+            for name in ("white_cube", "black_cube")
+        }
+        assert min(moved.values()) > 0.1, "both lie in their bowls"
+    assert any("white_cube" in text for text in script.asked)
+    (episode,) = data.recordings()
+    assert episode.info.rig is not None
+    assert set(episode.info.rig.drivers) == {"rehearsal"}
+
+
+def test_teleoperation_finds_the_objects_where_the_layout_says(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "ah", rig=quick_rig(), task="bin_sort", episodes=1)
+    world, layout = bench.duo.world, bench.session.env.base.layout
+    assert world is not None
+    assert layout.poses
+    for name, pose in layout.poses.items():
+        assert math.dist(world.simulation.position(name), pose.translation) < 0.02
+    bench.session.close()

@@ -13,6 +13,7 @@ from duobench.data import Actor, ActorKind, DataSet, find_problems
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.opening import open_rig
+from duobench.hardware.rig import Rig
 from duobench.kinematics.inverse import Kinematics
 from duobench.rig_sessions.rig_teleoperation import (
     EndedError,
@@ -53,11 +54,19 @@ class Terminal:
 class Bench:
     """A session on a rig on a virtual clock, and hands that are sent thirty times a second."""
 
-    def __init__(self, folder: Path, answers: str = "", **options: Any) -> None:
-        self.duo = open_rig("simulated", VirtualClock(), guard=False)
+    def __init__(
+        self,
+        folder: Path,
+        answers: str = "",
+        *,
+        rig: Rig | str = "simulated",
+        task: str = TASK,
+        **options: Any,
+    ) -> None:
+        self.duo = open_rig(rig, VirtualClock(), guard=False)
         self.terminal = Terminal(answers)
         recorder = make_real_recorder(
-            self.duo, TASK, folder, PERSON, self.terminal, after_success=0.2
+            self.duo, task, folder, PERSON, self.terminal, after_success=0.2
         )
         self.session = RigTeleoperation(recorder, HandDevice(), **options)
         self.turn = 0

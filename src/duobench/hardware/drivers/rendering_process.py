@@ -38,7 +38,10 @@ class RenderingProcess:
     def __init__(self) -> None:
         self._connection, theirs = Pipe()
         command = [sys.executable, "-c", _START, json.dumps(sys.path), str(theirs.fileno())]
-        self.process = subprocess.Popen(command, pass_fds=(theirs.fileno(),))
+        # In a session of its own: Ctrl-C is for the one who leads the arms.
+        self.process = subprocess.Popen(
+            command, pass_fds=(theirs.fileno(),), start_new_session=True
+        )
         theirs.close()
         self._lock = threading.Lock()
         self._model: Any = None
