@@ -72,7 +72,7 @@ def test_trainings_are_tested_in_pairs(table: MixedTable) -> None:
     assert overall.only == (0, 2 * (EPISODES - 1))
     assert overall.better == -1
     assert "ACT trained on mixed is better than ACT trained on sim in 2 of 2 tasks" in clear.text
-    assert "on the same episodes" in clear.text
+    assert "with the same episodes" in clear.text
     assert "Over all tasks: 2 of 24 episodes against 24 of 24" in clear.text
     unclear = pairs["ACT trained on sim", "ACT trained on real"]
     assert "cannot be told apart" in unclear.text
@@ -99,7 +99,7 @@ def test_files_hold_the_same(table: MixedTable, tmp_path: Path) -> None:
     assert all(each["paired"] for each in document["tests"])
     latex = (tmp_path / "mixed" / "mixed.tex").read_text()
     assert latex.count(r"\\") == 10
-    assert "X-VLA in real arms" in latex
+    assert "X-VLA on real arms" in latex
 
 
 def test_other_episodes_are_tested_as_two_samples(tmp_path: Path) -> None:
@@ -109,7 +109,7 @@ def test_other_episodes_are_tested_as_two_samples(tmp_path: Path) -> None:
     other = sample_folder(tmp_path / "b", theirs, records).path
     (test,) = read_mixed([f"sim={ours}", f"mixed={other}"]).tests
     assert not test.pair.paired
-    assert "on different episodes: trained on sim and trained on mixed" in test.text
+    assert "with different episodes: trained on sim and trained on mixed" in test.text
 
 
 def test_task_that_one_training_lacks_is_in_no_sum(tmp_path: Path) -> None:

@@ -187,7 +187,7 @@ def test_mixed_table(whole: Whole, tmp_path: Path) -> None:
     assert test.pair.paired
     assert test.domain == "real"
     page = write_mixed(table, tmp_path / "mixed").read_text()
-    assert "Evaluated in real arms" in page
+    assert "Evaluated on real arms" in page
     assert "trained on mixed" in page
     assert "n = 15" in (tmp_path / "mixed" / "mixed.md").read_text()
     with pytest.raises(EvaluationError, match="not known"):

@@ -35,7 +35,7 @@ from duobench.results.scores import RunPart, Score, interval_percent, score, sum
 DOCUMENT = "mixed.json"
 """The table for programs; a folder that has it holds one."""
 MIXED_SCHEMA = 3
-WORDS = {SIM: "simulation", REAL: "real arms"}
+WHERE = {SIM: "in simulation", REAL: "on real arms"}
 CSV_HEADER = (
     *("task", "policy", "trained_on", "evaluated_in", "episodes", "successes", "success_rate"),
     *("wilson_low", "wilson_high", "mean_final_progress"),
@@ -76,7 +76,7 @@ class MixedTest:
         if self.pair.conditions:
             more.append(f"Not the trainings alone differ: {'; '.join(self.pair.conditions)}.")
         verdict = tables.verdict(self.pair)
-        return " ".join([f"In {WORDS[self.domain]}, on {how}: {verdict}", *more])
+        return " ".join([f"{WHERE[self.domain].capitalize()}, with {how}: {verdict}", *more])
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -118,7 +118,7 @@ class MixedTable:
 
     def heading(self, policy: str, domain: str) -> str:
         """Title of a column."""
-        return f"{policy} in {WORDS[domain]}" if policy else f"Evaluated in {WORDS[domain]}"
+        return f"{policy or 'Evaluated'} {WHERE[domain]}"
 
 
 def read_mixed(sources: Sequence[str]) -> MixedTable:
@@ -151,7 +151,7 @@ def read_mixed(sources: Sequence[str]) -> MixedTable:
                 if any(each.results.played(one.task.id) for each in before):
                     raise EvaluationError(
                         f"{source} is a second run of {one.task.id}, trained on {trained_on} and "
-                        f"evaluated in {WORDS[place.domain]}; name the policies: "
+                        f"evaluated {WHERE[place.domain]}; name the policies: "
                         f"ACT/{trained_on}={source}."
                     )
             before.append(part)
