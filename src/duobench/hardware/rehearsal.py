@@ -68,7 +68,7 @@ class MountedArm:
         self.torques = np.zeros(ARM_JOINTS)
         self.external = np.zeros(ARM_JOINTS)
         """Torques of what it touches, filtered."""
-        self.wrench: Array = np.zeros(6)
+        self.wrench = np.zeros(6)
         """Force in N and moment in N·m at its tool, in the table frame."""
         self.is_tracking = False
         self.fault: Fault | None = None
@@ -309,9 +309,8 @@ class RehearsalWorld:
             tool = self._tools[side.index]
             mujoco.mj_jacSite(self._model, data, jacobian[:3], jacobian[3:], tool)
             own = jacobian[:, dofs]
-            arm.wrench = np.asarray(
-                np.linalg.solve(own @ own.T + _DAMPED, own @ arm.external), dtype=np.float64
-            )
+            wrench = np.linalg.solve(own @ own.T + _DAMPED, own @ arm.external)
+            arm.wrench = wrench.astype(np.float64)
             if arm.is_tracking and (name := arm.reflex()) is not None:
                 self._measure(side)
                 arm.stop(FaultKind.CONTACT.fault(f'motion aborted by reflex! ["{name}"]'))
