@@ -259,6 +259,21 @@ def test_objects_are_placed_with_the_errors_of_a_hand(task: str) -> None:
     assert 0.01 * HAND_RAD < max(flat) < 6.0 * HAND_RAD
 
 
+@pytest.mark.parametrize("task", catalog.names())
+def test_every_task_lies_still_where_it_was_placed(task: str, duo: FrankaDuo) -> None:
+    definition = catalog.get(task)
+    for seed in range(3):
+        layout = next(definition.layouts(seed))
+        duo.place(definition, layout)
+        assert duo.fault is None
+        simulation = world_of(duo).simulation
+        assert dict(simulation.variants) == dict(layout.variants)
+        for name in simulation.props:
+            off = simulation.position(name) - layout.poses[name].translation
+            assert np.abs(off).max() < 0.02, name
+            assert math.hypot(*simulation.velocity(name)) < 0.05, name
+
+
 def test_objects_are_placed_as_new(duo: FrankaDuo) -> None:
     task = catalog.get("hinge_chest")
     layout = next(task.layouts(1))
