@@ -133,6 +133,11 @@ SLOW = [0.031, 0.033, 0.032]
         ),
         (lambda duo: gripper(duo, Side.LEFT).fail(HOT), "left gripper", "too hot"),
         (
+            lambda duo: setattr(duo.grippers["left"], "is_active", False),
+            "left gripper",
+            "not active",
+        ),
+        (
             lambda duo: setattr(duo.grippers[Side.LEFT], "round_trips", SLOW),
             "left gripper",
             "answers in 32.0 ms",

@@ -10,6 +10,7 @@ from duobench.errors import EvaluationError, LockedError, OtherRunError, PolicyE
 from duobench.files import locked
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.judge import REACTION_S
+from duobench.hardware.supervisor import State
 from duobench.results.records import InvalidTrial
 from duobench.rig_sessions import interruptible
 from duobench.rig_sessions.interruptible import GIVEN_UP
@@ -23,7 +24,9 @@ from duobench.rig_sessions.trials_folder import (
     TrialsProgress,
 )
 from duobench.rig_sessions.trials_report import write_trials_report
+from duobench.robot.joints import HOME_JOINTS
 from duobench.types import Side
+from tests.hardware.rigs import put
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import (
     POLICIES,
@@ -127,6 +130,35 @@ def test_what_a_person_or_our_controller_did_is_asked_about_and_never_counts(
     write_trials_report(stand.folder)
     assert f"stopped by {kind} (1)" in stand.folder.run.page.read_text()
     assert f"{kind} (1)" in stand.folder.page.read_text()
+
+
+def test_a_stop_while_the_arms_go_home_is_asked_about_as_well(tmp_path: Path) -> None:
+    def script(operator: Operator) -> None:
+        duo = operator.stand.duo
+        ticker = duo.clock.every(
+            0.3,
+            lambda: (
+                operator.fail(Side.LEFT, "User Stop pressed!", FaultKind.PERSON)
+                if duo.supervisor.state is State.HOMING and not operator.stand.session.reasons
+                else None
+            ),
+            "somebody",
+        )
+        put(duo, HOME_JOINTS + 0.2)
+        operator.phase("placing")
+        operator.say("placed")
+        operator.phase("ready")
+        operator.say("start")
+        status = operator.phase("judging")
+        ticker.stop()
+        assert "User Stop" in status["message"]
+        assert len(status["reasons"]) > 1
+        operator.invalid("A visitor came near.")
+        operator.stand.session.stop()
+
+    stand = played(tmp_path / "t", script, ONE, is_complete=False)
+    (found,) = invalid(stand)
+    assert (found.fault, found.reason) == (FaultKind.PERSON, "A visitor came near.")
 
 
 @pytest.mark.parametrize("counts", [True, False])

@@ -34,6 +34,8 @@ from duobench.tasks.task import Task
 
 FAULT_KIND = "fault_kind"
 """Key of `info` that says what sort of fault ended an episode; only there where one did."""
+WAITS = "waits"
+"""Key of `info` that counts how often the arms rested until a late image came."""
 OF_REAL = (LAYOUT, LAYOUT_SEED, SPLIT, INSTRUCTION)
 """Options of a reset that mean something on real arms."""
 
@@ -128,7 +130,7 @@ class RealEnv(DuoEnv):
 
     def _info(self, clipped: Any = None) -> Info:
         more = {"late_s": self.rig.late_s, "image_ages": self.rig.image_ages()}
-        return {**super()._info(clipped), **more, "waits": self.rig.waits - self._waits}
+        return {**super()._info(clipped), **more, WAITS: self.rig.waits - self._waits}
 
 
 def _layout_of(task: Task, given: Any, seed: int, split: str) -> Layout:

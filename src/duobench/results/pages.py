@@ -190,6 +190,7 @@ def trials(records: Iterable[EpisodeRecord]) -> Facts:
         if counted
         else "none",
         "Arms stopped by": counts_text(each.fault or "" for each in judged),
+        "Waits for late images": str(sum(each.waits for each in judged)),
         "Invalid trials, played again": invalid_text(
             [trial for each in judged for trial in each.repeated]
         ),

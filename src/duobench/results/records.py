@@ -130,6 +130,8 @@ class Judged:
     fault: FaultKind | None = None
     """What sort of fault that was; None if it was none. What counts is a contact, or a limit that
     the operator blamed on the policy."""
+    waits: int = 0
+    """How often the arms rested until an image came that was late."""
 
     @property
     def is_late(self) -> bool:

@@ -20,7 +20,7 @@ INACTIVE = (
 )
 HOLDING = (
     "Something is held by the {} hand. Take it, so that it does not drop.\n"
-    "l: open the left hand; r: open the right hand; q: end."
+    "l: open the left hand; r: open the right hand; b: open both; q: end."
 )
 HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
 PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
@@ -61,6 +61,7 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
         elif holding := duo.hands.holding:
             question = HOLDING.format(" and ".join(holding))
             acts = {side[0]: partial(duo.hands.open, [side]) for side in holding}
+            acts["b"] = partial(duo.hands.open, holding)
         else:
             return True
         key = operator.ask(question, f"{''.join(acts)}{QUIT}")

@@ -3,21 +3,21 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from urllib.parse import parse_qs
 
 import gymnasium as gym
 
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder
-from duobench.envs.duo_env import TRUNCATION_REASON, DuoWrapper, ResetOptions, Start
+from duobench.envs.duo_env import TRUNCATION_REASON, DuoWrapper, ResetOptions, Start, base_of
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollout import Info, Observation, Step, Watcher, rollout
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
-from duobench.hardware.env import FAULT_KIND
+from duobench.hardware.env import FAULT_KIND, WAITS, RealEnv
 from duobench.policy.registry import PolicyKind, PolicyName
 from duobench.policy.serving.address import RemoteServer
 from duobench.results.records import REAL
@@ -111,13 +111,15 @@ class PlayedEpisode:
     """The error of the policy that ended it."""
     failure: DuoBenchError | None = None
     """What went wrong through no fault of the policy, so that it does not count."""
+    waits: int = 0
+    """How often the arms rested until an image came that was late."""
     ended_by_success: bool = False
     """Whether the press of the last stage ended it."""
 
     @property
     def invalid(self) -> str:
         """Why it cannot count, whatever a person says; empty if it can."""
-        if self.failure is not None:
+        if self.failure is not None and not self.reasons:
             return f"{type(self.failure).__name__}: {self.failure}"
         is_cable = self.fault is FaultKind.COMMUNICATION and not self.ended_by_success
         return self.stopped if is_cable else ""
@@ -142,6 +144,7 @@ class PolicyRunner:
 
     def __init__(self, env: DuoWrapper, source: PolicySource) -> None:
         self.env = FixedLayout(env)
+        self._duo = cast("RealEnv", base_of(env)).rig
         self.policy = source.bind(self.env)
         self.asked = InterruptiblePolicy(self.policy)
         """The same, as episodes ask it."""
@@ -162,13 +165,16 @@ class PolicyRunner:
             error = caught
         except DuoBenchError as caught:
             failure = caught
-        kind = ending.info.get(FAULT_KIND)
+        kind, stopped = ending.info.get(FAULT_KIND), ending.info.get(TRUNCATION_REASON)
+        if failure is not None and (fault := self._duo.fault) is not None:  # on the way home
+            kind, stopped = fault.kind, failure
         return PlayedEpisode(
             steps=ending.number,
-            stopped=str(ending.info.get(TRUNCATION_REASON) or ""),
+            stopped=str(stopped or ""),
             fault=None if kind is None else FaultKind(kind),
             error=error,
             failure=failure,
+            waits=int(ending.info.get(WAITS, 0)),
             ended_by_success=ending.terminated,
         )
 

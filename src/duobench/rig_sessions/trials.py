@@ -256,6 +256,7 @@ class TrialsSession(RigSession):
                 repeated=tuple(self._progress.invalid.get(trial.number, ())),
                 stopped=played.stopped,
                 fault=played.fault,
+                waits=played.waits,
             ),
         )
         return record if played.error is None else record.broken(played.error, played.steps)

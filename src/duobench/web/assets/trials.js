@@ -59,6 +59,7 @@ class Trials {
     this.#judging.onUndo = () => this.#tell("undo");
     part("#open_left").addEventListener("click", () => this.#tell("open", { hands: ["left"] }));
     part("#open_right").addEventListener("click", () => this.#tell("open", { hands: ["right"] }));
+    part("#open_both").addEventListener("click", () => this.#tell("open"));
     part("#carry").addEventListener("click", () => this.#tell("home", { with_object: true }));
     for (const kind of KINDS) {
       part(`#${kind}`).addEventListener("click", () => this.#tell(kind));
@@ -185,6 +186,7 @@ class Trials {
     for (const side of ["left", "right"]) {
       part(`#open_${side}`).hidden = !mayHandle || !holding.includes(side);
     }
+    part("#open_both").hidden = !mayHandle || holding.length < 2;
     part("#carry").hidden = !mayHandle || fault || holding.length !== 1;
     part("#give_up").hidden = !this.#isDriver || !waits;
     part("#hold").disabled = !this.#isDriver;
