@@ -34,9 +34,7 @@ if TYPE_CHECKING:
 
 
 _PAGE = PageOptions()
-GRIPPERS: Advice = {
-    BackendError: "See: duobench real grippers --help (--activate, --open left right)."
-}
+GRIPPERS: Advice = {BackendError: "Hands are opened by duobench real grippers --open left right."}
 WORD = "home"
 """What the operator types to confirm."""
 
@@ -72,8 +70,8 @@ def home(rig: str, check: bool = False, fast: bool = False, with_object: bool = 
         )
         if check:
             return
+        _activate(duo)
         with advising(GRIPPERS):
-            duo.hands.check_active()
             duo.hands.check_free(with_object=with_object)
         _confirm("Is nobody within reach, and is somebody at the emergency stop?", WORD)
         duo.supervisor.confirm()
@@ -102,18 +100,26 @@ def grippers(
     """
     with closing(RigOptions(rig=rig, fast=fast).open()) as duo:
         duo.start()
-        with stopping(lambda: duo.hold("Ctrl-C.")):
-            if activate and duo.hands.inactive:
-                _confirm("Is nothing between the fingers? They close and open.", "activate")
-                duo.hands.activate()
-            if open:
-                _confirm(f"Is what is held ({' and '.join(open)}) kept from falling?", "open")
+        if activate:
+            _activate(duo)
+        if open:
+            _confirm(f"Is what is held ({' and '.join(open)}) kept from falling?", "open")
+            with stopping(lambda: duo.hold("Ctrl-C.")):
                 duo.hands.open(open)
         for side, reading in duo.gripper_readings().items():
             state = "active" if reading.is_active else "not active"
             holds = ", holds something" if reading.has_object else ""
             fault = "" if reading.fault is None else f"; {reading.fault.text}"
             say(f"The {side} gripper: {state}, opening {reading.opening:.2f}{holds}{fault}")
+
+
+def _activate(duo: FrankaDuo) -> None:
+    """Activate grippers that are not active, once the operator has said so."""
+    if inactive := duo.hands.inactive:
+        which = " and ".join(inactive)
+        _confirm(f"Not active ({which}). Is nothing between the fingers? They move.", "activate")
+        with stopping(lambda: duo.hold("Ctrl-C.")):
+            duo.hands.activate()
 
 
 def _confirm(question: str, word: str) -> None:
