@@ -20,6 +20,10 @@ QUESTION = (
     "Both arms go home now, slowly, and then follow what LeRobot sends. Is the emergency stop at "
     "hand, and nobody near? Type yes: "
 )
+ACTIVATION = (
+    "A gripper was off and has to be activated: its fingers close and open. Is nothing between "
+    "them? Type yes: "
+)
 
 
 class DuoBenchDuo(Arms):
@@ -69,9 +73,13 @@ class DuoBenchDuo(Arms):
         duo = self._duo
         duo.start()
         try:
+            if self.config.ask and duo.hands.inactive:
+                _ask(ACTIVATION)
+                duo.hands.activate()
             if self.config.ask:
-                _ask()
+                _ask(QUESTION)
             duo.supervisor.confirm()
+            duo.see(self.config.views)
             duo.home()
         except BaseException:
             duo.close()
@@ -130,8 +138,7 @@ class DuoBenchDuo(Arms):
         """
         duo = self._duo
         fault = duo.health()
-        ages = {name: duo.image_ages().get(name, 0.0) for name in self.config.views}
-        old = [name for name, age in ages.items() if not age <= MAX_IMAGE_AGE_SECONDS]
+        old = [name for name, age in duo.image_ages().items() if not age <= MAX_IMAGE_AGE_SECONDS]
         if duo.held is None and old:
             fault = fault or f"Images are too old: {', '.join(old)}."
         if duo.held is None and fault:
@@ -140,8 +147,8 @@ class DuoBenchDuo(Arms):
             raise BackendError(f"Both arms hold: {duo.held}")
 
 
-def _ask() -> None:
-    """Ask whoever sits at the terminal whether the arms may move.
+def _ask(question: str) -> None:
+    """Ask whoever sits at the terminal whether something may move.
 
     Raises:
         BackendError: Nobody said yes.
@@ -150,5 +157,5 @@ def _ask() -> None:
         raise BackendError(
             "Somebody has to confirm in a terminal that the arms may move, and there is none."
         )
-    if input(QUESTION).strip().lower() not in {"y", "yes"}:
+    if input(question).strip().lower() not in {"y", "yes"}:
         raise BackendError("The operator did not confirm; nothing moved.")
