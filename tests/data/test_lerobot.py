@@ -403,11 +403,11 @@ def test_a_camera_that_a_rig_lacks_is_named(tmp_path: Path) -> None:
 def test_views_resize_by_mean_and_straighten_what_was_measured() -> None:
     image = image_of(5)
     assert (resized(image, (4, 8))[0, :, 0] == image[0, ::6, 0]).all()
-    about = {"driver": "simulated", "size": list(SIZE), "calibration": None}
-    np.testing.assert_array_equal(view_of("head", about)(image, (4, 8)), resized(image, (4, 8)))
-    lens = {"fx": 700.0, "fy": 700.0, "cx": 640.0, "cy": 360.0, "pose": [0, 0, 0, 0, 0, 0, 1]}
-    about |= {"calibration": lens, "size": [720, 1280]}
+    about = {"driver": "simulated", "size": [720, 1280], "calibration": None}
     native = image_of(5, (720, 1280))
+    np.testing.assert_array_equal(view_of("head", about)(native, (4, 8)), resized(native, (4, 8)))
+    lens = {"fx": 700.0, "fy": 700.0, "cx": 640.0, "cy": 360.0, "pose": [0, 0, 0, 0, 0, 0, 1]}
+    about |= {"calibration": lens}
     shown = view_of("head", about)(native, (72, 128))
     assert (shown != resized(native, (72, 128))).any()
     with pytest.raises(DataError, match="lens of its own"):
