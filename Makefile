@@ -28,7 +28,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test test-all fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -43,11 +43,14 @@ demo-robust: setup  ## Play the suite robust with the scripted experts, two leve
 	rm -rf $(DEMO_ROBUST)
 	$(BIN)/duobench eval --policy expert --suite robust --levels 1 5 --episodes 1 --workers 2 --out $(DEMO_ROBUST)
 
-test: check  ## Check format, lint and types, then run the tests; at most six minutes on two cores.
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "not slow"
+test: check  ## Check format, lint and types, then run the tests; ten minutes on two cores.
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "not slow and not long"
 
 test-all: setup-test  ## Run the tests that `make test` leaves out: more ways, kills, pages, programs.
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m slow
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "slow and not long"
+
+test-long: setup-test  ## Run the tests that take too long for every change: before a release, or in their room.
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m long
 
 fuzz: setup-test  ## Drive the arms violently in every task, and say what breaks; a minute.
 	OMP_NUM_THREADS=1 $(BIN)/python -m dev.tools.fuzz

@@ -1,9 +1,9 @@
-"""The list of slow tests names tests."""
+"""The lists of slow and long tests name tests, and each of them once."""
 
 import re
 from pathlib import Path
 
-from tests.conftest import SLOW
+from tests.conftest import LONG, SLOW
 
 
 def test_every_slow_test_is_one() -> None:
@@ -13,4 +13,5 @@ def test_every_slow_test_is_one() -> None:
         for file in files
         for name in re.findall(r"def (test_\w+)\(", file.read_text(encoding="utf-8"))
     }
-    assert SLOW - names == set()
+    assert (SLOW | LONG) - names == set()
+    assert not SLOW & LONG
