@@ -106,7 +106,8 @@ def main() -> None:
     name, folder = sys.argv[1], Path(sys.argv[2])
     become_realtime(15)
     duo = open_rig(franky_rig(cameras=("head",)), guard=False)
-    plain = make_real_env(duo, "bin_sort", horizon=STEPS, cameras=False)
+    seen_by = {"cameras": ("head",), "image_size": (24, 32)}
+    plain = make_real_env(duo, "bin_sort", horizon=STEPS, **seen_by)
     env = Recorder(plain, folder)
     duo.supervisor.confirm()
     env.reset(seed=0)
