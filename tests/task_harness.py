@@ -26,7 +26,7 @@ FAST = ("hinge_chest", "transfer_cube", "bin_sort")
 
 def marked(task: str, *values: object, name: str | None = None) -> Any:
     """A case of a test that plays whole episodes: slow, unless its task is one of few."""
-    marks = () if task in FAST else (pytest.mark.slow,)
+    marks = () if task in FAST else (pytest.mark.long,)
     return pytest.param(task, *values, id=name or task, marks=marks)
 
 
