@@ -70,8 +70,10 @@ class Hands:
         Raises:
             BackendError: One did not become active, or a hold stopped it.
         """
-        with self._supervisor.handling():
+        with self._supervisor.handling() as may_go_on:
             for side in SIDES:
+                if not may_go_on():
+                    raise BackendError("The activation was stopped.")
                 reading = self._grippers[side].read()
                 if not reading.is_active or reading.fault is not None:
                     self._grippers[side].activate()
