@@ -32,7 +32,6 @@ def numbers(sample: VarietySample) -> list[float]:
         sample.pause_steps([Side.LEFT], 1.0),
         *sample.detour(WAY, 1.0),
         *sample.grasp_offset(1.0).tquat,
-        sample.ordered(SIDES)[0].sign,
         *sample.disturbance(np.ones(2)).ravel(),
     ]
 
@@ -49,7 +48,7 @@ def test_without_variety_or_freedom_a_motion_is_that_of_the_script(
         assert not sample.detour(WAY, freedom).any()
         assert np.array_equal(sample.grasp_offset(freedom).rotation, np.eye(3))
         assert not sample.grasp_offset(freedom).translation.any()
-        assert variety is not NONE or sample.ordered(SIDES) == SIDES
+        assert variety is not NONE or sample.ordered(SIDES, -0.1) == SIDES
         assert not sample.disturbance(np.full(2, freedom)).any()
 
 
@@ -93,6 +92,14 @@ def test_each_arm_begins_later_and_pauses_now_and_then(variety: Variety) -> None
     assert 0 <= min(first) < max(first) <= 30 * variety.start_delay.high
     assert max(pauses) <= 30 * variety.pause.high
     assert np.count_nonzero(pauses) / len(pauses) == pytest.approx(variety.pause_chance, abs=0.06)
+
+
+@VARIED
+def test_the_nearer_arm_goes_first_so_that_the_order_is_seen(variety: Variety) -> None:
+    for sample in samples(variety)[:20]:
+        assert sample.ordered(SIDES, 0.02) == (Side.LEFT, Side.RIGHT)
+        assert sample.ordered(SIDES[::-1], -0.02) == (Side.RIGHT, Side.LEFT)
+    assert VarietySample(NONE, TASK, 0).ordered(SIDES, -0.02) == SIDES
 
 
 @VARIED

@@ -54,7 +54,8 @@ class Variety:
     noise: float = 0.0
     """Standard deviation of the noise in each executed joint target, in radians."""
     swaps: bool = False
-    """Whether arms take turns at what either can do, and order is free where it does not matter."""
+    """Whether the nearer arm goes first at what either can do. A drawn order would be a plan that
+    nothing seen shows: who imitates both orders learns the middle of them."""
 
 
 NONE = Variety(name="none")
@@ -144,10 +145,16 @@ class VarietySample:
         x, z, yaw, tilt = (around(0.0, freedom * half).sample(self._rng) for half in halves)
         return SE3.at(x, 0.0, z, yaw=yaw) @ SE3.about((0, 1, 0), tilt)
 
-    def ordered(self, sides: tuple[Side, ...]) -> tuple[Side, ...]:
-        """Arms in the order in which they act, where the order is free."""
-        turned = self._rng.random() < 0.5  # noqa: PLR2004 - heads or tails
-        return sides[::-1] if self.variety.swaps and turned else sides
+    def ordered(self, sides: tuple[Side, ...], y: float) -> tuple[Side, ...]:
+        """Arms in the order in which they act, where the order is free.
+
+        Args:
+            sides: The arms, in the order of the script.
+            y: Where on the table's y they act, in metres: the arm of that side is nearer.
+        """
+        if not self.variety.swaps:
+            return sides
+        return tuple(sorted(sides, key=lambda side: -side.sign * y))
 
     def disturbance(self, freedom: Array) -> Array:
         """Noise (2, 7) of the next executed joint targets in radians (Ornstein-Uhlenbeck process).

@@ -87,7 +87,7 @@ def grasp(arms: Arms, *sides: Side, way: Handling = PLAIN) -> Script:
     poses = grip_poses(arms, *sides, way=way)
     yield from come_down(arms, poses, opening=OPENING, above=_APPROACH)
     # One after the other: the first grip brings the board into line with its gripper.
-    for side in arms.variety.ordered(sides):
+    for side in arms.variety.ordered(sides, float(arms.sim.position("board")[1])):
         yield from grip(arms, side)
 
 

@@ -72,9 +72,9 @@ def lay_beam(
         along: Where it grasps the beam, from its middle, in metres.
         gap: Height above the cube to which the beam is led, in metres.
     """
-    side = side or arms.variety.ordered((_BEAM_SIDE, _BEAM_SIDE.other))[0]
     beam = arms.sim.pose("beam")
     x, y, z = beam.apply([0.0, along, _BEAM_GRASP])
+    side = side or arms.variety.ordered((_BEAM_SIDE, _BEAM_SIDE.other), y)[0]
     yield from pick(
         arms,
         side,
