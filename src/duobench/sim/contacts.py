@@ -5,9 +5,9 @@ rest of an arm, or the body that carries it.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -35,12 +35,12 @@ _MIN_BACKING_COSINE = math.cos(MAX_BACKING_ANGLE)
 class HingeAxis(NamedTuple):
     """The axis of a hinge as it is now, in the table frame."""
 
-    anchor: list[float]
+    anchor: Sequence[Any]
     """A point (3,) of the axis, in metres."""
-    axis: list[float]
+    axis: Sequence[Any]
     """Its direction (3,): turning about it opens."""
 
-    def opening_at(self, point: list[float]) -> tuple[float, float, float]:
+    def opening_at(self, point: Sequence[Any]) -> tuple[Any, Any, Any]:
         """Velocity (3,) of a point (3,) of the hinged part while it opens by 1 rad/s, in m/s.
 
         It is as long as the point's distance from the axis in metres; its product with a direction
@@ -78,20 +78,42 @@ def _owner_of_body(name: str) -> str:
     return name
 
 
-class Contacts:
-    """Contact questions about one model and its data.
+class ContactOwners:
+    """Who owns each geom of a model, by row; errors where there is no such owner."""
 
-    All raise `UnknownNameError` where there is no such owner.
-    """
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self._data = data
+    def __init__(self, model: mujoco.MjModel) -> None:
         self._index: dict[str, int] = {}
         bodies = (model.body(body).name for body in model.geom_bodyid)
         self._owners = [
             self._index.setdefault(_owner_of_body(body), len(self._index)) for body in bodies
         ]
         """Row of each geom's owner."""
+        self._limbs = {
+            side: [self._index[limb_owner(side, limb)] for limb in Limb] for side in SIDES
+        }
+        self._pad_bodies = {
+            side: [model.body(name).id for name in pad_names(side)] for side in SIDES
+        }
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """Names of all owners of geoms."""
+        return tuple(self._index)
+
+    def _row(self, owner: str) -> int:
+        check_known("contact owner", owner, self._index)
+        return self._index[owner]
+
+
+class Contacts(ContactOwners):
+    """Contact questions about one model and its data.
+
+    All raise `UnknownNameError` where there is no such owner.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        super().__init__(model)
+        self._data = data
         # A pair of owners is one number, lower row first, so that one set holds all contacts.
         self._stride = len(self._index)
         self._touching: set[int] = set()
@@ -99,12 +121,6 @@ class Contacts:
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
         """Answers of `grasped` since the last update; several questions ask the same."""
-        self._limbs = {
-            side: [self._index[limb_owner(side, limb)] for limb in Limb] for side in SIDES
-        }
-        self._pad_bodies = {
-            side: [model.body(name).id for name in pad_names(side)] for side in SIDES
-        }
         self._pad_centres = data.xipos
         self._model = model
         self._solids: dict[int, list[int]] = {}
@@ -117,11 +133,6 @@ class Contacts:
             for side, limbs in self._limbs.items()
         }
         """Geoms of each gripper that collide."""
-
-    @property
-    def owners(self) -> tuple[str, ...]:
-        """Names of all owners of geoms."""
-        return tuple(self._index)
 
     def update(self) -> None:
         """Read the engine's contact list; a geom margin alone is no contact."""
@@ -152,13 +163,17 @@ class Contacts:
         left, right, palm, _ = self._limbs[side]
         return self._touch(left, row) or self._touch(right, row) or self._touch(palm, row)
 
+    def released(self, owner: str) -> bool:
+        """Whether neither gripper is in contact with an owner."""
+        return not any(self.gripper(side, owner) for side in SIDES)
+
     def pushes(self, side: Side, owner: str, hinge: HingeAxis) -> bool:
         """Whether a contact of any part of an arm turns an owner towards the open end of its hinge.
 
         The engine's normal tells where a contact pushes, and `MIN_LEVER` what turns nothing.
         """
         contact = self._data.contact
-        return any(
+        return self.arm(side, owner) and any(
             sign * dot(contact.frame[number, :3], hinge.opening_at(contact.pos[number].tolist()))
             >= MIN_LEVER
             for number, sign in self._normals(self._limbs[side], self._row(owner))
@@ -240,10 +255,6 @@ class Contacts:
             for (one, other), distance in zip(self._pairs, self._distances, strict=True)
             if distance < -limit and owners[one] != owners[other]
         ]
-
-    def _row(self, owner: str) -> int:
-        check_known("contact owner", owner, self._index)
-        return self._index[owner]
 
     def _touch(self, one: int, other: int) -> bool:
         low, high = (one, other) if one < other else (other, one)

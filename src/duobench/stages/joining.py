@@ -36,6 +36,7 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
         f"peg of {peg.body} is in a socket of {socket.body}",
         lambda state: led_in(state.simulation, peg, socket, depth, SOCKET_REACH),
         otherwise=lambda state: tip_in_words(state.simulation, peg, socket),
+        vectorized=True,
     )
 
 

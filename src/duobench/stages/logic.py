@@ -95,6 +95,9 @@ class Predicate:
     otherwise: Callable[[StateView], str] | None = field(default=None, repr=False)
     """What is the case where it does not hold, as a short sentence with the number that was missed:
     "cube is raised by 4 mm, not by 10 mm"."""
+    vectorized: bool = field(default=False, repr=False)
+    """Whether `test` also takes the view of n simulations at once, whose numbers are arrays (n,),
+    and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """The same as a call, as a plain function, which Python calls in half the time."""
 

@@ -5,9 +5,9 @@ sides is in front of the hole or beside it: that tells the ways apart. What was 
 and backwards through the hole has not come through when it is pulled out again.
 """
 
-import math
 from dataclasses import dataclass
 
+from duobench.spatial import hypot
 from duobench.stages.logic import Predicate, StateView, all_of, since
 from duobench.stages.predicates import mm
 
@@ -54,12 +54,12 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
     def where(state: StateView) -> tuple[float, float]:
         """Distance beyond the plane, and from the hole's axis, in metres."""
         x, y, z = state.relative_position(prop, hole.body)
-        return y, math.hypot(x, z - hole.height)
+        return y, hypot(x, z - hole.height)
 
     def in_front(radius: float, depth: float = EXIT_DEPTH) -> Predicate:
         def test(state: StateView) -> bool:
             beyond, off_axis = where(state)
-            return abs(beyond) <= depth and off_axis <= radius
+            return (abs(beyond) <= depth) & (off_axis <= radius)
 
         def otherwise(state: StateView) -> str:
             beyond, off_axis = where(state)
@@ -71,12 +71,14 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
             f"{depth * 1000:.0f} mm before or behind it",
             test,
             otherwise=otherwise,
+            vectorized=True,
         )
 
     near = Predicate(
         f"{prop} is on the near side of {hole.body}",
         lambda state: where(state)[0] < 0,
         otherwise=lambda _state: f"{prop} is on the far side of {hole.body}",
+        vectorized=True,
     )
     # Forgotten at the step after: what held at the step before this one.
     was_near, was_far = since(near, reset=~near), since(~near, reset=near)

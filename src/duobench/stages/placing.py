@@ -43,8 +43,8 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
     def gap(state: StateView) -> float:
         sim = state.simulation
         x, y, _ = state.relative_position(prop, body)
-        up_x, up_y, up_z = sim.rotation(body)[2].tolist()
-        level = float(sim.position(body)[2]) + up_x * x + up_y * y + up_z * top
+        up_x, up_y, up_z = sim.axes(body)[6:]
+        level = sim.origin(body)[2] + up_x * x + up_y * y + up_z * top
         return sim.min_height(prop) - level
 
     return Predicate(
@@ -53,6 +53,7 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
         otherwise=lambda state: (
             f"{prop} is {mm(gap(state))} above {body}, not at most {mm(height)}"
         ),
+        vectorized=True,
     )
 
 

@@ -71,4 +71,5 @@ def _slow(thing: str, vessel: str) -> Predicate:
         f"{thing} is slow in {vessel}",
         lambda state: state.simulation.relative_speed(thing, vessel) < LYING_SPEED,
         otherwise=lambda _state: f"{thing} still moves in {vessel}",
+        vectorized=True,
     )

@@ -83,6 +83,7 @@ def rolling(
         f"{ball} rolls on {board}",
         lambda state: state.simulation.relative_speed(ball, board) >= MIN_SPEED,
         otherwise=lambda _state: f"{ball} does not roll on {board}",
+        vectorized=True,
     )
     lifted = all_of(in_air, *(grasped(side, board) for side in SIDES))
     step = 1 / CONTROL_HZ
@@ -125,9 +126,10 @@ def _in_another_cell(ball: str, room: BoxRegion, cells: int, lifted: Predicate) 
 
         def test(state: StateView) -> bool:
             at = state.relative_position(ball, room.body)[axis]
-            return edge <= at < edge + pitch
+            return (edge <= at) & (at < edge + pitch)
 
-        return Predicate(f"{ball} is in {'column' if axis == 0 else 'row'} {number}", test)
+        name = f"{ball} is in {'column' if axis == 0 else 'row'} {number}"
+        return Predicate(name, test, vectorized=True)
 
     bands = [band(axis, number) for axis in (0, 1) for number in range(cells)]
     left = (~here & since(lifted & here, reset=lifted & ~here) for here in bands)
