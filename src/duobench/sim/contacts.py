@@ -22,7 +22,7 @@ MAX_PRESS_ANGLE = math.radians(60.0)
 which the finger presses towards it [task definitions]."""
 HAND_SIZE = 0.25
 """No point of a gripper is further from its pads, in metres: 0.186 (measured, open and closed)."""
-_MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
+MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
 MIN_LEVER = 0.020
 """Lever in metres about a hinge from which on a contact pushes a lid open or shut: nearer to the
 axis, along it or towards it, it turns nothing [task definitions]."""
@@ -241,7 +241,7 @@ class Contacts(ContactOwners):
         frames = self._data.contact.frame
         return all(
             any(
-                inwards * sign * dot(frames[number, :3], across) > _MIN_PRESS_COSINE
+                inwards * sign * dot(frames[number, :3], across) > MIN_PRESS_COSINE
                 for number, sign in self._normals([finger], row)
             )
             for finger, inwards in ((one, 1.0), (other, -1.0))

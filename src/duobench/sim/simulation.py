@@ -1,12 +1,12 @@
 """One compiled model and its state: stepping, saving, restoring, placing, and asking."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NoReturn
 
 import mujoco
 import numpy as np
 
-from duobench.errors import DuoBenchError, LayoutError, SimulationError, check_known
+from duobench.errors import DuoBenchError, LayoutError, SimulationError
 from duobench.objects.prop import Prop
 from duobench.robot.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
@@ -79,6 +79,25 @@ FEW_CORNERS = 24
 SOLVED = 0.1
 """Forces (N, N m) that may be missing in a step that counts as solved. Of 670,000 steps of cups in
 shaking hands 21 missed more than 0.4, and all others less than 0.01."""
+
+
+def raise_on_warning(counts: Iterable[int], where: str) -> None:
+    """Raise where the engine warned.
+
+    Args:
+        counts: How often it did, for each kind of warning.
+        where: When or where that was, for people.
+    """
+    names = [
+        f"{mujoco.mjtWarning(kind).name.removeprefix('mjWARN_').lower()} x{count}"
+        for kind, count in enumerate(counts)
+        if count
+    ]
+    if names:
+        raise SimulationError(
+            f"The physics engine warned {where}: {', '.join(names)}. The episode is not valid; "
+            "reset the environment."
+        )
 
 
 class Simulation(Questions):
@@ -189,7 +208,7 @@ class Simulation(Questions):
             self._run(command, checked=False)
             options.jacobian = usual
             mujoco.mj_step1(self.model, self.data)
-        self._raise_on_warning()
+        raise_on_warning(self.data.warning.number.tolist(), f"at t = {self.data.time:.3f} s")
         self.contacts.update()
 
     def _run(self, command: DuoCommand, *, checked: bool) -> bool:
@@ -223,18 +242,6 @@ class Simulation(Questions):
         self.data.time = 0.0
         return steps
 
-    def _raise_on_warning(self) -> None:
-        names = [
-            f"{mujoco.mjtWarning(kind).name.removeprefix('mjWARN_').lower()} x{count}"
-            for kind, count in enumerate(self.data.warning.number.tolist())
-            if count
-        ]
-        if names:
-            raise SimulationError(
-                f"The physics engine warned at t = {self.data.time:.3f} s: {', '.join(names)}. The "
-                "episode is not valid; reset the environment."
-            )
-
     # --- props ---------------------------------------------------------------------------------
 
     def apply(self, layout: Layout) -> None:
@@ -245,13 +252,17 @@ class Simulation(Questions):
                 f"The layout must place exactly {sorted(needed)}: missing "
                 f"{sorted(needed - given)}, unknown {sorted(given - needed)}."
             )
-        for prop in self.props.values():
-            if prop.choice is not None:
-                self._choose(prop, layout.variants.get(prop.choice))
-        self.variants = dict(layout.variants)
+        self.choose(layout.variants)
         for name, pose in layout.poses.items():
             self.place(name, pose)
         self.forward()
+
+    def choose(self, variants: Mapping[str, str]) -> None:
+        """Switch the shapes of all props to what a layout chose; no pose changes."""
+        for prop in self.props.values():
+            if prop.choice is not None:
+                self._choose(prop, variants.get(prop.choice))
+        self.variants = dict(variants)
 
     def _choose(self, prop: Prop, value: str | None) -> None:
         """Leave out of a prop what one of its variants leaves out, and nothing else."""
@@ -303,6 +314,10 @@ class Simulation(Questions):
 
     def _numbers(self, array: Array, row: int | slice) -> list[float]:
         return array[row].tolist()
+
+    def chosen(self, choice: str, rows: Mapping[str, Sequence[float]]) -> Sequence[float]:
+        """The row of numbers that belongs to what the layout chose."""
+        return rows[self.variants[choice]]
 
     def _lowest(self, prop: str, x: float, y: float, z: float) -> float:
         if prop in self._few:

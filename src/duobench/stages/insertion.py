@@ -64,7 +64,7 @@ def led_in(simulation: Questions, peg: Port, socket: Port, depth: float, offset:
     if near is False:  # one simulation; of many, some may be near
         return False
     height, aside = tip_in(simulation, peg, socket)
-    return near & (-MAX_DEPTH <= height) & (height <= -depth) & (aside <= offset)
+    return near & (height >= -MAX_DEPTH) & (height <= -depth) & (aside <= offset)
 
 
 def tip_in(simulation: Questions, peg: Port, socket: Port) -> tuple[float, float]:

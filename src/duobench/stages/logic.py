@@ -177,7 +177,7 @@ def shared(word: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", cache(word))
 
 
-class _Not(Predicate):
+class Not(Predicate):
     """What holds makes it fail, and the other way round."""
 
     __slots__ = ()
@@ -188,24 +188,26 @@ class _Not(Predicate):
     _met = _unmet
 
 
-class _AllOf(Predicate):
+class AllOf(Predicate):
     """Each part that does not hold speaks for itself."""
 
     __slots__ = ()
 
     def possible(self, state: StateView) -> bool:
+        """Whether all of them can hold."""
         return all(part.possible(state) for part in self.parts)
 
     def _unmet(self, state: StateView) -> Words:
         return _each_once(part.unmet(state) for part in self.parts)
 
 
-class _AnyOf(Predicate):
+class AnyOf(Predicate):
     """Says what all alternatives lack, and that none of them holds."""
 
     __slots__ = ()
 
     def possible(self, state: StateView) -> bool:
+        """Whether one of them can hold."""
         return any(part.possible(state) for part in self.parts)
 
     def _unmet(self, state: StateView) -> Words:
@@ -230,7 +232,7 @@ class _AnyOf(Predicate):
 
     def _alternatives(self) -> Iterator[Predicate]:
         for part in self.parts:
-            if isinstance(part, _AnyOf):
+            if isinstance(part, AnyOf):
                 yield from part._alternatives()
             else:
                 yield part
@@ -308,6 +310,11 @@ class HeldFor(Predicate):
     seconds: float
     """For how long at least, in seconds."""
 
+    @property
+    def steps(self) -> int:
+        """The same in control steps."""
+        return round(self.seconds * CONTROL_HZ)
+
     def _unmet(self, state: StateView) -> Words:
         part = self.clock.of
         lasted = state.lasted.get(self.clock, 0) / CONTROL_HZ
@@ -340,7 +347,7 @@ def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = 
 @shared
 def _not(predicate: Predicate) -> Predicate:
     ask = predicate.ask
-    return _Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
+    return Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
 
 
 @shared
@@ -355,7 +362,7 @@ def all_of(*predicates: Predicate) -> Predicate:
                 return False
         return True
 
-    return _AllOf(f"({name})", test, predicates)
+    return AllOf(f"({name})", test, predicates)
 
 
 @shared
@@ -370,7 +377,7 @@ def any_of(*predicates: Predicate) -> Predicate:
                 return True
         return False
 
-    return _AnyOf(f"({name})", test, predicates)
+    return AnyOf(f"({name})", test, predicates)
 
 
 def _each_once(words: Iterable[Words]) -> Words:

@@ -8,10 +8,9 @@ choices, one number 0 or 1 for each value. A task may have numbers of its own in
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,8 @@ from duobench.randomness import Choice
 from duobench.stages.predicates import CylinderRegion
 
 if TYPE_CHECKING:
+    from duobench.sim.batch import SimulationBatch
+    from duobench.sim.questions import Questions
     from duobench.sim.simulation import Simulation
 
 ENVIRONMENT_STATE = "environment_state"
@@ -40,8 +41,10 @@ class Numbers:
 
     names: tuple[str, ...]
     """What each is: "cube_x", "cube_z_axis_x", "chest/lid_angle"."""
-    read: Callable[[Simulation], Sequence[float]]
-    """As many, in the order of the names, in metres, radians and seconds."""
+    read: Callable[[Any], Sequence[float]]
+    """As many, in the order of the names, in metres, radians and seconds, of a `Simulation`."""
+    vectorized: bool = False
+    """Whether `read` also takes n simulations at once, and gives an array (n,) for each number."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,6 +62,20 @@ class ObjectState:
         """The numbers (n,) of the simulation's current state, from -10 to 10 (`LARGEST`)."""
         values = [number for part in self.parts for number in part.read(simulation)]
         return np.array(values, dtype=np.float32).clip(-LARGEST, LARGEST)
+
+    def read_all(self, batch: SimulationBatch) -> NDArray[np.float32]:
+        """The same numbers of n simulations at once (simulations, n)."""
+        worlds = range(batch.count)
+        values = [
+            number
+            for part in self.parts
+            for number in (
+                part.read(batch)
+                if part.vectorized
+                else np.array([part.read(batch.world(world)) for world in worlds]).T
+            )
+        ]
+        return np.array(values, dtype=np.float32).T.clip(-LARGEST, LARGEST)
 
 
 def usual_numbers(props: Iterable[Prop], choices: Mapping[str, Choice]) -> tuple[Numbers, ...]:
@@ -83,25 +100,30 @@ def position(body: str) -> Numbers:
     """Origin of a body in the table frame, in metres: x, y, z."""
     return Numbers(
         names=tuple(f"{body}_{axis}" for axis in "xyz"),
-        read=lambda simulation: simulation.position(body).tolist(),
+        read=lambda simulation: simulation.origin(body),
+        vectorized=True,
     )
 
 
 def pose(body: str) -> Numbers:
     """Origin of a body in the table frame, and the directions of its x and z axes there."""
     axes = [f"{body}_{name}_axis_{along}" for name, _ in AXES for along in "xyz"]
-    columns = [column for _, column in AXES]
+    places = [3 * row + column for _, column in AXES for row in range(3)]
 
-    def read(simulation: Simulation) -> list[float]:
-        turned = simulation.rotation(body)[:, columns].T.ravel().tolist()
-        return [*simulation.position(body).tolist(), *turned]
+    def read(simulation: Questions) -> list[float]:
+        turned = simulation.axes(body)
+        return [*simulation.origin(body), *(turned[place] for place in places)]
 
-    return Numbers(names=(*position(body).names, *axes), read=read)
+    return Numbers(names=(*position(body).names, *axes), read=read, vectorized=True)
 
 
 def hinge_angle(hinge: str) -> Numbers:
     """Angle of a hinge, in radians."""
-    return Numbers(names=(f"{hinge}_angle",), read=lambda simulation: [simulation.angle(hinge)])
+    return Numbers(
+        names=(f"{hinge}_angle",),
+        read=lambda simulation: [simulation.angle(hinge)],
+        vectorized=True,
+    )
 
 
 def velocity(prop: str) -> Numbers:
@@ -109,6 +131,7 @@ def velocity(prop: str) -> Numbers:
     return Numbers(
         names=tuple(f"{prop}_velocity_{axis}" for axis in "xyz"),
         read=lambda simulation: simulation.velocity(prop),
+        vectorized=True,
     )
 
 
@@ -118,7 +141,8 @@ def chosen(choice: str, options: Collection[str]) -> Numbers:
     rows = {one: [float(one == other) for other in values] for one in values}
     return Numbers(
         names=tuple(f"{choice}_is_{value}" for value in values),
-        read=lambda simulation: rows[simulation.variants[choice]],
+        read=lambda simulation: simulation.chosen(choice, rows),
+        vectorized=True,
     )
 
 
@@ -130,7 +154,11 @@ def known_of(choice: str, names: Sequence[str], values: Mapping[str, Sequence[fl
         names: What each number is.
         values: The numbers for each value of the variant.
     """
-    return Numbers(names=tuple(names), read=lambda simulation: values[simulation.variants[choice]])
+    return Numbers(
+        names=tuple(names),
+        read=lambda simulation: simulation.chosen(choice, values),
+        vectorized=True,
+    )
 
 
 def heap(
@@ -153,20 +181,20 @@ def heap(
         for vessel in vessels
     }
 
-    def read(simulation: Simulation) -> list[float]:
-        at = np.array([simulation.position(body) for body in bodies])
+    def read(simulation: Questions) -> list[float]:
+        at = np.array([simulation.origin(body) for body in bodies])
         centre = at.mean(axis=0)
-        spread = math.sqrt(float(((at - centre) ** 2).sum(axis=1).mean()))
+        spread = np.sqrt(((at - centre) ** 2).sum(axis=1).mean(axis=0))
         shares = [
             sum(hollow.contains(simulation.relative_position(body, vessel)) for body in bodies)
             / len(bodies)
             for vessel, hollow in hollows.items()
         ]
-        return [*centre.tolist(), spread, *shares]
+        return [*centre, spread, *shares]
 
     centre = [f"{name}_{axis}" for axis in "xyz"]
     inside = [f"{name}_in_{vessel}" for vessel in hollows]
-    return Numbers(names=(*centre, f"{name}_spread", *inside), read=read)
+    return Numbers(names=(*centre, f"{name}_spread", *inside), read=read, vectorized=True)
 
 
 def maze_of(choice: str) -> Numbers:
