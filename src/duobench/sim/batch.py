@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.robotiq import DRIVER_CLOSED
 from duobench.sim.contact_table import ContactTable, Integers
-from duobench.sim.duo import controls_of, ramp
+from duobench.sim.duo import commands_of, controls_of, ramp
 from duobench.sim.questions import Questions
 from duobench.sim.simulation import SOLVED, Simulation, raise_on_warning
 from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
@@ -164,6 +164,10 @@ class SimulationBatch(Questions):
         closed = (drivers[:, ::2] + drivers[:, 1::2]) * (0.5 / DRIVER_CLOSED)
         flat[..., ARM_JOINTS] = np.minimum(np.maximum(1.0 - closed, 0.0), 1.0)
         return flat.reshape(self.count, -1)
+
+    def commands(self) -> Array:
+        """The last commands (n, 16), as the actuators hold them."""
+        return commands_of(self._ctrl[:, self._simulation.duo.actuators])
 
     def tool_poses(self) -> Array:
         """Tool centre points (n, 2, 7), as `Duo.read` gives them."""
