@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.sim.batch import SimulationBatch, World
+from duobench.sim.batch import SimulationBatch
 from duobench.sim.simulation import Simulation
 from duobench.stages.batch import ProgressBatch
 from duobench.stages.progress import ProgressState
@@ -33,13 +33,10 @@ def mismatches(task: Task, episodes: Sequence[Judged]) -> list[str]:
     found: list[str] = []
     for step in range(1, max(len(episode.physics) for episode in episodes)):
         running = [n for n, episode in enumerate(episodes) if step < len(episode.physics)]
-        batch.load(
-            {
-                n: World(variants=episodes[n].variants, physics=episodes[n].physics[step])
-                for n in running
-            }
-        )
-        batch.look(np.array(running))
+        here = [episodes[n] for n in running]
+        batch.load(np.array(running), [e.variants for e in here], [e.physics[step] for e in here])
+        batch.copy_contacts(np.array(running))
+        batch.contacts.update(batch.centres)
         judge.update(np.isin(np.arange(len(episodes)), running))
         for n in running:
             knows, expected = judge.get_state(n), episodes[n].progress[step]

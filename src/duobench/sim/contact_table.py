@@ -20,67 +20,60 @@ class ContactTable(ContactOwners):
 
     def __init__(self, model: mujoco.MjModel, count: int) -> None:
         super().__init__(model)
-        rows = len(self._index)
-        self._of_geom = np.array(self._owners)
-        self._side_of = np.full(rows, -1)
-        """Side of each owner, by its index; -1 for what is no part of an arm."""
-        for side, limbs in self._limbs.items():
-            self._side_of[limbs] = side.index
-        self._touching = np.zeros((rows, rows, count), dtype=bool)
-        self._presses = np.zeros((rows, rows, count), dtype=bool)
-        """Whether a finger presses on an owner, towards the other finger."""
+        self._of_geom, rows = np.array(self._owners), len(self._index)
+        self._touching, self._presses = np.zeros((2, rows, rows, count), dtype=bool)
+        """Whether two owners touch; and whether a finger presses on one, towards the other."""
         self._worlds = self._one = self._other = np.empty(0, dtype=np.intp)
         self._normals = self._points = np.empty((3, 0))
-        self._answers: dict[tuple[Any, ...], Any] = {}
+        self._copies: list[NDArray[Any]] = []
+        self._gripped: dict[tuple[int, int, int], Booleans] = {}
 
-    def gather(self, worlds: Integers, data_of: Callable[[int], mujoco.MjData]) -> None:
-        """Copy the contacts of some simulations out of the engine; the others have none then.
+    def copy(self, worlds: Integers, data_of: Callable[[int], mujoco.MjData]) -> None:
+        """Copy the contacts of some simulations, by number, out of the engine.
 
-        Args:
-            worlds: Numbers of the simulations.
-            data_of: Gives the data of one of them, which may be overwritten by the next.
+        The data of one of them may be overwritten by that of the next.
         """
-        counts: list[int] = []
-        parts: tuple[list[NDArray[Any]], ...] = ([], [], [], [])
+        copies: list[list[NDArray[Any]]] = [[], [], [], []]
         for world in worlds.tolist():
             contact = data_of(world).contact
-            values = contact.geom, contact.dist, contact.frame, contact.pos
-            for kept, value in zip(parts, values, strict=True):
-                kept.append(value.copy())
-            counts.append(len(values[1]))
-        geoms, distances, frames, points = map(np.concatenate, parts)
-        touch = np.flatnonzero(distances <= 0.0)  # a geom margin alone is no contact
-        self._mark(value=False)
-        self._worlds = np.repeat(worlds, counts)[touch]
-        self._one, self._other = self._of_geom[geoms[touch].T]
-        self._normals, self._points = frames[touch, :3].T, points[touch].T
-        self._mark(value=True)
+            for kept, name in zip(copies, ("geom", "dist", "frame", "pos"), strict=True):
+                kept.append(getattr(contact, name).copy())
+        counts = [len(distances) for distances in copies[1]]
+        self._copies = [np.repeat(worlds, counts), *map(np.concatenate, copies)]
 
-    def _mark(self, *, value: bool) -> None:
-        self._touching[self._one, self._other, self._worlds] = value
-        self._touching[self._other, self._one, self._worlds] = value
-
-    def update(self, pad_centres: Array) -> None:
-        """Find out which fingers press on what, and forget the answers of the step before.
+    def update(self, centres: Array) -> None:
+        """Take what was copied; simulations that were not have no contacts then.
 
         Args:
-            pad_centres: Centres (n, bodies, 3) of mass of all bodies, in metres.
+            centres: Centres (n, bodies, 3) of mass of all bodies, in metres.
         """
-        self._answers.clear()
-        self._presses.fill(False)
+        for marked in (self._touching, self._presses):
+            marked[self._one, self._other, self._worlds] = False
+            marked[self._other, self._one, self._worlds] = False
+        worlds, geoms, distances, frames, points = self._copies
+        touch = np.flatnonzero(distances <= 0.0)  # a geom margin alone is no contact
+        self._worlds, (self._one, self._other) = worlds[touch], self._of_geom[geoms[touch].T]
+        self._normals, self._points = frames[touch, :3].T, points[touch].T
+        self._touching[self._one, self._other, self._worlds] = True
+        self._touching[self._other, self._one, self._worlds] = True
+        self._gripped.clear()
         for side in SIDES:
             left, right = self._pad_bodies[side]
-            across = (pad_centres[:, right] - pad_centres[:, left]).T
+            across = (centres[:, right] - centres[:, left]).T
             across = across / hypot(*across)
             for finger, inwards in zip(self._limbs[side][:2], (1.0, -1.0), strict=True):
-                first = self._one == finger
-                found = np.flatnonzero(first | (self._other == finger))
-                worlds, first = self._worlds[found], first[found]
-                sign = np.where(first, inwards, -inwards)
-                cosine = sign * sum_of_products(self._normals[:, found], across[:, worlds])
-                partner = np.where(first, self._other[found], self._one[found])
-                pressed = cosine > MIN_PRESS_COSINE
-                self._presses[finger, partner[pressed], worlds[pressed]] = True
+                found, partner, sign = self._contacts_of(self._one == finger, self._other == finger)
+                along = across[:, self._worlds[found]]
+                cosine = inwards * sign * sum_of_products(self._normals[:, found], along)
+                presses = cosine > MIN_PRESS_COSINE
+                self._presses[finger, partner[presses], self._worlds[found[presses]]] = True
+
+    def _contacts_of(self, first: Booleans, second: Booleans) -> tuple[Integers, Integers, Array]:
+        """Contacts that have a part as their first or second geom: number, partner, sign."""
+        found = np.flatnonzero(first | second)
+        first = first[found]
+        partner = np.where(first, self._other[found], self._one[found])
+        return found, partner, np.where(first, 1.0, -1.0)
 
     def between(self, one: str, other: str) -> Booleans:
         """Whether two owners are in contact."""
@@ -88,47 +81,37 @@ class ContactTable(ContactOwners):
 
     def gripper(self, side: Side, owner: str) -> Booleans:
         """Whether a finger or the palm of a gripper is in contact with an owner."""
-        return self._any_of(self._limbs[side][:-1], owner)
+        return self._any_of(self._limbs[side][:-1], self._row(owner))
 
     def arm(self, side: Side, owner: str) -> Booleans:
         """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
-        return self._any_of(self._limbs[side], owner)
+        return self._any_of(self._limbs[side], self._row(owner))
 
-    def _any_of(self, limbs: list[int], owner: str) -> Booleans:
-        row = self._row(owner)
-        answer = self._answers.get((len(limbs), limbs[0], row))
-        if answer is None:
-            answer = self._touching[limbs, row].any(axis=0)
-            self._answers[len(limbs), limbs[0], row] = answer
-        return answer
+    def _any_of(self, limbs: list[int], row: int) -> Booleans:
+        key = len(limbs), limbs[0], row
+        if key not in self._gripped:
+            self._gripped[key] = self._touching[limbs, row].any(axis=0)
+        return self._gripped[key]
 
     def released(self, owner: str) -> Booleans:
         """Whether neither gripper is in contact with an owner."""
-        left, right = (self.gripper(side, owner) for side in SIDES)
-        return ~(left | right)
+        return ~(self.gripper(Side.LEFT, owner) | self.gripper(Side.RIGHT, owner))
 
     def grasped(self, side: Side, owner: str) -> Booleans:
         """Whether both fingers of a gripper press on an owner, towards each other."""
-        row = self._row(owner)
-        one, other, _, _ = self._limbs[side]
-        return self._presses[one, row] & self._presses[other, row]
+        return self._presses[self._limbs[side][:2], self._row(owner)].all(axis=0)
 
     def pushes(self, side: Side, owner: str, hinge: HingeAxis) -> Booleans:
-        """Whether a contact of any part of an arm turns an owner towards the open end of its hinge.
-
-        Args:
-            side: Which arm.
-            owner: What hangs on the hinge.
-            hinge: Where the hinge is: arrays (3, n).
-        """
-        row, sides = self._row(owner), self._side_of
-        first = (sides[self._one] == side.index) & (self._other == row)
-        second = (sides[self._other] == side.index) & (self._one == row)
-        found = np.flatnonzero(first | second)
+        """Whether a contact of an arm turns an owner towards the open end of its hinge (3, n)."""
+        row, limbs = self._row(owner), self._limbs[side]
+        found, _, sign = self._contacts_of(
+            np.isin(self._one, limbs) & (self._other == row),
+            np.isin(self._other, limbs) & (self._one == row),
+        )
         worlds = self._worlds[found]
         here = HingeAxis(*(np.asarray(part)[:, worlds] for part in hinge))
         opening = here.opening_at(self._points[:, found])
-        lever = sum_of_products(self._normals[:, found], opening)
         pushed = np.zeros(self._touching.shape[-1], dtype=bool)
-        pushed[worlds[np.where(first[found], lever, -lever) >= MIN_LEVER]] = True
+        lever = sign * sum_of_products(self._normals[:, found], opening)
+        pushed[worlds[lever >= MIN_LEVER]] = True
         return pushed

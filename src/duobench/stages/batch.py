@@ -1,8 +1,7 @@
 """The stages of many episodes at once: the same descriptions and rule, answered with arrays.
 
 `stages.progress` judges one episode, and stops at the first constraint that does not hold. Here all
-constraints are evaluated for n episodes, with booleans (n,). Both give the same stages and memories
-at every step.
+constraints are evaluated for n episodes. Both know the same at every step.
 """
 
 from __future__ import annotations
@@ -13,16 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.stages.logic import (
-    AllOf,
-    AnyOf,
-    HeldFor,
-    Memory,
-    Not,
-    Predicate,
-    Since,
-    StateView,
-)
+from duobench.stages.logic import AllOf, AnyOf, HeldFor, Memory, Not, Predicate, Since, StateView
 from duobench.stages.predicates import AtLeast
 from duobench.stages.progress import (
     LOST_STEPS,
@@ -44,18 +34,15 @@ class ProgressBatch:
     """The stages of n running episodes. Evaluated once a control step, after physics.
 
     Args:
-        stages: Stages 1 to n in order.
+        stages: The stages in order.
         simulations: The episodes' simulations.
     """
 
     def __init__(self, stages: tuple[Stage, ...], simulations: SimulationBatch) -> None:
         self._stages, self._simulations = stages, simulations
-        constraints = constraints_of(stages)
+        constraints, count = constraints_of(stages), simulations.count
         self._memories, self._clocks = memories_in(constraints), clocks_in(constraints)
-        inner = dict.fromkeys(part for predicate in constraints for part in predicate.walk())
-        self._same = _one_for_each(inner)
-        self._partial = _partial(inner)
-        count = simulations.count
+        self._same, self._partial = _sorted(part for each in constraints for part in each.walk())
         self.stage: Counts = np.zeros(count, dtype=np.int64)
         """The highest stage so far of each episode (n,)."""
         self.final_holds: Booleans = np.zeros(count, dtype=np.bool_)
@@ -65,14 +52,9 @@ class ProgressBatch:
         self._lost: Counts = np.zeros((len(stages), count), dtype=np.int64)
         self._heights = {name: np.zeros(count) for name in simulations.props}
         self._all = np.ones(count, dtype=np.bool_)
-        self._view: StateView = self._look()
+        self._view = self._look(simulations, self._heights, simulations.variants)
         self._answers: dict[Predicate, Booleans] = {}
         self._known: dict[Predicate, Booleans] = {}
-
-    @property
-    def max_stage(self) -> int:
-        """Number of the last stage."""
-        return len(self._stages)
 
     @property
     def standing(self) -> Counts:
@@ -92,11 +74,7 @@ class ProgressBatch:
         )
 
     def set_state(self, episode: int, state: ProgressState) -> None:
-        """Begin or continue one of the episodes from a state of the same stages.
-
-        Raises:
-            ValueError: The state is that of other stages.
-        """
+        """Begin or continue one of the episodes from a state of the same stages."""
         for memory, holds in zip(self._memories, state.remembered, strict=True):
             self._remembered[memory][episode] = holds
         for clock, lasted in zip(self._clocks, state.lasted, strict=True):
@@ -107,31 +85,25 @@ class ProgressBatch:
         self.stage[episode], self.final_holds[episode] = state.stage, state.final_holds
 
     def update(self, where: Booleans) -> None:
-        """Judge the current state of some of the episodes; the others stay as they are.
-
-        Args:
-            where: Which of them (n,).
-        """
+        """Judge the current state of some episodes (n,); the others stay as they are."""
         self._answers, self._known = {}, {}
-        self._view = self._look()
-        for clock in self._clocks:
-            count, of = self._lasted[clock], self._ask(clock.of, where)
+        self._view = self._look(self._simulations, self._heights, self._simulations.variants)
+        for clock, before in self._lasted.items():
+            holds = self._ask(clock.of, where)
             if clock.reset is None:
-                count = np.where(of, count + 1, 0)
+                after = (before + 1) * holds
             else:
-                count = np.where(self._ask(clock.reset, where), 0, count + of)
-            self._lasted[clock] = np.where(where, count, self._lasted[clock])
+                after = (before + holds) * ~self._ask(clock.reset, where)
+            self._lasted[clock] = np.where(where, after, before)
         final = self._ask(self._stages[-1].holds, where)
         self.final_holds = np.where(where, final, self.final_holds)
         for number, stage in enumerate(self._stages, 1):
             higher = where & (self.stage < number)
             self.stage[higher & self._ask(stage.holds, higher)] = number
-        for number, stage in enumerate(self._stages):
+        for number, (stage, lost) in enumerate(zip(self._stages, self._lost, strict=True)):
             reached = where & (self.stage > number)
             gone = 0 if stage.stays is None else ~self._ask(stage.stays, reached)
-            self._lost[number] = np.where(
-                reached, gone * (self._lost[number] + 1), self._lost[number]
-            )
+            self._lost[number] = np.where(reached, (lost + 1) * gone, lost)
         self._remembered = {memory: self._recalled(memory, where) for memory in self._memories}
 
     def _recalled(self, memory: Memory, where: Booleans) -> Booleans:
@@ -141,23 +113,23 @@ class ProgressBatch:
             after &= ~self._ask(memory.reset, where)
         return np.where(where, after, before)
 
-    def _look(self) -> StateView:
-        simulations: Any = self._simulations
-        heights: Any = self._heights
-        variants: Any = simulations.variants
+    def _look(self, simulation: Any, heights: Any, variants: Any, episode: int = -1) -> StateView:
+        """A step as predicates see it: of all episodes, or of one, with what it remembers."""
+        remembered = (m for m, holds in self._remembered.items() if episode >= 0 and holds[episode])
         return StateView(
-            simulation=simulations,
+            simulation=simulation,
             start_heights=heights,
             variants=variants,
-            remembered=frozenset(),
+            remembered=frozenset(remembered),
+            lasted={clock: int(lasted[episode]) for clock, lasted in self._lasted.items()},
         )
 
     def _ask(self, predicate: Predicate, where: Booleans) -> Booleans:
         """Where a predicate holds; what it says of other episodes than `where` means nothing."""
         predicate = self._same[predicate]
-        answer = self._answers.get(predicate)
-        if answer is None and predicate in self._partial:
+        if predicate in self._partial:
             return self._answer(predicate, where)
+        answer = self._answers.get(predicate)
         if answer is None:
             answer = self._answers[predicate] = self._answer(predicate, self._all)
         return answer
@@ -192,40 +164,34 @@ class ProgressBatch:
         empty = np.zeros((2, len(where)), dtype=np.bool_)
         known, answer = self._known.setdefault(predicate, empty)
         for number in np.flatnonzero(where & ~known).tolist():
-            view = StateView(
-                simulation=self._simulations.world(number),
-                start_heights={name: float(h[number]) for name, h in self._heights.items()},
-                variants={k: str(v[number]) for k, v in self._simulations.variants.items()},
-                remembered=frozenset(m for m, holds in self._remembered.items() if holds[number]),
-                lasted={clock: int(lasted[number]) for clock, lasted in self._lasted.items()},
-            )
-            answer[number] = predicate.test(view)
+            heights = {name: float(height[number]) for name, height in self._heights.items()}
+            world = self._simulations.world(number)
+            answer[number] = predicate.test(self._look(world, heights, world.variants, number))
         known |= where
         return answer
 
 
-def _one_for_each(predicates: Iterable[Predicate]) -> dict[Predicate, Predicate]:
-    """For each predicate, inner ones first, the first of those that ask the same in other words."""
+def _sorted(
+    predicates: Iterable[Predicate],
+) -> tuple[dict[Predicate, Predicate], set[Predicate]]:
+    """Sort predicates, inner ones first.
+
+    Returns:
+        For each the first of those that ask the same in other words; and those of them with a part
+        that takes one simulation at a time.
+    """
     same: dict[Predicate, Predicate] = {}
     firsts: dict[tuple[object, ...], Predicate] = {}
-    for predicate in predicates:
-        key: tuple[object, ...] = (predicate.test,)
-        if isinstance(predicate, Not | AllOf | AnyOf):
-            key = type(predicate), *(same[part] for part in predicate.parts)
-        same[predicate] = firsts.setdefault(key, predicate)
-    return same
-
-
-def _partial(predicates: Iterable[Predicate]) -> set[Predicate]:
-    """Those, of inner ones first, with a part that is asked for one simulation at a time."""
     partial: set[Predicate] = set()
     for predicate in predicates:
-        if isinstance(predicate, Since | HeldFor):
-            continue
+        key, takes_one = (predicate.test,), False
+        if isinstance(predicate, Not | AllOf | AnyOf):
+            key = type(predicate), *(same[part] for part in predicate.parts)
         if isinstance(predicate, Not | AllOf | AnyOf | AtLeast):
-            takes_one = any(part in partial for part in predicate.parts)
-        else:
+            takes_one = any(same[part] in partial for part in predicate.parts)
+        elif not isinstance(predicate, Since | HeldFor):
             takes_one = not predicate.vectorized
+        same[predicate] = firsts.setdefault(key, predicate)
         if takes_one:
-            partial.add(predicate)
-    return partial
+            partial.add(same[predicate])
+    return same, partial
