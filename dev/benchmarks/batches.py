@@ -2,60 +2,110 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
+import gymnasium as gym
 import numpy as np
 
 import duobench
-from dev.benchmarks.environments import expert_actions
-from dev.benchmarks.measure import Measurement
+from dev.benchmarks.environments import PIECE, bare_physics, expert_actions, in_pieces
+from dev.benchmarks.measure import Measurement, Work, seconds
+from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
 
 JUDGED = 1024
 """Episodes that are judged at once."""
-MICROSECONDS = 6.0
-MANY = 12.0
-OF_MANY = ("hinge_chest", "spring_door", "pour_marbles", "join_blocks", "bin_sort")
-"""Bars of a judgement in microseconds, and the tasks whose stages ask the most."""
-"""Control steps apart in an expert's episode at which all are judged."""
+JUDGEMENT, LONG_JUDGEMENT = 6.0, 12.0
+"""Bars of a judgement, in microseconds."""
+LONG = ("hinge_chest", "spring_door", "pour_marbles", "join_blocks", "bin_sort")
+"""Tasks whose stages ask the most."""
 EPISODES = 16
 """Episodes that are stepped side by side."""
-THREADS = (1, 2)
-OF_BARE, OF_PROCESSES = 0.85, 1.4
+START = {"layout_seed": 0}
 
 
-def measure_judging(name: str, repeats: int = 5) -> Iterator[Measurement]:
-    """Measure a judgement of many episodes along an expert's, and copying contacts, apart."""
+def measure_judging(name: str, repeats: int = 20) -> Iterator[Measurement]:
+    """Measure a judgement of many episodes at once, and apart from it the copy of contacts.
+
+    Each episode is at another control step of an expert's, so that all of that is in the mean.
+    """
     env = duobench.make(name, cameras=False)
     actions = expert_actions(env)
-    env.reset(seed=0)
+    env.reset(options=START)
     sim = sim_of(env).simulation
-    variants, states = sim.variants, [sim.get_state()]
+    variants, states = dict(sim.variants), []
     for action in actions:
         env.step(action)
         states.append(sim.get_state())
-    vector = _made(name, JUDGED, 1)
+    vector = BatchEnv(duobench.make(name, cameras=False), JUDGED, 1)
     simulations, judge = vector.simulations, vector.judge
-    vector.reset(options={"layout_seed": 0})
-    everywhere, numbers = np.ones(JUDGED, dtype=bool), np.arange(JUDGED)
-    # Every episode is a little later than the one before it, all along the expert's.
-    judged, copied = [], []
-    for offset in np.linspace(0, len(states) - 1, repeats, dtype=int):
-        at = (offset + numbers) % len(states)
-        simulations.load(numbers, [variants] * JUDGED, [states[n] for n in at])
-        for times, work in (
-            (copied, lambda: simulations.copy_contacts(numbers)),
-            (judged, lambda: judge.update(everywhere)),
-        ):
-            times.append(min(_taken(work) for _ in range(3)))
-    yield Measurement(
-        what=f"{name}: a judgement of {JUDGED}",
-        value=float(np.mean(judged)) / JUDGED * 1e6,
-        unit="us",
-        at_most=MANY if name in OF_MANY else MICROSECONDS,
+    vector.reset(options=START)
+    numbers, everywhere = np.arange(JUDGED), np.ones(JUDGED, dtype=bool)
+    simulations.load(
+        numbers, [variants] * JUDGED, [states[number % len(states)] for number in numbers]
     )
-    yield Measurement(
-        what=f"{name}: copying contacts", value=float(np.mean(copied)) / JUDGED * 1e6, unit="us"
-    )
+
+    def judgement() -> None:
+        simulations.contacts.update(simulations.centres)
+        simulations.forget()
+        judge.update(everywhere)
+
+    copied = _shortest(lambda: simulations.copy_contacts(numbers), repeats)
+    judged = _shortest(judgement, repeats)
     env.close()
     vector.close()
+    yield Measurement(
+        what=f"{name}: a judgement, {JUDGED} at once",
+        value=judged / JUDGED * 1e6,
+        unit="us",
+        at_most=LONG_JUDGEMENT if name in LONG else JUDGEMENT,
+    )
+    yield Measurement(what=f"{name}: its contacts", value=copied / JUDGED * 1e6, unit="us")
+
+
+def _shortest(work: Callable[[], object], repeats: int) -> float:
+    """Seconds of the processor that work takes undisturbed, in this thread."""
+    times = []
+    for _ in range(repeats):
+        start = time.thread_time()
+        work()
+        times.append(time.thread_time() - start)
+    return min(times)
+
+
+def measure_steps(name: str, repeats: int = 4) -> Iterator[Measurement]:
+    """Measure an expert's episode, many times side by side: threads, processes, the bare engine."""
+    env = duobench.make(name, cameras=False)
+    actions = expert_actions(env)
+    actions = actions[: (len(actions) - 1) // PIECE * PIECE]  # before any of them is over
+    several = [np.tile(action, (EPISODES, 1)) for action in actions]
+    vectors = {
+        "1 thread": duobench.make_vec(name, EPISODES, threads=1),
+        "2 threads": duobench.make_vec(name, EPISODES, threads=2),
+        "AsyncVectorEnv": duobench.make_vec(
+            name, EPISODES, "async", {"context": "spawn"}, cameras=False
+        ),
+    }
+    works = [_work(vector, several) for vector in vectors.values()]
+    bare, one, two, processes = seconds(bare_physics(env, actions), *works, repeats=repeats)
+    for vector in vectors.values():
+        vector.close()
+    env.close()
+    for threads, taken in ((1, one), (2, two)):
+        yield Measurement(
+            what=f"{name}: {threads} thread(s) / ({threads} x bare mj_step)",
+            value=bare * EPISODES / taken / threads,
+            at_least=0.85,
+        )
+    yield Measurement(
+        what=f"{name}: 2 threads / AsyncVectorEnv", value=processes / two, at_least=1.4
+    )
+    speed = EPISODES * len(actions) / two
+    yield Measurement(what=f"{name}: control steps, 2 threads", value=speed, unit="/s")
+
+
+def _work(vector: gym.vector.VectorEnv, actions: list[np.ndarray]) -> Work:
+    return Work(
+        pieces=in_pieces(vector.step, actions), prepare=lambda: vector.reset(options=dict(START))
+    )

@@ -78,7 +78,7 @@ class SimulationBatch(Questions):
             name: np.array([chosen.get(name) for chosen in self._variants]) for name in names
         }
         self._chosen.clear()
-        self._memo.clear()
+        self.forget()
 
     def physics(self, world: int) -> Array:
         """The state of one simulation, as `Simulation.get_state` gives it."""
@@ -92,12 +92,12 @@ class SimulationBatch(Questions):
         size = _BLOCK if self._is_sparse else len(worlds)
         for block in (slice(start, start + size) for start in range(0, len(worlds), size)):
             self._run(worlds[block], commands[block])
-        self._memo.clear()
         warned = self._batch.warning[worlds, :, 1]
         wrong = worlds[warned.any(axis=1)].tolist()
         raise_on_warning(warned.sum(axis=0).tolist(), f"in environments {wrong}")
         self.copy_contacts(worlds)
         self.contacts.update(self.centres)
+        self.forget()
 
     def _run(self, worlds: Integers, commands: Array) -> None:
         batch, actuators = self._batch, self._simulation.duo.actuators
@@ -125,6 +125,10 @@ class SimulationBatch(Questions):
         missing = np.add.reduceat(products, self._rows, axis=-1) - smooth - constraint
         # Written so that what is not a number counts as unsolved.
         return np.abs(missing).max(axis=(1, 2)) <= SOLVED
+
+    def forget(self) -> None:
+        """Forget what was read of the state before."""
+        self._memo.clear()
 
     def copy_contacts(self, worlds: Integers) -> None:
         """Copy the contacts of some simulations out of the engine, for `contacts.update`."""
@@ -162,6 +166,12 @@ class SimulationBatch(Questions):
         turns = turns[..., [1, 2, 3, 0]]
         turns = np.where(turns[..., :1] < 0.0, -turns, turns)
         return np.concatenate([positions, turns], axis=-1).reshape(self.count, -1)
+
+    def relative_position(self, body: str, frame: str) -> Any:
+        """Origin of a body in the frame of another body, in metres, computed once."""
+        if (body, frame) not in self._memo:
+            self._memo[body, frame] = super().relative_position(body, frame)
+        return self._memo[body, frame]
 
     def chosen(self, choice: str, rows: Mapping[str, Sequence[float]]) -> Array:
         """The numbers (k, n) that belong to what each layout chose."""

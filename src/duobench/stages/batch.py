@@ -135,17 +135,18 @@ class ProgressBatch:
         return answer
 
     def _answer(self, predicate: Predicate, where: Booleans) -> Booleans:
+        narrow = predicate in self._partial  # what takes one at a time is asked as seldom as can be
         match predicate:
             case Not():
                 holds = ~self._ask(predicate.parts[0], where)
             case AllOf():
                 holds = self._ask(predicate.parts[0], where)
                 for part in predicate.parts[1:]:
-                    holds = holds & self._ask(part, where & holds)
+                    holds = holds & self._ask(part, where & holds if narrow else where)
             case AnyOf():
                 holds = self._ask(predicate.parts[0], where)
                 for part in predicate.parts[1:]:
-                    holds = holds | self._ask(part, where & ~holds)
+                    holds = holds | self._ask(part, where & ~holds if narrow else where)
             case AtLeast():
                 parts = [self._ask(part, where) for part in predicate.parts]
                 holds = np.sum(parts, axis=0) >= predicate.count
@@ -154,7 +155,9 @@ class ProgressBatch:
             case HeldFor():
                 holds = self._lasted[predicate.clock] >= predicate.steps
             case Predicate(vectorized=True):
-                holds = np.broadcast_to(np.asarray(predicate.test(self._view)), where.shape)
+                holds: Any = predicate.test(self._view)
+                if not isinstance(holds, np.ndarray):  # the same in all, as of what is fixed
+                    holds = np.full(where.shape, holds)
             case _:
                 holds = self._one_by_one(predicate, where)
         return holds
