@@ -34,7 +34,7 @@ from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.episode_wrappers import SEEDS
 from duobench.envs.observation_wrappers import PIXELS, flat_entries
 from duobench.envs.sim_env import sim_of
-from duobench.errors import ActionError, OptionError
+from duobench.errors import ActionError, OptionError, SimulationError
 from duobench.robot.joints import RANGE_MARGIN, duo_limits
 from duobench.shifts.levels import level_for
 from duobench.shifts.shift import PHYSICS, SENSING
@@ -185,13 +185,17 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         Raises:
             ActionError: The actions have another shape, or are not finite. Nothing was moved.
             ResetNeededError: There was no reset yet.
-            SimulationError: The physics of some episodes became invalid; reset them.
+            SimulationError: The physics of some episodes became invalid; reset all.
         """
         if not self._starts:
             raise ResetNeededError("No episode is running; call reset first.")
         actions, where = self._checked(actions), ~self._is_over
         begin = {n: self._start(n, None, {}) for n in np.flatnonzero(self._is_over).tolist()}
-        clipped = self._advance(actions, where)
+        try:
+            clipped = self._advance(actions, where)
+        except SimulationError:
+            self._starts = []
+            raise
         rewards = where * self.judge.stage / self._max_stage
         terminated = where & (self.judge.stage == self._max_stage)
         truncated = where & (self._steps >= self._horizon)

@@ -35,7 +35,7 @@ class SimulationBatch(Questions):
     def __init__(self, simulation: Simulation, count: int, threads: int) -> None:
         model = simulation.model
         super().__init__(simulation.props, model)
-        self._simulation, self.count = simulation, count
+        self.simulation, self.count = simulation, count
         batch = self._batch = Batch(model, count, threads, persistent=True)
         self.contacts = ContactTable(model, count)
         self._xpos, self._xmat, self.centres = map(batch.bind, ("xpos", "xmat", "xipos"))
@@ -69,9 +69,9 @@ class SimulationBatch(Questions):
         for number, chosen, state in zip(worlds.tolist(), variants, physics, strict=True):
             self._batch.state[number], self._variants[number] = state, chosen
             if self._switches:
-                self._simulation.choose(chosen)
+                self.simulation.choose(chosen)
             for name, switch in self._switches.items():
-                switch[number] = getattr(self._simulation.model, name)
+                switch[number] = getattr(self.simulation.model, name)
         self._batch.forward(worlds, stage=_READY)
         names = self._variants[worlds[0]]
         self.variants = {
@@ -100,7 +100,7 @@ class SimulationBatch(Questions):
         self.forget()
 
     def _run(self, worlds: Integers, commands: Array) -> None:
-        batch, actuators = self._batch, self._simulation.duo.actuators
+        batch, actuators = self._batch, self.simulation.duo.actuators
         before = batch.state[worlds] if self._is_sparse else None
         controls = np.repeat(self._ctrl[worlds][:, None], SUBSTEPS, axis=1)
         controls[..., actuators] = ramp(self._ctrl[worlds, actuators], controls_of(commands))
@@ -112,10 +112,10 @@ class SimulationBatch(Questions):
             return
         unsolved = np.flatnonzero(~self._is_solved(*(steps[name] for name in _CHECKED)))
         for row, world in zip(unsolved.tolist(), worlds[unsolved].tolist(), strict=True):
-            self._simulation.choose(self._variants[world])
-            self._simulation.set_state(before[row])
-            self._simulation.advance(DuoCommand.from_flat(commands[row]))
-            batch.state[world] = self._simulation.get_state()
+            self.simulation.choose(self._variants[world])
+            self.simulation.set_state(before[row])
+            self.simulation.advance(DuoCommand.from_flat(commands[row]))
+            batch.state[world] = self.simulation.get_state()
         if len(unsolved):
             batch.forward(worlds[unsolved], stage=_READY)
 
@@ -136,20 +136,20 @@ class SimulationBatch(Questions):
 
     def world(self, number: int) -> Simulation:
         """One of the simulations, to look at until the next one is asked for."""
-        self._simulation.choose(self._variants[number])
-        self._batch.get_data(number, self._simulation.data)
-        self._simulation.contacts.update()
-        return self._simulation
+        self.simulation.choose(self._variants[number])
+        self._batch.get_data(number, self.simulation.data)
+        self.simulation.contacts.update()
+        return self.simulation
 
     # --- what it is asked ------------------------------------------------------------------------
 
     def commands(self) -> Array:
         """The last commands (n, 16), as the actuators hold them."""
-        return commands_of(self._ctrl[:, self._simulation.duo.actuators])
+        return commands_of(self._ctrl[:, self.simulation.duo.actuators])
 
     def proprioception(self) -> Array:
         """Joint positions and openings (n, 16), as `Duo.read` gives them."""
-        duo = self._simulation.duo
+        duo = self.simulation.duo
         flat = np.empty((self.count, len(SIDES), ARM_JOINTS + 1))
         flat[..., :ARM_JOINTS] = self._qpos[:, duo.joints]
         drivers = self._qpos[:, duo.drivers]
@@ -159,7 +159,7 @@ class SimulationBatch(Questions):
 
     def tool_poses(self) -> Array:
         """Tool centre points (n, 14), as `Duo.read` gives them."""
-        positions, rotations = (array[:, self._simulation.duo.sites] for array in self._tools)
+        positions, rotations = (array[:, self.simulation.duo.sites] for array in self._tools)
         turns = np.empty((*positions.shape[:2], 4))
         for turn, rotation in zip(turns.reshape(-1, 4), rotations.reshape(-1, 9), strict=True):
             mujoco.mju_mat2Quat(turn, rotation)

@@ -135,7 +135,7 @@ class ProgressBatch:
         return answer
 
     def _answer(self, predicate: Predicate, where: Booleans) -> Booleans:
-        narrow = predicate in self._partial  # what takes one at a time is asked as seldom as can be
+        narrow = predicate in self._partial  # so that what takes one at a time is asked seldom
         match predicate:
             case Not():
                 holds = ~self._ask(predicate.parts[0], where)
@@ -154,13 +154,14 @@ class ProgressBatch:
                 holds = self._remembered[predicate.memory]
             case HeldFor():
                 holds = self._lasted[predicate.clock] >= predicate.steps
-            case Predicate(vectorized=True):
-                holds: Any = predicate.test(self._view)
-                if not isinstance(holds, np.ndarray):  # the same in all, as of what is fixed
-                    holds = np.full(where.shape, holds)
             case _:
-                holds = self._one_by_one(predicate, where)
+                holds = self._one_by_one(predicate, where) if narrow else self._test(predicate)
         return holds
+
+    def _test(self, predicate: Predicate) -> Booleans:
+        holds: Any = predicate.test(self._view)
+        # What is asked of things that are fixed is the same in all episodes.
+        return holds if isinstance(holds, np.ndarray) else np.full(self._all.shape, holds)
 
     def _one_by_one(self, predicate: Predicate, where: Booleans) -> Booleans:
         """Ask what takes one simulation at a time, of those that were not asked at this step."""
