@@ -74,7 +74,7 @@ def _shortest(work: Callable[[], object], repeats: int) -> float:
     return min(times)
 
 
-def measure_steps(name: str, repeats: int = 4) -> Iterator[Measurement]:
+def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
     """Measure an expert's episode, many times side by side: threads, processes, the bare engine."""
     env = duobench.make(name, cameras=False)
     actions = expert_actions(env)

@@ -71,21 +71,32 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         threads: On how many threads physics runs.
         layouts: Episodes without a seed take one of so many layouts, those of the seeds 0 to
             `layouts` - 1, which are settled once; None takes a new one each time.
+        autoreset_mode: NEXT_STEP, or DISABLED: then an episode that is over is reset by its mask.
 
     Raises:
         OptionError: A part of the configuration takes one environment at a time.
     """
 
     def __init__(
-        self, env: gym.Env, num_envs: int, threads: int, layouts: int | None = None
+        self,
+        env: gym.Env,
+        num_envs: int,
+        threads: int,
+        layouts: int | None = None,
+        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
+        if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
+            raise OptionError(
+                f"With threads, autoreset is next-step or disabled, got {autoreset_mode}."
+            )
         self._env, self._base = env, sim_of(env)
         config = self._config = self._base.config or EnvConfig()
         _check(config, self._base.task)
         if config.cameras:
             env.get_wrapper_attr("set_rendering")(False)  # images of all are rendered here
         self.num_envs, self.spec, self.render_mode = num_envs, env.spec, config.render_mode
-        self.metadata = {**env.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
+        self.autoreset_mode = autoreset_mode
+        self.metadata = {**env.metadata, "autoreset_mode": autoreset_mode}
         self.single_action_space = env.action_space
         self.single_observation_space = env.observation_space
         self.action_space = batch_space(env.action_space, num_envs)
@@ -184,11 +195,13 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
 
         Raises:
             ActionError: The actions have another shape, or are not finite. Nothing was moved.
-            ResetNeededError: There was no reset yet.
+            ResetNeededError: There was no reset yet, or an episode is over that does not begin anew.
             SimulationError: The physics of some episodes became invalid; reset all.
         """
         if not self._starts:
             raise ResetNeededError("No episode is running; call reset first.")
+        if self._is_over.any() and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise ResetNeededError("An episode is over; reset it, by reset_mask if others go on.")
         actions, where = self._checked(actions), ~self._is_over
         begin = {n: self._start(n, None, {}) for n in np.flatnonzero(self._is_over).tolist()}
         try:

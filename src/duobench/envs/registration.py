@@ -149,10 +149,13 @@ def make_vec(
     if threads is not None:
         from duobench.envs.batch_env import BatchEnv
 
-        if vectorization_mode != "sync" or vector_kwargs:
-            raise OptionError("With threads, leave vectorization_mode and vector_kwargs out.")
+        given = vector_kwargs or {}
+        if vectorization_mode != "sync" or given.keys() - {"autoreset_mode"}:
+            raise OptionError(
+                "With threads, leave vectorization_mode out, and vector_kwargs but autoreset_mode."
+            )
         env = make(task, **{"cameras": False, **options})
-        return BatchEnv(env, num_envs, threads, layouts)
+        return BatchEnv(env, num_envs, threads, layouts, **given)
     if layouts is not None:
         raise OptionError("layouts belongs to threads: add threads=1, or leave it out.")
     return gym.make_vec(
