@@ -195,7 +195,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
 
         Raises:
             ActionError: The actions have another shape, or are not finite. Nothing was moved.
-            ResetNeededError: There was no reset yet, or an episode is over that does not begin anew.
+            ResetNeededError: There was no reset yet, or one of what is over is missing.
             SimulationError: The physics of some episodes became invalid; reset all.
         """
         if not self._starts:

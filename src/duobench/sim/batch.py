@@ -34,14 +34,12 @@ class SimulationBatch(Questions):
 
     def __init__(self, simulation: Simulation, count: int, threads: int) -> None:
         model = simulation.model
-        super().__init__(simulation.props, model)
-        self.simulation, self.count = simulation, count
         batch = self._batch = Batch(model, count, threads, persistent=True)
+        super().__init__(simulation.props, model, batch)
+        self.simulation, self.count = simulation, count
         self.contacts = ContactTable(model, count)
-        self._xpos, self._xmat, self.centres = map(batch.bind, ("xpos", "xmat", "xipos"))
-        self._qpos, self._qvel, self._ctrl = map(batch.bind, ("qpos", "qvel", "ctrl"))
-        self._xanchor, self._xaxis = batch.bind("xanchor"), batch.bind("xaxis")
-        self._tools = batch.bind("site_xpos"), batch.bind("site_xmat")
+        self.centres, self._ctrl = batch.xipos, batch.ctrl
+        self._tools = batch.site_xpos, batch.site_xmat
         varies = any(prop.choice is not None for prop in self.props.values())
         switched = ("geom_contype", "geom_conaffinity") if varies else ()
         self._switches = {name: batch.expand(name) for name in switched}

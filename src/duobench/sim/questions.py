@@ -22,20 +22,11 @@ from duobench.types import Array
 class Questions(ABC):
     """The questions; a subclass has the engine's arrays, and says how a row is read."""
 
-    _xpos: Array
-    _xmat: Array
-    _qpos: Array
-    _qvel: Array
-    _xanchor: Array
-    _xaxis: Array
-
-    def __init__(self, props: Mapping[str, Prop], model: mujoco.MjModel) -> None:
-        """Resolve names into ids.
-
-        Args:
-            props: The props by name.
-            model: The model, whose bodies and hinges are asked for.
-        """
+    def __init__(self, props: Mapping[str, Prop], model: mujoco.MjModel, data: Any) -> None:
+        """Resolve names into ids, and look at the engine's data, of one simulation or of many."""
+        # Views of the engine's memory; they live as long as its data.
+        self._xpos, self._xmat, self._qpos, self._qvel = data.xpos, data.xmat, data.qpos, data.qvel
+        self._xanchor, self._xaxis = data.xanchor, data.xaxis
         self.props = props
         self._bodies = {model.body(number).name: number for number in range(model.nbody)}
         self._corners = {

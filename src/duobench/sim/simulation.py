@@ -106,7 +106,6 @@ class Simulation(Questions):
     def __init__(self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> None:
         props = tuple(props)
         self.model: mujoco.MjModel = compose(props, overview).compile()
-        self.props = {prop.name: prop for prop in props}
         self.data = mujoco.MjData(self.model)
         self.variants: Mapping[str, str] = {}
         """The variants of the layout that was applied last."""
@@ -115,11 +114,7 @@ class Simulation(Questions):
         self._compiled = [array.copy() for array in self._switches]
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
-        super().__init__(self.props, self.model)
-        # Views of the engine's memory; they live as long as its data.
-        self._xpos, self._xmat = self.data.xpos, self.data.xmat
-        self._qpos, self._qvel = self.data.qpos, self.data.qvel
-        self._xanchor, self._xaxis = self.data.xanchor, self.data.xaxis
+        super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
         self._few = {name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS}
         self._state_size = mujoco.mj_stateSize(self.model, STATE)

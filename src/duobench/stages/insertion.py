@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from duobench.spatial import SE3, hypot, root, sum_of_products
-from duobench.stages.logic import Predicate, StateView, any_of
+from duobench.stages.logic import Predicate, StateView, any_of, leaf
 from duobench.stages.predicates import mm
 
 if TYPE_CHECKING:
@@ -113,11 +113,10 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
             f"{mm(depth)} inside, {mm(MAX_OFFSET)} and {MAX_ANGLE_DEGREES:g} degrees are asked for"
         )
 
-    return Predicate(
+    return leaf(
         f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}",
         test,
         otherwise=otherwise,
-        vectorized=True,
     )
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar, cast
 
 from duobench.types import CONTROL_HZ
@@ -167,6 +167,10 @@ class Predicate:
             for part in self.parts:
                 part._collect(inner)
             inner[self] = None
+
+
+leaf = partial(Predicate, vectorized=True)
+"""A predicate about one step that takes many simulations at once."""
 
 
 def shared(word: Callable[P, R]) -> Callable[P, R]:

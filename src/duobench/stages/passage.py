@@ -8,7 +8,7 @@ and backwards through the hole has not come through when it is pulled out again.
 from dataclasses import dataclass
 
 from duobench.spatial import hypot
-from duobench.stages.logic import Predicate, StateView, all_of, since
+from duobench.stages.logic import Predicate, StateView, all_of, leaf, since
 from duobench.stages.predicates import mm
 
 EXIT_DEPTH = 0.05
@@ -66,19 +66,17 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
             side = "behind" if beyond >= 0 else "before"
             return f"{prop} is {mm(abs(beyond))} {side} {hole.body} and {mm(off_axis)} off its axis"
 
-        return Predicate(
+        return leaf(
             f"{prop} is within {radius * 1000:.0f} mm of the axis of {hole.body}, "
             f"{depth * 1000:.0f} mm before or behind it",
             test,
             otherwise=otherwise,
-            vectorized=True,
         )
 
-    near = Predicate(
+    near = leaf(
         f"{prop} is on the near side of {hole.body}",
         lambda state: where(state)[0] < 0,
         otherwise=lambda _state: f"{prop} is on the far side of {hole.body}",
-        vectorized=True,
     )
     # Forgotten at the step after: what held at the step before this one.
     was_near, was_far = since(near, reset=~near), since(~near, reset=near)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
 from duobench.spatial import hypot
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, shared
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, leaf, shared
 from duobench.types import SIDES, Side
 
 Point = tuple[float, float, float]
@@ -38,33 +38,30 @@ def mm(metres: float) -> str:
 @shared
 def touches(arm: Side, body: str) -> Predicate:
     """A finger or the palm of that gripper is in contact with the body."""
-    return Predicate(
+    return leaf(
         f"{arm} touches {body}",
         lambda state: state.simulation.contacts.gripper(arm, body),
         otherwise=lambda _state: f"{arm} does not touch {body}",
-        vectorized=True,
     )
 
 
 @shared
 def arm_touches(arm: Side, body: str) -> Predicate:
     """Any part of that arm is in contact with the body: links and wrist camera too."""
-    return Predicate(
+    return leaf(
         f"{arm} arm touches {body}",
         lambda state: state.simulation.contacts.arm(arm, body),
         otherwise=lambda _state: f"{arm} arm does not touch {body}",
-        vectorized=True,
     )
 
 
 @shared
 def grasped(arm: Side, body: str) -> Predicate:
     """Both fingers of that gripper press on the body, towards each other."""
-    return Predicate(
+    return leaf(
         f"{arm} grasps {body}",
         lambda state: state.simulation.contacts.grasped(arm, body),
         otherwise=lambda _state: f"{arm} does not grasp {body}",
-        vectorized=True,
     )
 
 
@@ -84,7 +81,7 @@ def supports(arm: Side, lid: str) -> Predicate:
         sim = state.simulation
         return sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
 
-    whole = grasped(arm, lid) | Predicate(f"{arm} pushes {lid} open", pushes, vectorized=True)
+    whole = grasped(arm, lid) | leaf(f"{arm} pushes {lid} open", pushes)
     return whole.called(
         f"{arm} supports {lid}",
         lambda _state: f"{arm} neither pushes {lid} towards open nor grasps it",
@@ -141,11 +138,10 @@ def raised(prop: str, height: float) -> Predicate:
         so_far = state.simulation.min_height(prop) - state.start_heights[prop]
         return f"{prop} is raised by {mm(so_far)}, not by {mm(height)}"
 
-    return Predicate(
+    return leaf(
         f"{prop} is raised by {height * 1000:.0f} mm",
         lambda state: state.simulation.min_height(prop) >= state.start_heights[prop] + height,
         otherwise=otherwise,
-        vectorized=True,
     )
 
 
@@ -175,11 +171,10 @@ def released(body: str) -> Predicate:
     def touching_it(state: StateView) -> list[Side]:
         return [side for side in SIDES if state.simulation.contacts.gripper(side, body)]
 
-    return Predicate(
+    return leaf(
         f"{body} is released",
         lambda state: state.simulation.contacts.released(body),
         otherwise=lambda state: f"{' and '.join(touching_it(state))} still touches {body}",
-        vectorized=True,
     )
 
 
@@ -195,7 +190,7 @@ def still(prop: str) -> Predicate:
         linear, angular = state.simulation.speed(prop)
         return f"{prop} moves at {linear:.2f} m/s and {angular:.1f} rad/s"
 
-    return Predicate(f"{prop} is still", test, otherwise=otherwise, vectorized=True)
+    return leaf(f"{prop} is still", test, otherwise=otherwise)
 
 
 @shared
@@ -207,11 +202,10 @@ def upright(prop: str, angle: float) -> Predicate:
         tilt = math.degrees(math.acos(max(-1.0, state.simulation.axes(prop)[8])))
         return f"{prop} is tilted by {tilt:.1f} degrees, not at most {math.degrees(angle):.0f}"
 
-    return Predicate(
+    return leaf(
         f"{prop} is upright within {math.degrees(angle):.0f} degrees",
         lambda state: state.simulation.axes(prop)[8] >= limit,
         otherwise=otherwise,
-        vectorized=True,
     )
 
 
@@ -282,22 +276,20 @@ def inside(prop: str, region: Region) -> Predicate:
         away = region.distance(state.relative_position(prop, region.body))
         return f"the centre of {prop} is {mm(away)} outside its place at {region.body}"
 
-    return Predicate(
+    return leaf(
         f"{prop} is inside {region.body}",
         lambda state: region.contains(state.relative_position(prop, region.body)),
         otherwise=otherwise,
-        vectorized=True,
     )
 
 
 @shared
 def touching(body: str, other: str) -> Predicate:
     """Two bodies are in contact."""
-    return Predicate(
+    return leaf(
         f"{body} touches {other}",
         lambda state: state.simulation.contacts.between(body, other),
         otherwise=lambda _state: f"{body} does not touch {other}",
-        vectorized=True,
     )
 
 
@@ -311,13 +303,12 @@ def rests_on(prop: str, support: str) -> Predicate:
 @shared
 def hinge_open(hinge: str, angle: float) -> Predicate:
     """A hinge is open by at least `angle` radians; its name is `<prop>/<part>`."""
-    return Predicate(
+    return leaf(
         f"{hinge} is open by {angle:.2f} rad",
         lambda state: state.simulation.angle(hinge) >= angle,
         otherwise=lambda state: (
             f"{hinge} is open by {state.simulation.angle(hinge):.2f} rad, not by {angle:.2f}"
         ),
-        vectorized=True,
     )
 
 

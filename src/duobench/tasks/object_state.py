@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,6 +46,9 @@ class Numbers:
     """As many, in the order of the names, in metres, radians and seconds, of a `Simulation`."""
     vectorized: bool = False
     """Whether `read` also takes n simulations at once, and gives an array (n,) for each number."""
+
+
+_numbers = partial(Numbers, vectorized=True)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -98,10 +102,9 @@ def usual_numbers(props: Iterable[Prop], choices: Mapping[str, Choice]) -> tuple
 
 def position(body: str) -> Numbers:
     """Origin of a body in the table frame, in metres: x, y, z."""
-    return Numbers(
+    return _numbers(
         names=tuple(f"{body}_{axis}" for axis in "xyz"),
         read=lambda simulation: simulation.origin(body),
-        vectorized=True,
     )
 
 
@@ -114,24 +117,22 @@ def pose(body: str) -> Numbers:
         turned = simulation.axes(body)
         return [*simulation.origin(body), *(turned[place] for place in places)]
 
-    return Numbers(names=(*position(body).names, *axes), read=read, vectorized=True)
+    return _numbers(names=(*position(body).names, *axes), read=read)
 
 
 def hinge_angle(hinge: str) -> Numbers:
     """Angle of a hinge, in radians."""
-    return Numbers(
+    return _numbers(
         names=(f"{hinge}_angle",),
         read=lambda simulation: [simulation.angle(hinge)],
-        vectorized=True,
     )
 
 
 def velocity(prop: str) -> Numbers:
     """Velocity of a free prop's origin in the table frame, in m/s: x, y, z."""
-    return Numbers(
+    return _numbers(
         names=tuple(f"{prop}_velocity_{axis}" for axis in "xyz"),
         read=lambda simulation: simulation.velocity(prop),
-        vectorized=True,
     )
 
 
@@ -139,10 +140,9 @@ def chosen(choice: str, options: Collection[str]) -> Numbers:
     """Which value the layout chose: 1 for that value, 0 for every other."""
     values = tuple(options)
     rows = {one: [float(one == other) for other in values] for one in values}
-    return Numbers(
+    return _numbers(
         names=tuple(f"{choice}_is_{value}" for value in values),
         read=lambda simulation: simulation.chosen(choice, rows),
-        vectorized=True,
     )
 
 
@@ -154,10 +154,9 @@ def known_of(choice: str, names: Sequence[str], values: Mapping[str, Sequence[fl
         names: What each number is.
         values: The numbers for each value of the variant.
     """
-    return Numbers(
+    return _numbers(
         names=tuple(names),
         read=lambda simulation: simulation.chosen(choice, values),
-        vectorized=True,
     )
 
 
@@ -194,7 +193,7 @@ def heap(
 
     centre = [f"{name}_{axis}" for axis in "xyz"]
     inside = [f"{name}_in_{vessel}" for vessel in hollows]
-    return Numbers(names=(*centre, f"{name}_spread", *inside), read=read, vectorized=True)
+    return _numbers(names=(*centre, f"{name}_spread", *inside), read=read)
 
 
 def maze_of(choice: str) -> Numbers:
