@@ -254,7 +254,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         }
         if self._config.object_state:
             numbers = self._base.definition.object_state
-            observation[ENVIRONMENT_STATE] = numbers.read_all(self.simulations)
+            observation[ENVIRONMENT_STATE] = numbers.read(self.simulations)
         if cameras := self._config.cameras:
             size = self._config.image_size
             seen = self._rendered(lambda: self._base.backend.images(cameras, size))

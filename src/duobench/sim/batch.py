@@ -1,6 +1,6 @@
 """Many simulations of one model side by side, on MuJoCo's own threads; bit for bit as one alone."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -140,6 +140,12 @@ class SimulationBatch(Questions):
         return self.simulation
 
     # --- what it is asked ------------------------------------------------------------------------
+
+    def ask(self, question: Callable[[Any], Any], *, vectorized: bool) -> Any:
+        """What a function answers of all simulations at once, or of one after the other (k, n)."""
+        if vectorized:
+            return question(self)
+        return np.array([question(self.world(number)) for number in range(self.count)]).T
 
     def commands(self) -> Array:
         """The last commands (n, 16), as the actuators hold them."""

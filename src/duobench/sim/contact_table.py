@@ -27,7 +27,6 @@ class ContactTable(ContactOwners):
         self._worlds = self._one = self._other = np.empty(0, dtype=np.intp)
         self._normals = self._points = np.empty((3, 0))
         self._copies: list[NDArray[Any]] = []
-        self._gripped: dict[tuple[int, int, int], Booleans] = {}
 
     def copy(self, worlds: Integers, data_of: Callable[[int], mujoco.MjData]) -> None:
         """Copy the contacts of some simulations, by number, out of the engine.
@@ -62,7 +61,6 @@ class ContactTable(ContactOwners):
         self._normals, self._points = (
             np.stack([column[touch] for column in rows.T[:3]]) for rows in (frames, points)
         )
-        self._gripped.clear()
         self._presses.fill(False)
         for side in SIDES:
             left, right = self._pad_bodies[side]
@@ -82,27 +80,8 @@ class ContactTable(ContactOwners):
         partner = np.where(first, self._other[found], self._one[found])
         return found, partner, np.where(first, 1.0, -1.0)
 
-    def between(self, one: str, other: str) -> Booleans:
-        """Whether two owners are in contact."""
-        return self._touching[self._row(one), self._row(other)]
-
-    def gripper(self, side: Side, owner: str) -> Booleans:
-        """Whether a finger or the palm of a gripper is in contact with an owner."""
-        return self._any_of(self._limbs[side][:-1], self._row(owner))
-
-    def arm(self, side: Side, owner: str) -> Booleans:
-        """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
-        return self._any_of(self._limbs[side], self._row(owner))
-
-    def _any_of(self, limbs: list[int], row: int) -> Booleans:
-        key = len(limbs), limbs[0], row
-        if key not in self._gripped:
-            self._gripped[key] = self._touching[limbs, row].any(axis=0)
-        return self._gripped[key]
-
-    def released(self, owner: str) -> Booleans:
-        """Whether neither gripper is in contact with an owner."""
-        return ~(self.gripper(Side.LEFT, owner) | self.gripper(Side.RIGHT, owner))
+    def _touch(self, one: int, other: int) -> Booleans:
+        return self._touching[one, other]
 
     def grasped(self, side: Side, owner: str) -> Booleans:
         """Whether both fingers of a gripper press on an owner, towards each other."""

@@ -5,6 +5,7 @@ rest of an arm, or the body that carries it.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from typing import Any, NamedTuple
@@ -78,8 +79,11 @@ def _owner_of_body(name: str) -> str:
     return name
 
 
-class ContactOwners:
-    """Who owns each geom of a model, by row; errors where there is no such owner."""
+class ContactOwners(ABC):
+    """Who owns each geom of a model, and who touches whom, in one simulation or in many.
+
+    All raise `UnknownNameError` where there is no such owner.
+    """
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._index: dict[str, int] = {}
@@ -104,12 +108,31 @@ class ContactOwners:
         check_known("contact owner", owner, self._index)
         return self._index[owner]
 
+    @abstractmethod
+    def _touch(self, one: int, other: int) -> Any:
+        """Whether two owners, by row, are in contact: a bool, or booleans (n,)."""
+
+    def between(self, one: str, other: str) -> Any:
+        """Whether two owners are in contact."""
+        return self._touch(self._row(one), self._row(other))
+
+    def gripper(self, side: Side, owner: str) -> Any:
+        """Whether a finger or the palm of a gripper is in contact with an owner."""
+        row = self._row(owner)
+        left, right, palm, _ = self._limbs[side]
+        return self._touch(left, row) | self._touch(right, row) | self._touch(palm, row)
+
+    def arm(self, side: Side, owner: str) -> Any:
+        """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
+        return self._touch(self._limbs[side][-1], self._row(owner)) | self.gripper(side, owner)
+
+    def released(self, owner: str) -> Any:
+        """Whether neither gripper is in contact with an owner."""
+        return (self.gripper(Side.LEFT, owner) | self.gripper(Side.RIGHT, owner)) ^ True
+
 
 class Contacts(ContactOwners):
-    """Contact questions about one model and its data.
-
-    All raise `UnknownNameError` where there is no such owner.
-    """
+    """Contact questions about one model and its data."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         super().__init__(model)
@@ -148,24 +171,10 @@ class Contacts(ContactOwners):
         self._touching = touching
         self._grasped.clear()
 
-    def between(self, one: str, other: str) -> bool:
-        """Whether two owners are in contact."""
-        return self._touch(self._row(one), self._row(other))
-
     def partners(self, owner: str) -> frozenset[str]:
         """All owners in contact with one."""
         row = self._row(owner)
         return frozenset(name for name, other in self._index.items() if self._touch(row, other))
-
-    def gripper(self, side: Side, owner: str) -> bool:
-        """Whether a finger or the palm of a gripper is in contact with an owner."""
-        row = self._row(owner)
-        left, right, palm, _ = self._limbs[side]
-        return self._touch(left, row) or self._touch(right, row) or self._touch(palm, row)
-
-    def released(self, owner: str) -> bool:
-        """Whether neither gripper is in contact with an owner."""
-        return not any(self.gripper(side, owner) for side in SIDES)
 
     def pushes(self, side: Side, owner: str, hinge: HingeAxis) -> bool:
         """Whether a contact of any part of an arm turns an owner towards the open end of its hinge.
@@ -213,10 +222,6 @@ class Contacts(ContactOwners):
                 if lever >= max(MIN_LEVER, _MIN_BACKING_COSINE * length(opening)):
                     return True
         return False
-
-    def arm(self, side: Side, owner: str) -> bool:
-        """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
-        return self._touch(self._limbs[side][-1], self._row(owner)) or self.gripper(side, owner)
 
     def grasped(self, side: Side, owner: str) -> bool:
         """Whether both fingers of a gripper press on an owner, towards each other.

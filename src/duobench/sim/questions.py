@@ -5,7 +5,7 @@ arithmetic on such numbers, so that both give the same answers.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -42,6 +42,10 @@ class Questions(ABC):
             for joint in map(model.joint, range(model.njnt))
             if joint.type[0] == mujoco.mjtJoint.mjJNT_HINGE
         }
+
+    def ask(self, question: Callable[[Any], Any], *, vectorized: bool) -> Any:  # noqa: ARG002
+        """What a function of a simulation answers; `vectorized` says whether it takes many."""
+        return question(self)
 
     @abstractmethod
     def _numbers(self, array: Array, row: int | slice) -> Sequence[Any]:

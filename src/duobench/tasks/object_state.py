@@ -22,9 +22,7 @@ from duobench.randomness import Choice
 from duobench.stages.predicates import CylinderRegion
 
 if TYPE_CHECKING:
-    from duobench.sim.batch import SimulationBatch
     from duobench.sim.questions import Questions
-    from duobench.sim.simulation import Simulation
 
 ENVIRONMENT_STATE = "environment_state"
 """Key of the object state in an observation, as LeRobot names it."""
@@ -62,23 +60,13 @@ class ObjectState:
         """Name of each number; unique."""
         return tuple(name for part in self.parts for name in part.names)
 
-    def read(self, simulation: Simulation) -> NDArray[np.float32]:
-        """The numbers (n,) of the simulation's current state, from -10 to 10 (`LARGEST`)."""
-        values = [number for part in self.parts for number in part.read(simulation)]
-        return np.array(values, dtype=np.float32).clip(-LARGEST, LARGEST)
+    def read(self, simulation: Questions) -> NDArray[np.float32]:
+        """The numbers (n,) of the simulation's current state, from -10 to 10 (`LARGEST`).
 
-    def read_all(self, batch: SimulationBatch) -> NDArray[np.float32]:
-        """The same numbers of n simulations at once (simulations, n)."""
-        worlds = range(batch.count)
-        values = [
-            number
-            for part in self.parts
-            for number in (
-                part.read(batch)
-                if part.vectorized
-                else np.array([part.read(batch.world(world)) for world in worlds]).T
-            )
-        ]
+        Of many simulations at once they are (simulations, n).
+        """
+        parts = [simulation.ask(part.read, vectorized=part.vectorized) for part in self.parts]
+        values = [number for part in parts for number in part]
         return np.array(values, dtype=np.float32).T.clip(-LARGEST, LARGEST)
 
 
