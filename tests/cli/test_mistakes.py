@@ -129,7 +129,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("render nothing", "Unknown task 'nothing'"),
         ("render bin_sort --seed -1", "from 0 on, got -1"),
         ("render bin_sort --out /proc/run", "/proc/run cannot be the folder"),
-        ("train pi0", "takes act, diffusion, pi05 or xvla as policy, not 'pi0'"),
+        ("train pi0", "takes act, diffusion, groot, pi05, smolvla or xvla as policy, not 'pi0'"),
         ("report runs/y", "There is no folder runs/y. Beside it there are: runs/x."),
         ("report demos", "demos is a data set, not an evaluation. Try: duobench data info demos"),
         ("replay demoz", "There is no folder demoz. Beside it there are: demos."),
