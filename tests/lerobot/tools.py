@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import numpy as np
 from duobench.data import Recorder
 
 HERE = Path(__file__).parent
+HAS_GROOT = find_spec("tree") is not None
+"""Whether dm-tree is here, which GR00T needs."""
 SCRIPTS = Path(sys.executable).parent
 QUICK = ("--batch_size=2", "--num_workers=0", "--policy.device=cpu", "--log_freq=1")
 TINY = (
