@@ -25,17 +25,11 @@ from duobench.results.bundle import read_source
 from duobench.robot.joints import HOME_JOINTS
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE, change
-from tests.lerobot.tools import HAS_GROOT, HERE
+from tests.lerobot.tools import HAS_GROOT, HERE, NEEDS_GROOT
 
 INSTRUCTION = "Put the cube into the bowl"
 SEED = 7
-GROOT = pytest.param(
-    "groot",
-    marks=pytest.mark.skipif(
-        not HAS_GROOT,
-        reason="dm-tree is not installed here: delete .venv-lerobot, make test-lerobot",
-    ),
-)
+GROOT = pytest.param("groot", marks=NEEDS_GROOT)
 NOISY = ("diffusion", GROOT, "pi05", "smolvla", "xvla")
 KINDS = ("act", *NOISY)
 ROUNDING = 1e-3
@@ -136,9 +130,16 @@ def test_a_checkpoint_in_the_form_of_the_authors_plays(
     assert set(sent[-1, [7, 15]].round(1)) == {0.0, 1.0}
 
 
+@NEEDS_GROOT
+def test_a_chunk_of_groot_is_what_lerobots_loop_executes(folders: dict[str, Path]) -> None:
+    loop = Loop(folders["groot"])
+    with EpisodeNoise([(SEED, 0)]):
+        expected = [loop.action(observation(0)) for _ in range(30)]
+    np.testing.assert_allclose(chunk_of(load(folders["groot"])), expected, atol=1e-6)
+
+
+@NEEDS_GROOT
 def test_groot_executes_as_many_actions_as_are_asked_for(folders: dict[str, Path]) -> None:
-    if not HAS_GROOT:
-        pytest.skip("dm-tree is not installed here")
     for query, count in (("", 30), ("&steps=10", 10), ("&steps=40", 40)):
         assert chunk_of(load(folders["groot"], query)).shape == (count, 16)
     with pytest.raises(DuoBenchError, match="predicts 40 actions, not 41"):
