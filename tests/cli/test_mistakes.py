@@ -209,6 +209,7 @@ def test_server_that_is_not_there_is_told_without_its_address(policy: str) -> No
         ("new old --out new", "holds no comparison. Give --out another folder."),
         ("new newx --out out", "There is no folder newx. Beside it there are:"),
         ("new paper:AKT --out out", "Did you mean 'paper:ACT'"),
+        ("new authors:xlva --out out", "Did you mean 'authors:xvla'"),
         ("new --out out", "A comparison takes 2 to 26 runs, got 1."),
     ],
 )

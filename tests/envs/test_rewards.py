@@ -126,7 +126,7 @@ def test_vector_environments_pay_the_chosen_reward(mode: str) -> None:
     options: dict[str, Any] = {"cameras": False, "reward": PROGRESS, "horizon": 3}
     if mode == "async":
         options["vector_kwargs"] = {"context": "spawn"}
-    vector = gym.make_vec(f"duobench/{TASK}-v1", 2, mode, **options)
+    vector: Any = gym.make_vec(f"duobench/{TASK}-v1", 2, mode, **options)
     assert [config.reward for config in vector.get_attr("config")] == [PROGRESS] * 2
     vector.reset(seed=0)
     for action in waves(4):

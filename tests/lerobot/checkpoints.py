@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.policies import get_policy_class, make_policy_config, make_pre_post_processors
+from numpy.typing import NDArray
 
 CAMERAS = ("head", "left_wrist")
 SIZE = 64
@@ -91,7 +92,7 @@ def act(folder: Path, **options: Any) -> Path:
 AUTHORS_CAMERAS = ("head", "left_wrist", "right_wrist")
 
 
-def act_as_the_authors(folder: Path, action: Sequence[float], spread: float = 1e-3) -> Path:
+def act_as_the_authors(folder: Path, action: NDArray[np.floating], spread: float = 1e-3) -> Path:
     """A small ACT in the form of the authors' published checkpoints.
 
     That is chunks of 100, the keys of their data set in its order, images of 224 x 224, and vectors
@@ -102,7 +103,7 @@ def act_as_the_authors(folder: Path, action: Sequence[float], spread: float = 1e
         action: What it always does (16,), but for `spread`.
         spread: Standard deviation of the numbers of its actions.
     """
-    middle = torch.tensor(action, dtype=torch.float32)
+    middle = torch.from_numpy(action.astype(np.float32))
     stats = {"mean": middle, "std": torch.full_like(middle, spread)}
     seen = features(AUTHORS_CAMERAS, size=224)
     state, *images = seen["input_features"].items()

@@ -1,6 +1,7 @@
 import re
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 import pytest
 
@@ -81,7 +82,8 @@ def test_every_task_and_category_of_the_benchmark_is_there() -> None:
 @pytest.mark.parametrize("policy", TABLE.policies)
 def test_means_are_those_of_the_tasks_but_for_rounding(policy: str) -> None:
     for mean in TABLE.means.values():
-        rates, progress = zip(*(TABLE.tasks[task][policy] for task in mean.tasks), strict=True)
+        pairs: list[Any] = [TABLE.tasks[task][policy] for task in mean.tasks]
+        rates, progress = zip(*pairs, strict=True)
         rate, average = mean.values[policy]
         assert rate == pytest.approx(fmean(rates), abs=0.51)
         assert average == pytest.approx(fmean(progress), abs=0.0101)
@@ -93,7 +95,8 @@ def test_numbers_are_those_of_the_page() -> None:
         task = row["task"]
         values = TABLE.means["overall"].values if task == "overall" else TABLE.tasks[task]
         for policy, name in TABLE.policies.items():
-            rate, progress = values[policy]
+            pair: Any = values[policy]
+            rate, progress = pair
             assert row[name] == f"{rate:.0f} ({progress:.2f})".replace("(0.", "(.")
 
 

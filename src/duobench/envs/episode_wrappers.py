@@ -150,8 +150,8 @@ class TaskStages(DuoWrapper):
     """
 
     def __init__(self, env: gym.Env, judge: Judge | None = None, *, reward: str = STAGE) -> None:
-        super().__init__(env)
         check_known("reward", reward, REWARDS)
+        super().__init__(env, reward=reward)
         self._reward = reward
         base: Any = self.base
         if judge is None and not hasattr(base, "make_judge"):
