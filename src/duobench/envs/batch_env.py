@@ -33,6 +33,7 @@ from duobench.envs.duo_env import ROUNDING, Info, Observation, ResetNeededError
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.episode_wrappers import SEEDS
 from duobench.envs.observation_wrappers import PIXELS, flat_entries
+from duobench.envs.rewards import reward_of
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, OptionError, SimulationError
 from duobench.robot.joints import RANGE_MARGIN, duo_limits
@@ -204,13 +205,15 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             raise ResetNeededError("An episode is over; reset it, by reset_mask if others go on.")
         actions, where = self._checked(actions), ~self._is_over
         begin = {n: self._start(n, None, {}) for n in np.flatnonzero(self._is_over).tolist()}
+        before = self.judge.stage.copy()
         try:
             clipped = self._advance(actions, where)
         except SimulationError:
             self._starts = []
             raise
-        rewards = where * self.judge.stage / self._max_stage
-        terminated = where & (self.judge.stage == self._max_stage)
+        stage, last = self.judge.stage, self._max_stage
+        rewards = where * reward_of(self._config.reward, before, stage, last)
+        terminated = where & (stage == last)
         truncated = where & (self._steps >= self._horizon)
         self._is_over = terminated | truncated
         if begin:
