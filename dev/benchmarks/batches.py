@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -29,8 +31,10 @@ JUDGEMENT, LONG_JUDGEMENT = 6.0, 12.0
 """Bars of a judgement, in microseconds."""
 LONG = ("hinge_chest", "spring_door", "pour_marbles", "join_blocks", "bin_sort")
 """Tasks whose stages ask the most."""
-EPISODES = 16
-"""Episodes that are stepped side by side."""
+EPISODES, PROCESSES = 64, 16
+"""Episodes that are stepped side by side, on threads and in processes."""
+STEPS = 15 * PIECE
+"""Control steps of each, less than any expert's episode has."""
 START = {"layout_seed": 0}
 CONTROLS = int(mujoco.mjtState.mjSTATE_CTRL)
 
@@ -85,37 +89,56 @@ def _shortest(work: Callable[[], object], repeats: int) -> float:
 
 
 def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
-    """Measure an expert's episode, many times side by side, against the bare engine.
+    """Measure an expert's episode, many times side by side, against the bare engine and processes.
 
-    Bare is `mj_step` in one thread, and MuJoCo's own threads that do nothing else: where other work
-    keeps the processor busy, only the latter tells what two threads could do.
+    Bare is `mj_step` in one thread, and MuJoCo's own threads that do nothing else. Where other work
+    keeps the processor busy, only time of the processor, of all threads and processes together,
+    tells what the machine could do alone: that is the second number.
     """
     env = duobench.make(name, cameras=False)
-    actions = expert_actions(env)
-    actions = actions[: (len(actions) - 1) // PIECE * PIECE]  # before any of them is over
-    several = [np.tile(action, (EPISODES, 1)) for action in actions]
+    actions = expert_actions(env)[:STEPS]
     vectors = [
         duobench.make_vec(name, EPISODES, threads=1),
         duobench.make_vec(name, EPISODES, threads=2),
-        duobench.make_vec(name, EPISODES, "async", {"context": "spawn"}, cameras=False),
+        duobench.make_vec(name, PROCESSES, "async", {"context": "spawn"}, cameras=False),
     ]
-    bare, engine, one, two, processes = seconds(
+    works = [
         bare_physics(env, actions),
         _engine(env, actions, threads=2),
-        *(_work(vector, several) for vector in vectors),
-        repeats=repeats,
-    )
+        *(_work(vector, actions) for vector in vectors),
+    ]
+    counts = np.array([1, EPISODES, EPISODES, EPISODES, PROCESSES])
+    of_clock = np.array(seconds(*works, repeats=repeats)) / counts
+    children = [process.pid for process in getattr(vectors[-1], "processes", ())]
+    of_processor = np.array([_processor_time(work, children) for work in works]) / counts
     for vector in (*vectors, env):
         vector.close()
-    for what, value, least in (
-        ("1 thread / bare mj_step", bare * EPISODES / one, 0.85),
-        ("2 threads / (2 x bare mj_step)", bare * EPISODES / two / 2, 0.85),
-        ("2 threads / bare engine on 2 threads", engine / two, 0.85),
-        ("2 threads / AsyncVectorEnv", processes / two, 1.4),
-    ):
-        yield Measurement(what=f"{name}: {what}", value=value, at_least=least)
-    speed = EPISODES * len(actions) / two
+    for clock, (bare, engine, one, two, processes) in (("", of_clock), (" (cpu)", of_processor)):
+        threads = 1 if clock else 2  # two threads take twice the processor's time a second
+        for what, value, least in (
+            ("1 thread / bare mj_step", bare / one, 0.85),
+            ("2 threads / (2 x bare mj_step)", bare / two / threads, 0.85),
+            ("2 threads / engine on 2 threads", engine / two, 0.85),
+            ("2 threads / AsyncVectorEnv", processes / two, 1.4),
+        ):
+            yield Measurement(what=f"{name}: {what}{clock}", value=value, at_least=least)
+    speed = len(actions) / of_clock[3]
     yield Measurement(what=f"{name}: control steps, 2 threads", value=speed, unit="/s")
+
+
+def _processor_time(work: Work, children: Sequence[int]) -> float:
+    """Seconds of the processor that work takes in this process and in others, by their ids."""
+
+    def now() -> float:
+        fields = [Path(f"/proc/{child}/stat").read_text().rpartition(")")[2] for child in children]
+        ticks = sum(int(number) for text in fields for number in text.split()[11:13])
+        return time.process_time() + ticks / os.sysconf("SC_CLK_TCK")
+
+    work.prepare()
+    start = now()
+    for piece in work.pieces:
+        piece()
+    return now() - start
 
 
 def _engine(env: gym.Env, actions: NDArray[np.float32], threads: int) -> Work:
@@ -133,7 +156,8 @@ def _engine(env: gym.Env, actions: NDArray[np.float32], threads: int) -> Work:
     return Work(pieces=in_pieces(step, ramps), prepare=begin)
 
 
-def _work(vector: gym.vector.VectorEnv, actions: list[NDArray[np.float32]]) -> Work:
+def _work(vector: gym.vector.VectorEnv, actions: NDArray[np.float32]) -> Work:
+    several = [np.tile(action, (vector.num_envs, 1)) for action in actions]
     return Work(
-        pieces=in_pieces(vector.step, actions), prepare=lambda: vector.reset(options=dict(START))
+        pieces=in_pieces(vector.step, several), prepare=lambda: vector.reset(options=dict(START))
     )
