@@ -10,7 +10,7 @@ picks its kernel by the type of the processor, and kernels differ in the last bi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -47,7 +47,7 @@ def length(vector: ArrayLike) -> float:
     return math.sqrt(dot(vector, vector))
 
 
-def sum_of_products(a: Sequence[Any], b: Sequence[Any]) -> Any:
+def sum_of_products(a: Iterable[Any], b: Iterable[Any]) -> Any:
     """Dot product of two vectors whose parts are floats, or arrays: one entry for each vector."""
     total = 0.0  # `sum` of some Pythons compensates
     for x, y in zip(a, b, strict=True):

@@ -161,6 +161,7 @@ def test_episodes_go_on_from_states_of_demonstrations(several: Callable[..., Bat
     vector = several("transfer_cube", reward="progress")
     _, info = vector.reset(seed=SEED, options={"states": [episode.states[middle], None]})
     assert info["seed"].tolist() == [-1, SEED + 1]
+    result: Any = ()
     for step in range(middle, len(episode.actions)):
         assert vector.save_state(0).hash == episode.states[step].hash
         result = vector.step(np.tile(episode.actions[step], (COUNT, 1)))
@@ -216,7 +217,7 @@ def test_words_of_ones_own_take_one_simulation_at_a_time(
     vector = several(task, object_state=True)
     vector.reset(seed=SEED)
     with closing(make_small(task, object_state=True)) as env:
-        env.reset(seed=SEED + 1)
+        alone: Any = env.reset(seed=SEED + 1)
         for action in waves(30):
             together, alone = vector.step(np.tile(action, (COUNT, 1))), env.step(action)
             check_same(together, 1, alone)

@@ -108,7 +108,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         """Who says which stages they have reached."""
         self._limits = [self._base.backend.limits]
         if config.speed_fraction != 1.0:
-            self._limits.append(duo_limits((config.speed_fraction,) * 2, RANGE_MARGIN))
+            self._limits.append(
+                duo_limits((config.speed_fraction, config.speed_fraction), RANGE_MARGIN)
+            )
         self._horizon = (env.spec and env.spec.max_episode_steps) or np.inf
         self._max_stage = self._base.definition.max_stage
         self._layouts = layouts or SEEDS

@@ -83,7 +83,7 @@ class ContactTable(ContactOwners):
     def _touch(self, one: int, other: int) -> Booleans:
         return self._touching[one, other]
 
-    def grasped(self, side: Side, owner: str) -> Booleans:
+    def grasped(self, side: Side, owner: str) -> Any:
         """Whether both fingers of a gripper press on an owner, towards each other."""
         return self._presses[self._limbs[side][:2], self._row(owner)].all(axis=0)
 

@@ -6,7 +6,7 @@ rest of an arm, or the body that carries it.
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from typing import Any, NamedTuple
 
@@ -36,12 +36,12 @@ _MIN_BACKING_COSINE = math.cos(MAX_BACKING_ANGLE)
 class HingeAxis(NamedTuple):
     """The axis of a hinge as it is now, in the table frame."""
 
-    anchor: Sequence[Any]
+    anchor: Any
     """A point (3,) of the axis, in metres."""
-    axis: Sequence[Any]
+    axis: Any
     """Its direction (3,): turning about it opens."""
 
-    def opening_at(self, point: Sequence[Any]) -> tuple[Any, Any, Any]:
+    def opening_at(self, point: Iterable[Any]) -> tuple[Any, Any, Any]:
         """Velocity (3,) of a point (3,) of the hinged part while it opens by 1 rad/s, in m/s.
 
         It is as long as the point's distance from the axis in metres; its product with a direction

@@ -48,7 +48,7 @@ class Questions(ABC):
         return question(self)
 
     @abstractmethod
-    def _numbers(self, array: Array, row: int | slice) -> Sequence[Any]:
+    def _numbers(self, array: Array, row: int | slice) -> Any:
         """The numbers in a row of one of the engine's arrays."""
 
     @abstractmethod

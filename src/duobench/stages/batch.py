@@ -159,9 +159,8 @@ class ProgressBatch:
         return holds
 
     def _test(self, predicate: Predicate) -> Booleans:
-        holds: Any = predicate.test(self._view)
-        # What is asked of things that are fixed is the same in all episodes.
-        return holds if isinstance(holds, np.ndarray) else np.full(self._all.shape, holds)
+        # What is asked of things that are fixed is one answer for all episodes.
+        return self._all & np.asarray(predicate.test(self._view))
 
     def _one_by_one(self, predicate: Predicate, where: Booleans) -> Booleans:
         """Ask what takes one simulation at a time, of those that were not asked at this step."""
