@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 
 import duobench
 from duobench.envs.batch_env import BatchEnv
@@ -20,12 +21,17 @@ from duobench.errors import (
     SimulationError,
     UnknownNameError,
 )
+from duobench.objects.blocks import RED
+from duobench.objects.cup import square_mark
+from duobench.objects.prop import Prop
+from duobench.randomness import around
 from duobench.sim import batch, simulation
 from duobench.stages.logic import Predicate, since
 from duobench.stages.predicates import touches
 from duobench.stages.progress import Stage
-from duobench.tasks import catalog
+from duobench.tasks import catalog, object_state
 from duobench.tasks.object_state import Numbers
+from duobench.tasks.task import Placement
 from duobench.types import SIDES
 from tests.envs.test_vector import one_of
 from tests.envs.tools import TASK, equal, make_small, waves
@@ -190,6 +196,34 @@ def test_steps_that_are_not_solved_are_repeated_as_alone(
     env.close()
 
 
+def test_an_episode_without_a_horizon_is_the_same(several: Callable[..., BatchEnv]) -> None:
+    episode = baseline(TASK)[0]
+    vector = several(max_episode_steps=-1)
+    with closing(make_small(max_episode_steps=-1)) as env:
+        env.reset(seed=SEED + 1)
+        vector.reset(seed=SEED, options={"layout_seed": None})
+        for action in episode.actions[:5]:
+            env.step(action)
+            vector.step(np.tile(action, (COUNT, 1)))
+        assert vector.save_state(1).hash == env.get_wrapper_attr("state_hash")()
+
+
+def test_what_is_over_waits_where_it_does_not_begin_by_itself(
+    several: Callable[..., BatchEnv],
+) -> None:
+    vector = several(horizon=1, vector_kwargs={"autoreset_mode": AutoresetMode.DISABLED})
+    vector.reset(seed=SEED)
+    action = np.tile(waves(1)[0], (COUNT, 1))
+    assert vector.step(action)[3].all()
+    with pytest.raises(gym.error.ResetNeeded, match="by reset_mask"):
+        vector.step(action)
+    vector.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(gym.error.ResetNeeded):
+        vector.step(action)
+    vector.reset(options={"reset_mask": np.array([False, True])})
+    assert vector.step(action)[3].all()
+
+
 def test_a_few_layouts_come_again_and_again(several: Callable[..., BatchEnv]) -> None:
     vector = several(count=12, layouts=3, horizon=1, split="train")
     seeds = vector.reset()[1]["seed"].tolist()
@@ -213,7 +247,17 @@ def test_words_of_ones_own_take_one_simulation_at_a_time(
         for name, holds, stays in (("shut", ~open_hands | asked, None), ("again", both, open_hands))
     )
     height = Numbers(names=("height",), read=lambda sim: [float(sim.position("white_cube")[2])])
-    task = replace(catalog.get(TASK), id="own", stages=stages, object_numbers=(height,))
+    fixed = object_state.velocity("mark")
+    mark = Prop(name="mark", solid=lambda: square_mark(0.02, RED), fixed=True)
+    usual = catalog.get(TASK)
+    task = replace(
+        usual,
+        id="own",
+        stages=stages,
+        object_numbers=(height, fixed),
+        props=(*usual.props, mark),
+        placements={**usual.placements, "mark": Placement(x=around(0.3, 0.0), y=around(0.0, 0.0))},
+    )
     vector = several(task, object_state=True)
     vector.reset(seed=SEED)
     with closing(make_small(task, object_state=True)) as env:
@@ -256,6 +300,11 @@ def test_rendering_shows_each_episode(several: Callable[..., BatchEnv]) -> None:
         ({"threads": 2, "layouts": 0}, "layouts is a whole number from 1 on"),
         ({"layouts": 3}, "belongs to threads"),
         ({"threads": 1, "vectorization_mode": "async"}, "leave vectorization_mode"),
+        ({"threads": 1, "vector_kwargs": {"context": "fork"}}, "leave vectorization_mode"),
+        (
+            {"threads": 1, "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}},
+            "next-step or disabled",
+        ),
         ({"threads": 1, "action_mode": "cartesian"}, "leave threads out"),
         ({"threads": 1, "chunk": 3}, "leave threads out"),
         ({"threads": 1, "shift": "physics-1"}, "leave threads out"),

@@ -160,9 +160,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             return self._made(self._env.get_wrapper_attr("restore_state")(state)[1])
         if options.get(LAYOUT) is not None:
             return self._made(self._env.reset(options=options)[1])
-        used = checked_seed(options.get(LAYOUT_SEED, seed))
+        used = checked_seed(options.get(LAYOUT_SEED))
         if used is None:
-            used = int(self._generators[number].integers(self._layouts))
+            used = int(self._generators[number].integers(self._layouts)) if seed is None else seed
         if options.keys() - {LAYOUT_SEED, SPLIT}:
             return self._made(self._env.reset(options={**options, LAYOUT_SEED: used})[1])
         key = used, options.get(SPLIT, self._config.split)
@@ -295,12 +295,13 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         """The whole state of one of the episodes; an environment of `make` takes it as well."""
         if not self._starts:
             raise ResetNeededError("There is no state before the first reset; call reset first.")
+        start, _ = self._starts[number]
         return replace(
-            self._starts[number][0],
+            start,
             physics=self.simulations.physics(number),
             progress=self.judge.get_state(number),
-            steps=int(self._steps[number]),
-            over=bool(self._is_over[number]),
+            steps=None if start.steps is None else int(self._steps[number]),
+            over=start.steps is not None and bool(self._is_over[number]),
         )
 
     def render(self) -> tuple[Any, ...]:

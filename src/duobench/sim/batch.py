@@ -143,8 +143,8 @@ class SimulationBatch(Questions):
 
     def ask(self, question: Callable[[Any], Any], *, vectorized: bool) -> Any:
         """What a function answers of all simulations at once, or of one after the other (k, n)."""
-        if vectorized:
-            return question(self)
+        if vectorized:  # of what is fixed, a number is the same in all
+            return [np.broadcast_to(number, self.count) for number in question(self)]
         return np.array([question(self.world(number)) for number in range(self.count)]).T
 
     def commands(self) -> Array:
