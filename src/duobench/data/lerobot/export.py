@@ -316,8 +316,9 @@ def _rows(
     """The columns of an episode, one row an action."""
     length, offset = len(recording), export.options.pairing.offset
     number = np.arange(length)
+    seen = [recording.agent_pos, *(getattr(recording, part) for part in export.options.state)]
     return {
-        STATE: recording.agent_pos[offset : offset + length],
+        STATE: np.hstack(seen)[offset : offset + length],
         ACTION: actions.astype(np.float32),
         "next.reward": recording.reward.astype(np.float32),
         "next.done": number == length - 1,

@@ -13,8 +13,8 @@ import pyarrow as pa
 
 from duobench.data.lerobot.options import ExportOptions
 from duobench.data.schema import Domain
+from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
-from duobench.envs.spaces import JOINT_NAMES
 from duobench.files import begin_or_continue, differences, read, remove_temporary
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.types import CONTROL_HZ
@@ -78,7 +78,10 @@ class Export:
     @property
     def vectors(self) -> dict[str, tuple[str, ...]]:
         """What the numbers are of each column that holds several in a row."""
-        vectors = {STATE: JOINT_NAMES, ACTION: LABELS[self.options.action].names}
+        vectors = {
+            STATE: state_labels.names_of(self.options.state),
+            ACTION: LABELS[self.options.action].names,
+        }
         objects = {OBJECT_STATE: self.object_state_names} if self.object_state_names else {}
         return vectors | objects
 

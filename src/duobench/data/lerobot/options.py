@@ -7,6 +7,7 @@ from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.state_labels import StatePart
 from duobench.errors import DataError, check_known
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.robot.cameras import check_image_size
@@ -61,6 +62,9 @@ class ExportOptions:
     action_source: ActionSource = ActionSource.INTENDED
     """Which recorded numbers they are made of: what the actor wanted (intended; where it acted in
     something else, what was sent), what was sent, or what was given, brought to joint targets."""
+    state: tuple[StatePart, ...] = ()
+    """What the state holds behind joint positions and openings: tool poses (tcp_pose), joint
+    velocities (joint_velocity), or both."""
     object_state: bool = False
     """Export where the objects are too, as numbers that no camera sees."""
     only_successes: bool = False
@@ -71,6 +75,7 @@ class ExportOptions:
     def __post_init__(self) -> None:
         if self.cameras == ("none",):
             object.__setattr__(self, "cameras", ())
+        object.__setattr__(self, "state", tuple(part for part in StatePart if part in self.state))
         for camera in self.cameras:
             check_known("camera", camera, POLICY_CAMERAS)
         check_known("action mode of an export", self.action, LABELS)
