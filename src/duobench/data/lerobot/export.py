@@ -34,7 +34,8 @@ from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError, SeveralTasksError, check_known
 from duobench.files import digest_of, encode, locked, replacing, write
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
-from duobench.randomness import SUITE_VERSION
+from duobench.looks.catalog import RANDOM
+from duobench.randomness import SUITE_VERSION, look_number
 from duobench.robot.cameras import describe_cameras
 from duobench.sim import rendering
 from duobench.tasks import catalog
@@ -154,6 +155,7 @@ def _plan(
                     instruction=recording.info.instruction,
                     data_set=number,
                     domain=recording.info.domain,
+                    look=_own_look(recording, path, options),
                 )
             )
     if not episodes:
@@ -172,6 +174,14 @@ def _plan(
         object_state_names=_object_state_names(tasks) if options.object_state else (),
         cameras=describe_cameras(),
     )
+
+
+def _own_look(recording: Recording, path: Path, options: ExportOptions) -> str | None:
+    """The look of an episode where each has its own; None where it has that of all, or videos."""
+    info, number = recording.info, options.look_numbers
+    if number is None or info.is_real or not options.cameras:
+        return None
+    return f"{RANDOM}{look_number(info.task, info.seed, path.name, number)}"
 
 
 def _object_state_names(tasks: Collection[str]) -> tuple[str, ...]:
@@ -245,7 +255,7 @@ def _exporter(
     """What exports one episode after the other; it keeps the model of a task."""
     options = next(iter(plans.values())).options
     source_of = lru_cache(maxsize=1)(
-        partial(ImageSource, cameras=options.cameras, size=options.size, look=options.look)
+        partial(ImageSource, cameras=options.cameras, size=options.size)
     )
 
     def export_one(job: _Job) -> _Job:
@@ -269,7 +279,9 @@ def _exporter(
                     )
                     images = ending.enter_context(closing(recorded)).images
                 else:
-                    images = partial(source_of(recording.info.task).images, recording)
+                    source = source_of(recording.info.task)
+                    source.set_look(episode.look or options.look)
+                    images = partial(source.images, recording)
                 write_videos(_frames(images, shown, counts), paths)
         if OBJECT_STATE in export.vectors:
             source = source_of(recording.info.task)

@@ -57,6 +57,8 @@ class SourceEpisode:
     data_set: int = 0
     """Which of the data sets it is from, in the order in which they were given."""
     domain: Domain = Domain.SIM
+    look: str | None = None
+    """Its look, where each rendered episode has its own; else that of the options."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

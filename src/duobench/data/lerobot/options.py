@@ -9,9 +9,13 @@ from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.state_labels import StatePart
 from duobench.errors import DataError, check_known
-from duobench.looks.catalog import DEFAULT, as_look
+from duobench.looks import catalog as looks
+from duobench.looks.catalog import DEFAULT, RANDOM, as_look
 from duobench.robot.cameras import check_image_size
 from duobench.types import POLICY_CAMERAS
+
+PER_EPISODE = "random_per_episode"
+"""A random look for each episode, another one each; `:SEED` may follow."""
 
 
 class Pairing(StrEnum):
@@ -53,7 +57,9 @@ class ExportOptions:
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers."""
     look: str = DEFAULT
-    """How rendered images look, such as wood_table or random:7; see docs/looks.md."""
+    """How rendered images look, such as wood_table or random:7; see docs/looks.md. In
+    random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
+    others."""
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
     action: str = JOINT.name
@@ -80,9 +86,17 @@ class ExportOptions:
             check_known("camera", camera, POLICY_CAMERAS)
         check_known("action mode of an export", self.action, LABELS)
         check_image_size(*self.size)
-        as_look(self.look)
+        name, colon, seed = self.look.partition(":")
+        check_known("look", name, (*looks.names(), "random", PER_EPISODE))
+        as_look(f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look)
         if any(pixels % 2 for pixels in self.size):
             raise DataError(
                 "Height and width of images in a video are even numbers, got "
                 f"{self.size[0]}x{self.size[1]}."
             )
+
+    @property
+    def look_numbers(self) -> int | None:
+        """Seed of the looks where each episode has its own; None where all have one."""
+        name, _, seed = self.look.partition(":")
+        return int(seed or 0) if name == PER_EPISODE else None
