@@ -69,7 +69,7 @@ def export_lerobot(
     progress: Progress = lambda _done, _total: None,
     view_of: ViewOf = plain_view,
 ) -> Exported:
-    """Export data sets to LeRobot's format v3.0; continues where it was stopped.
+    """Export data sets to LeRobot's format v3.0 or v2.1; continues where it was stopped.
 
     Images of simulated episodes are rendered from states, those of real ones read from their
     videos. The column `domain` says which row is from where.
@@ -105,7 +105,10 @@ def export_lerobot(
     if per_task and paths:
         tasks = sorted({path.parent.name for _, path in paths})
         parts = {out / task: [one for one in paths if one[1].parent.name == task] for task in tasks}
-    plans = {ExportFolder(folder): _plan(sources, part, options) for folder, part in parts.items()}
+    plans = {
+        ExportFolder(folder, options.format): _plan(sources, part, options)
+        for folder, part in parts.items()
+    }
     with ExitStack() as locks:
         for folder, export in plans.items():
             locks.enter_context(locked(folder.path))

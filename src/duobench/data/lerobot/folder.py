@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import pyarrow as pa
 
-from duobench.data.lerobot.options import ExportOptions
+from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
 from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
@@ -162,6 +162,7 @@ class ExportFolder:
     """Names in the folder of an export."""
 
     path: Path
+    format: Format = Format.V30
 
     @property
     def meta(self) -> Path:
@@ -174,11 +175,12 @@ class ExportFolder:
 
     def data(self, index: int) -> Path:
         """Numbers of an episode."""
-        return self.path / "data" / f"{_numbered(index)}.parquet"
+        return self.path / self.format.data_path.format(**_numbers(index))
 
     def video(self, camera: str, index: int) -> Path:
         """Images of an episode."""
-        return self.path / "videos" / image_key(camera) / f"{_numbered(index)}.mp4"
+        key = image_key(camera)
+        return self.path / self.format.video_path.format(video_key=key, **_numbers(index))
 
     def is_finished(self, index: int, cameras: Iterable[str]) -> bool:
         """Whether every file of an episode is there."""
@@ -203,9 +205,16 @@ def location(index: int) -> tuple[int, int]:
     return divmod(index, CHUNK_SIZE)
 
 
-def _numbered(index: int) -> str:
+def _numbers(index: int) -> dict[str, int]:
+    """What the paths of an episode's files are made of, in every format."""
     chunk, file = location(index)
-    return f"chunk-{chunk:03d}/file-{file:03d}"
+    named = {"chunk_index": chunk, "file_index": file}
+    return named | {"episode_chunk": chunk, "episode_index": index}
+
+
+def as_json(document: object) -> str:
+    """The text of a file in `meta`, as LeRobot writes it."""
+    return json.dumps(document, indent=4, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def columns(vectors: Vectors) -> tuple[str, ...]:

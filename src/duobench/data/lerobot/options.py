@@ -18,6 +18,34 @@ PER_EPISODE = "random_per_episode"
 """A random look for each episode, another one each; `:SEED` may follow."""
 
 
+class Format(StrEnum):
+    """LeRobot's data set format, by its version."""
+
+    V30 = "v3.0"
+    """What LeRobot reads since 0.4."""
+    V21 = "v2.1"
+    """What LeRobot 0.3, openpi and Isaac-GR00T read."""
+
+    @property
+    def data_path(self) -> str:
+        """Where the numbers of an episode are, as `meta/info.json` says it."""
+        return f"data/{_PLACES[self]}.parquet"
+
+    @property
+    def video_path(self) -> str:
+        """Where the images of a camera in an episode are, as `meta/info.json` says it."""
+        if self is Format.V30:
+            return f"videos/{{video_key}}/{_PLACES[self]}.mp4"
+        folder, file = _PLACES[self].split("/")
+        return f"videos/{folder}/{{video_key}}/{file}.mp4"
+
+
+_PLACES = {
+    Format.V30: "chunk-{chunk_index:03d}/file-{file_index:03d}",
+    Format.V21: "chunk-{episode_chunk:03d}/episode_{episode_index:06d}",
+}
+
+
 class Pairing(StrEnum):
     """Which observation stands in a row with action t."""
 
@@ -60,6 +88,8 @@ class ExportOptions:
     """How rendered images look, such as wood_table or random:7; see docs/looks.md. In
     random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
     others."""
+    format: Format = Format.V30
+    """Version of LeRobot's format: v3.0, or v2.1 with what openpi and Isaac-GR00T want beside."""
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
     action: str = JOINT.name
