@@ -289,7 +289,7 @@ def _exporter(
         if OBJECT_STATE in export.vectors:
             source = source_of(recording.info.task)
             columns[OBJECT_STATE] = np.array([source.objects(recording, row) for row in shown])
-        described = schema(export.vectors)
+        described = schema(export.vectors, options.format)
         arrays = [to_arrow(columns[name]) for name in described.names]
         write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=described)))
         noted = {camera: values.tolist() for camera, values in counts.items()}

@@ -270,13 +270,17 @@ def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
     }
 
 
-def schema(vectors: Vectors) -> pa.Schema:
-    """The Arrow schema of the Parquet files, with the types that Hugging Face reads."""
+def schema(vectors: Vectors, version: Format = Format.V30) -> pa.Schema:
+    """The Arrow schema of the Parquet files, with the types that Hugging Face reads.
+
+    Those who read v2.1 have `datasets` 3 or older, which know no type `List`.
+    """
+    row = "Sequence" if version is Format.V21 else "List"
     fields = [pa.field(name, pa.list_(pa.float32(), len(n))) for name, n in vectors.items()]
     fields += [pa.field(name, pa.from_numpy_dtype(dtype)) for name, dtype in _SCALARS.items()]
     number = {"dtype": "float32", "_type": "Value"}
     types: dict[str, Any] = {
-        name: {"feature": number, "length": len(names), "_type": "List"}
+        name: {"feature": number, "length": len(names), "_type": row}
         for name, names in vectors.items()
     }
     types |= {name: {"dtype": dtype, "_type": "Value"} for name, dtype in _SCALARS.items()}

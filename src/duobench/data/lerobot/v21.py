@@ -16,8 +16,7 @@ from duobench.data.lerobot.folder import CHUNK_SIZE, Export, as_json, columns, i
 from duobench.lerobot_keys import ACTION, STATE
 
 NORM_STATS = "assets/duobench/norm_stats.json"
-"""openpi's statistics in the folder of an export: `assets` is the `assets_dir` of its configuration,
-`duobench` the `asset_id`."""
+"""openpi's statistics in the folder of an export: `assets_dir` is `assets`, `asset_id` the next."""
 _NORM = ("mean", "std", "q01", "q99")
 _STATS = (*_NORM, "min", "max")
 """The statistics of openpi, and those of Isaac-GR00T, which takes slices of every one that it
