@@ -80,6 +80,15 @@ def test_the_order_of_the_parts_makes_no_other_export(original: DataSet, tmp_pat
         export_lerobot(original, out, replace(options, state=(TOOLS,)), workers=0)
 
 
+def test_both_domains_have_every_part(original: DataSet, real: DataSet, tmp_path: Path) -> None:
+    options = ExportOptions(cameras=(), state=tuple(StatePart))
+    export_lerobot([real, original], tmp_path / "out", options, workers=0)
+    for index, recording in enumerate([*real.recordings(), *original.recordings()]):
+        rows = pq.read_table(ExportFolder(tmp_path / "out").data(index))["observation.state"]
+        seen = np.hstack([recording.agent_pos, recording.tcp_pose, recording.joint_velocity])
+        np.testing.assert_array_equal(np.array(rows.to_pylist(), np.float32), seen[:-1])
+
+
 def test_other_names_are_no_state() -> None:
     both = state_labels.names_of((TOOLS, SPEEDS))
     assert len({*both}) == len(both) == 44

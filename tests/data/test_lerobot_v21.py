@@ -16,7 +16,7 @@ from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.envs.action_labels import LABELS
 from duobench.envs.state_labels import StatePart
-from duobench.errors import OtherRunError
+from duobench.errors import OtherRunError, UnknownNameError
 from duobench.types import POLICY_CAMERAS
 from tests.data.conftest import EPISODES
 from tests.data.test_lerobot import files
@@ -217,6 +217,25 @@ def test_an_export_goes_on_in_its_format_alone(
     with pytest.raises(OtherRunError, match=r"format v3\.0 instead of v2\.1"):
         export_lerobot(original, out, replace(OPTIONS, format=Format.V30), workers=0)
     assert files(out) == files(exported)
+
+
+def test_a_thousand_episodes_are_a_chunk() -> None:
+    folder = ExportFolder(Path("out"), Format.V21)
+    assert folder.data(999) == Path("out/data/chunk-000/episode_000999.parquet")
+    assert folder.data(1000) == Path("out/data/chunk-001/episode_001000.parquet")
+    assert folder.video("head", 2345) == Path(
+        "out/videos/chunk-002/observation.images.head/episode_002345.mp4"
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [({"format": "v2.0"}, "v2.1"), ({"state": ("tcp_poses",)}, "tcp_pose")],
+)
+def test_what_is_not_known_is_refused(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(UnknownNameError, match=message):
+        ExportOptions(**options)
+    assert ExportOptions(format="v2.1").format is Format.V21  # pyright: ignore
 
 
 def test_each_task_is_a_whole_of_its_own(original: DataSet, tmp_path: Path) -> None:

@@ -111,6 +111,10 @@ class ExportOptions:
     def __post_init__(self) -> None:
         if self.cameras == ("none",):
             object.__setattr__(self, "cameras", ())
+        check_known("format", self.format, tuple(Format))
+        object.__setattr__(self, "format", Format(self.format))
+        for part in self.state:
+            check_known("part of a state", part, tuple(StatePart))
         object.__setattr__(self, "state", tuple(part for part in StatePart if part in self.state))
         for camera in self.cameras:
             check_known("camera", camera, POLICY_CAMERAS)
