@@ -93,10 +93,10 @@ def instruction_number(task_id: str, seed: int, count: int, split: str = EVAL) -
 
 
 def look_number(task_id: str, seed: int | None, file: str, number: int) -> int:
-    """Seed (30 bits) of the random look in which an exported episode is rendered.
+    """Seed (30 bits) of the random look of an exported episode.
 
-    It follows from what stays with the episode, the seed of its layout (None if it was given) and
-    the name of its file, and from the number of the export's looks.
+    It follows from the seed of its layout (None if it was given), the name of its file, and a
+    number that chooses among the looks of exports.
     """
     return _digest("export look", task_id, SUITE_VERSION, seed, file, number) % 2**30
 

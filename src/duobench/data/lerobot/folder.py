@@ -175,12 +175,12 @@ class ExportFolder:
 
     def data(self, index: int) -> Path:
         """Numbers of an episode."""
-        return self.path / self.format.data_path.format(**_numbers(index))
+        return self.path / self.format.paths[0].format(**_numbers(index))
 
     def video(self, camera: str, index: int) -> Path:
         """Images of an episode."""
         key = image_key(camera)
-        return self.path / self.format.video_path.format(video_key=key, **_numbers(index))
+        return self.path / self.format.paths[1].format(video_key=key, **_numbers(index))
 
     def is_finished(self, index: int, cameras: Iterable[str]) -> bool:
         """Whether every file of an episode is there."""
@@ -200,14 +200,9 @@ class ExportFolder:
         return read(self.facts(index), EpisodeFacts, SCHEMA, advice=advice)
 
 
-def location(index: int) -> tuple[int, int]:
-    """Number of an episode's folder, and of its file in it."""
-    return divmod(index, CHUNK_SIZE)
-
-
 def _numbers(index: int) -> dict[str, int]:
     """What the paths of an episode's files are made of, in every format."""
-    chunk, file = location(index)
+    chunk, file = divmod(index, CHUNK_SIZE)
     named = {"chunk_index": chunk, "file_index": file}
     return named | {"episode_chunk": chunk, "episode_index": index}
 

@@ -25,7 +25,6 @@ from duobench.data.lerobot.folder import (
     columns,
     describe,
     image_key,
-    location,
 )
 from duobench.data.lerobot.options import Format
 from duobench.data.recording import to_bytes, to_numpy
@@ -106,7 +105,7 @@ def _statistics(rows: Mapping[str, NDArray[Any]], counts: Mapping[str, Counts]) 
 
 def _episode(export: Export, index: int, numbers: _Lists) -> dict[str, Any]:
     """Where an episode is, and its statistics, as a row of the table of episodes."""
-    source, (chunk, file) = export.episodes[index], location(index)
+    source, (chunk, file) = export.episodes[index], divmod(index, CHUNK_SIZE)
     first = export.first_row(index)
     row: dict[str, Any] = {
         "episode_index": index,
@@ -154,7 +153,11 @@ def _tasks(instructions: list[str]) -> pa.Table:
 
 def _info(export: Export) -> dict[str, Any]:
     episodes, options = len(export.episodes), export.options
-    sizes = {"data_files_size_in_mb": DATA_MB, "video_files_size_in_mb": VIDEO_MB}
+    about = {"data_files_size_in_mb": DATA_MB, "video_files_size_in_mb": VIDEO_MB}
+    if options.format is Format.V21:
+        chunks = -(-episodes // CHUNK_SIZE)
+        about = {"total_videos": episodes * len(options.cameras), "total_chunks": chunks}
+    data_path, video_path = options.format.paths
     return {
         "codebase_version": options.format,
         "fps": FPS,
@@ -163,9 +166,9 @@ def _info(export: Export) -> dict[str, Any]:
         "total_frames": export.frames,
         "total_tasks": len(export.tasks),
         "chunks_size": CHUNK_SIZE,
-        **(v21.about(export) if options.format is Format.V21 else sizes),
-        "data_path": options.format.data_path,
-        "video_path": options.format.video_path if options.cameras else None,
+        **about,
+        "data_path": data_path,
+        "video_path": video_path if options.cameras else None,
         "robot_type": ROBOT,
         "splits": {"train": f"0:{episodes}"},
     }

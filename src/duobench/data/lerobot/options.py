@@ -27,23 +27,13 @@ class Format(StrEnum):
     """What LeRobot 0.3, openpi and Isaac-GR00T read."""
 
     @property
-    def data_path(self) -> str:
-        """Where the numbers of an episode are, as `meta/info.json` says it."""
-        return f"data/{_PLACES[self]}.parquet"
-
-    @property
-    def video_path(self) -> str:
-        """Where the images of a camera in an episode are, as `meta/info.json` says it."""
+    def paths(self) -> tuple[str, str]:
+        """Where the numbers and the images of an episode are, as `meta/info.json` says it."""
         if self is Format.V30:
-            return f"videos/{{video_key}}/{_PLACES[self]}.mp4"
-        folder, file = _PLACES[self].split("/")
-        return f"videos/{folder}/{{video_key}}/{file}.mp4"
-
-
-_PLACES = {
-    Format.V30: "chunk-{chunk_index:03d}/file-{file_index:03d}",
-    Format.V21: "chunk-{episode_chunk:03d}/episode_{episode_index:06d}",
-}
+            place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+            return f"data/{place}.parquet", f"videos/{{video_key}}/{place}.mp4"
+        chunk, file = "chunk-{episode_chunk:03d}", "episode_{episode_index:06d}"
+        return f"data/{chunk}/{file}.parquet", f"videos/{chunk}/{{video_key}}/{file}.mp4"
 
 
 class Pairing(StrEnum):

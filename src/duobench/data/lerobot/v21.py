@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any
 
-from duobench.data.lerobot.folder import CHUNK_SIZE, Export, as_json, columns, image_key
+from duobench.data.lerobot.folder import Export, as_json, columns, image_key
 from duobench.lerobot_keys import ACTION, STATE
 
 NORM_STATS = "assets/duobench/norm_stats.json"
@@ -38,10 +38,7 @@ Numbers = Mapping[str, Mapping[str, Any]]
 def files(export: Export, whole: Numbers, episodes: Sequence[Numbers]) -> dict[str, str]:
     """The texts of all files but `info.json`, by their names in the folder of the export.
 
-    Args:
-        export: What was exported.
-        whole: Statistics over all episodes.
-        episodes: Statistics of each episode.
+    They follow from the statistics of all rows, and from those of each episode.
     """
     rows = [
         {"episode_index": index, "tasks": [source.instruction], "length": source.length}
@@ -59,15 +56,6 @@ def files(export: Export, whole: Numbers, episodes: Sequence[Numbers]) -> dict[s
         NORM_STATS: as_json(
             {"norm_stats": _chosen(whole, _NORM, {"state": STATE, "actions": ACTION})}
         ),
-    }
-
-
-def about(export: Export) -> dict[str, Any]:
-    """What `meta/info.json` says in this version alone."""
-    episodes = len(export.episodes)
-    return {
-        "total_videos": episodes * len(export.options.cameras),
-        "total_chunks": -(-episodes // CHUNK_SIZE),
     }
 
 
