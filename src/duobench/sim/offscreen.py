@@ -120,10 +120,7 @@ class OffscreenRenderer:
             if len(self._offsets) > 1:
                 image = self._average(data, camera)
             else:
-                if not images:
-                    self._update(data, camera)
-                else:
-                    self._turn_to(data, camera)
+                (self._turn_to if images else self._update)(data, camera)
                 self._render(new_shadows=not images)
                 image = self._pixels[::-1].copy()
             if self._appearance is not None:

@@ -101,17 +101,18 @@ class ExportOptions:
     def __post_init__(self) -> None:
         if self.cameras == ("none",):
             object.__setattr__(self, "cameras", ())
-        check_known("format", self.format, tuple(Format))
+        check_known("format", self.format, [each.value for each in Format])
         object.__setattr__(self, "format", Format(self.format))
         for part in self.state:
-            check_known("part of a state", part, tuple(StatePart))
+            check_known("part of a state", part, [each.value for each in StatePart])
         object.__setattr__(self, "state", tuple(part for part in StatePart if part in self.state))
         for camera in self.cameras:
             check_known("camera", camera, POLICY_CAMERAS)
         check_known("action mode of an export", self.action, LABELS)
         check_image_size(*self.size)
         name, colon, seed = self.look.partition(":")
-        check_known("look", name, (*looks.names(), "random", PER_EPISODE))
+        if f"{name}:" != RANDOM:
+            check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
         as_look(f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look)
         if any(pixels % 2 for pixels in self.size):
             raise DataError(
