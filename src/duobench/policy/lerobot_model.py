@@ -28,6 +28,7 @@ from duobench.policy import lerobot_checkpoint as checkpoint
 from duobench.policy.batch import NOISE_STREAM, Chunk, Observation, Session
 from duobench.policy.lerobot_checkpoint import (
     DIFFUSION,
+    GROOT,
     horizon,
     inputs,
     labels_of,
@@ -77,13 +78,13 @@ class LeRobotPolicy:
         longest = horizon(config)
         self._steps = _steps(address.steps, longest)
         self._past = config.n_obs_steps if config.type == DIFFUSION else None
-        if self._past is not None:
+        if config.type in (DIFFUSION, GROOT):
             config.n_action_steps = longest  # it predicts no more than it is going to execute
-            if self._steps < self._past:
-                raise PolicyError(
-                    f"The checkpoint sees {self._past} observations at a time, so at least that "
-                    f"many of its actions are executed, not {self._steps}."
-                )
+        if self._past is not None and self._steps < self._past:
+            raise PolicyError(
+                f"The checkpoint sees {self._past} observations at a time, so at least that "
+                f"many of its actions are executed, not {self._steps}."
+            )
         _configure(config, folder, device, address.dtype)
         self._model = get_policy_class(config.type).from_pretrained(
             folder, config=config, strict=True
