@@ -303,7 +303,7 @@ def test_rendering_shows_each_episode(several: Callable[..., BatchEnv]) -> None:
         ({"threads": 1, "vector_kwargs": {"context": "fork"}}, "leave vectorization_mode"),
         (
             {"threads": 1, "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}},
-            "next-step or disabled",
+            "NEXT_STEP or DISABLED",
         ),
         ({"threads": 1, "action_mode": "cartesian"}, "leave threads out"),
         ({"threads": 1, "chunk": 3}, "leave threads out"),

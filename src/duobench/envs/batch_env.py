@@ -86,13 +86,11 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         layouts: int | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
-        if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
-            raise OptionError(
-                f"With threads, autoreset is next-step or disabled, got {autoreset_mode}."
-            )
         self._env, self._base = env, sim_of(env)
         config = self._config = self._base.config or EnvConfig()
         _check(config, self._base.task)
+        if autoreset_mode is AutoresetMode.SAME_STEP:
+            raise OptionError("With threads, autoreset_mode is NEXT_STEP or DISABLED.")
         if config.cameras:
             env.get_wrapper_attr("set_rendering")(False)  # images of all are rendered here
         self.num_envs, self.spec, self.render_mode = num_envs, env.spec, config.render_mode
