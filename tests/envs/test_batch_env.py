@@ -157,6 +157,8 @@ def test_some_begin_anew_and_the_others_stay(several: Callable[..., BatchEnv]) -
     observation, info = vector.reset(seed=4, options={"reset_mask": np.array([False, True])})
     assert vector.save_state(0).hash == before
     assert info["seed"].tolist() == [SEED, 5]
+    again, _ = vector.reset(options={"reset_mask": np.zeros(COUNT, dtype=bool)})
+    assert equal(again, observation)
     with closing(make_small()) as env:
         assert equal(one_of(observation, 1), env.reset(seed=5)[0])
 
@@ -178,6 +180,18 @@ def test_episodes_go_on_from_states_of_demonstrations(several: Callable[..., Bat
     with closing(make_small("transfer_cube")) as env:
         env.get_wrapper_attr("restore_state")(vector.save_state(1))
         assert env.get_wrapper_attr("state_hash")() == vector.save_state(1).hash
+
+
+def test_a_state_has_the_usual_look_whatever_was_shown_before(
+    several: Callable[..., BatchEnv],
+) -> None:
+    vector = several(cameras="head", image_size=24)
+    usual, _ = vector.reset(seed=SEED)
+    states = [vector.save_state(number) for number in range(COUNT)]
+    dark, _ = vector.reset(seed=SEED, options={"look": "dark"})
+    again, _ = vector.reset(options={"states": states})
+    assert equal(again, usual)
+    assert not equal(again, dark)
 
 
 def test_steps_that_are_not_solved_are_repeated_as_alone(

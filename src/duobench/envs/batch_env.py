@@ -36,6 +36,7 @@ from duobench.envs.observation_wrappers import PIXELS, flat_entries
 from duobench.envs.rewards import reward_of
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, OptionError, SimulationError
+from duobench.looks.catalog import as_look
 from duobench.robot.joints import RANGE_MARGIN, duo_limits
 from duobench.shifts.levels import level_for
 from duobench.shifts.shift import PHYSICS, SENSING
@@ -145,7 +146,8 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             raise ResetNeededError("The first reset begins all episodes; leave reset_mask out.")
         numbers = np.flatnonzero(mask).tolist()
         starts = {n: self._start(n, checked_seed(seeds[n]), given, states[n]) for n in numbers}
-        self._begin(starts)
+        if starts:
+            self._begin(starts)
         return self._observations(), self._info(np.zeros(self._sent.shape, dtype=bool))
 
     def _start(
@@ -155,6 +157,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if seed is not None:
             self._generators[number] = seeding.np_random(seed)[0]
         if state is not None:
+            self._base.set_look(as_look(self._config.look))  # a state has none
             return self._made(self._env.get_wrapper_attr("restore_state")(state)[1])
         if options.get(LAYOUT) is not None:
             return self._made(self._env.reset(options=options)[1])
