@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator
 
 import gymnasium as gym
 import mujoco
@@ -91,9 +89,9 @@ def _shortest(work: Callable[[], object], repeats: int) -> float:
 def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
     """Measure an expert's episode, many times side by side, against the bare engine and processes.
 
-    Bare is `mj_step` in one thread, and MuJoCo's own threads that do nothing else. Where other work
-    keeps the processor busy, only time of the processor, of all threads and processes together,
-    tells what the machine could do alone: that is the second number.
+    Bare is `mj_step` in one thread, and MuJoCo's own threads that do nothing else: where other work
+    keeps the processor busy, only the latter tells what two threads could do. Processes, of which
+    there are more, then get a larger share of it than threads.
     """
     env = duobench.make(name, cameras=False)
     actions = expert_actions(env)[:STEPS]
@@ -107,38 +105,20 @@ def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
         _engine(env, actions, threads=2),
         *(_work(vector, actions) for vector in vectors),
     ]
-    counts = np.array([1, EPISODES, EPISODES, EPISODES, PROCESSES])
-    of_clock = np.array(seconds(*works, repeats=repeats)) / counts
-    children = [process.pid for process in getattr(vectors[-1], "processes", ())]
-    of_processor = np.array([_processor_time(work, children) for work in works]) / counts
+    counts = 1, EPISODES, EPISODES, EPISODES, PROCESSES
+    taken = seconds(*works, repeats=repeats)
+    bare, engine, one, two, processes = (t / n for t, n in zip(taken, counts, strict=True))
     for vector in (*vectors, env):
         vector.close()
-    for clock, (bare, engine, one, two, processes) in (("", of_clock), (" (cpu)", of_processor)):
-        threads = 1 if clock else 2  # two threads take twice the processor's time a second
-        for what, value, least in (
-            ("1 thread / bare mj_step", bare / one, 0.85),
-            ("2 threads / (2 x bare mj_step)", bare / two / threads, 0.85),
-            ("2 threads / engine on 2 threads", engine / two, 0.85),
-            ("2 threads / AsyncVectorEnv", processes / two, 1.4),
-        ):
-            yield Measurement(what=f"{name}: {what}{clock}", value=value, at_least=least)
-    speed = len(actions) / of_clock[3]
+    for what, value, least in (
+        ("1 thread / bare mj_step", bare / one, 0.85),
+        ("2 threads / (2 x bare mj_step)", bare / two / 2, 0.85),
+        ("2 threads / engine on 2 threads", engine / two, 0.85),
+        ("2 threads / AsyncVectorEnv", processes / two, 1.4),
+    ):
+        yield Measurement(what=f"{name}: {what}", value=value, at_least=least)
+    speed = len(actions) / two
     yield Measurement(what=f"{name}: control steps, 2 threads", value=speed, unit="/s")
-
-
-def _processor_time(work: Work, children: Sequence[int]) -> float:
-    """Seconds of the processor that work takes in this process and in others, by their ids."""
-
-    def now() -> float:
-        fields = [Path(f"/proc/{child}/stat").read_text().rpartition(")")[2] for child in children]
-        ticks = sum(int(number) for text in fields for number in text.split()[11:13])
-        return time.process_time() + ticks / os.sysconf("SC_CLK_TCK")
-
-    work.prepare()
-    start = now()
-    for piece in work.pieces:
-        piece()
-    return now() - start
 
 
 def _engine(env: gym.Env, actions: NDArray[np.float32], threads: int) -> Work:
