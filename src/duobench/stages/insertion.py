@@ -57,10 +57,10 @@ def led_in(simulation: Questions, peg: Port, socket: Port, depth: float, offset:
         offset: How far from the socket's axis the tip is at most, in metres.
     """
     # This costs a tenth of what follows, and is the answer at most steps of an episode.
-    centre = simulation.relative_position(peg.body, socket.body)
+    x, y, z = simulation.relative_position(peg.body, socket.body)
+    at_x, at_y, at_z = socket.pose.translation.tolist()
     furthest = math.hypot(MAX_DEPTH, offset) + peg.reach
-    mouth = socket.pose.translation.tolist()
-    near = hypot(*(a - b for a, b in zip(centre, mouth, strict=True))) <= furthest
+    near = hypot(x - at_x, y - at_y, z - at_z) <= furthest
     if near is False:  # one simulation; of many, some may be near
         return False
     height, aside = tip_in(simulation, peg, socket)
