@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
 from duobench.errors import ServingError
-from duobench.machine import install_extra, is_loopback
+from duobench.machine import is_loopback, load_extra
 
 _TOKEN_BYTES = 16
 _UNRESERVED = frozenset(string.ascii_letters + string.digits + "-._~")
@@ -56,13 +56,8 @@ def make_certificate(hosts: Collection[str] = ()) -> Certificate:
     Args:
         hosts: Names and addresses that it holds for; none means those of `own_hosts`.
     """
-    try:
-        import trustme  # pyright: ignore[reportMissingImports] - an extra
-    except ImportError as error:
-        raise ServingError(
-            "A page for other machines needs a certificate, which trustme makes; it is not "
-            f"installed. {install_extra('teleop')}"
-        ) from error
+    needed = "A page for other machines needs a certificate, which trustme makes"
+    trustme = load_extra("trustme", "teleop", needed, ServingError)
     names = tuple(hosts) or own_hosts()
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:

@@ -21,7 +21,7 @@ from duobench.backend import Image
 from duobench.errors import CalibrationError, OptionError
 from duobench.hardware.canonical import distorted
 from duobench.hardware.rig import CameraCalibration
-from duobench.machine import install_extra
+from duobench.machine import load_extra
 from duobench.sheets import CAPITAL, Paper, Sheet, pdf
 from duobench.spatial import SE3
 from duobench.types import Array
@@ -136,12 +136,7 @@ def rectangles() -> list[tuple[float, float, float, float]]:
 
 def opencv() -> Any:
     """OpenCV, with what calibration needs of it."""
-    try:
-        import cv2  # pyright: ignore[reportMissingImports]
-    except ImportError as error:
-        raise CalibrationError(
-            f"Calibration needs OpenCV ({error}). {install_extra('hardware')}"
-        ) from error
+    cv2 = load_extra("cv2", "hardware", "Calibration needs OpenCV", CalibrationError)
     if not hasattr(cv2, "calibrateHandEye"):
         raise CalibrationError(
             f"OpenCV {cv2.__version__} cannot calibrate arms with cameras; 4.10 to 4.13 can."

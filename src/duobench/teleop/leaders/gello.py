@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 
 from duobench.errors import LeaderError, check_known
-from duobench.machine import install_extra
+from duobench.machine import load_extra
 from duobench.robot.joints import JOINT_RANGES
 from duobench.teleop.hands import MAX_AGE_S
 from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
@@ -188,12 +188,7 @@ class GelloSource:
 
     def connect(self) -> None:
         """Open both ports, and begin to read."""
-        try:
-            import dynamixel_sdk  # noqa: F401  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise LeaderError(
-                f"GELLO arms need dynamixel-sdk. {install_extra('teleop')}"
-            ) from error
+        load_extra("dynamixel_sdk", "teleop", "GELLO arms need dynamixel-sdk", LeaderError)
         try:
             for arm in (self._config.left, self._config.right)[len(self._buses) :]:
                 self._buses.append(_Bus(arm, self._config.baud))
