@@ -211,10 +211,9 @@ def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet
     duo = open_rig(rig, SystemClock(), guard=False)
     device, arm = duo.cameras[camera], None if side is None else duo.arms[side]
     with ExitStack() as ending:
-        for each in (device, arm):
-            if each is not None:
-                ending.callback(each.close)
-                each.connect()
+        for each in filter(None, (device, arm)):
+            ending.callback(each.close)
+            each.connect()
         say("Enter takes an image, d and Enter ends. The arm has to be at rest.")
         while (line := sys.stdin.readline()) and line.strip() != "d":
             frame = device.latest()
