@@ -102,7 +102,6 @@ class RigRecording(RigSession):
         data: Where episodes are added.
         source: The policy.
         operator: Who places, watches and decides.
-        actor: What the policy is called in recordings; by default as its metadata says.
         episodes: How many are to be kept, those of earlier sessions in the data set counted.
         instruction: What the policy is told; empty for the task's own words.
         horizon: Control steps of an episode at most; the task's own where none is given.
@@ -117,7 +116,6 @@ class RigRecording(RigSession):
         source: PolicySource,
         operator: Operator,
         *,
-        actor: str = "",
         episodes: int = 10,
         instruction: str = "",
         horizon: int | None = None,
@@ -137,7 +135,7 @@ class RigRecording(RigSession):
             horizon=horizon or info.horizon,
         )
         super().__init__(duo, env.get_wrapper_attr("judge"))
-        who = Actor(kind=ActorKind.POLICY, name=actor or metadata.name, version=metadata.version)
+        who = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
         self.env = make_rig_recorder(env, duo, data, who, after_success=after_success)
         """The environment, which records."""
         self._runner = PolicyRunner(self.env, source)

@@ -10,7 +10,6 @@ from typing import Any, cast
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.attempts import SKIPPED, Attempt
 from duobench.data.recorder import UNDECIDED
-from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
@@ -388,7 +387,6 @@ def make_recorder(
     *,
     action_mode: str = CARTESIAN.name,
     time_limit_s: float = TIME_LIMIT_S,
-    after_success: float = AFTER_SUCCESS_S,
     look: str | Look = DEFAULT,
 ) -> Recorder:
     """An environment on layouts of the split `train`, recorded with clutches and reviewed.
@@ -401,7 +399,6 @@ def make_recorder(
         actor: Who leads, and with which device.
         action_mode: That of the device.
         time_limit_s: Simulated seconds after which an episode is truncated.
-        after_success: Seconds that a recording goes on after success.
         look: How images of the episodes look, unless they are rendered with another one.
 
     Raises:
@@ -415,6 +412,4 @@ def make_recorder(
     env = make_env(
         task, cameras=False, split=TRAIN, action_mode=action_mode, horizon=horizon, look=look
     )
-    return Recorder(
-        env, data, actor, after_success=after_success, is_reviewed=True, has_clutch=True
-    )
+    return Recorder(env, data, actor, is_reviewed=True, has_clutch=True)
