@@ -154,14 +154,18 @@ class Entrant:
         """What it reached in a task; None if it has no finished episode of it."""
         return self.part.results.played(task_id) if self.part else None
 
+    def score(self, tasks: Sequence[TaskInfo]) -> Score | None:
+        """What it reached on tasks together; None if it did not play all of them here."""
+        played = [self.records(task.id) for task in tasks]
+        return score("", list(chain.from_iterable(played))) if all(played) else None
+
     def cell(self, tasks: Sequence[TaskInfo]) -> Cell | None:
-        """What it reached on tasks together; None if it did not play all of them."""
-        ids = [task.id for task in tasks]
+        """The same, or what the paper reports; None where neither is known."""
         if self.part is None:
-            value = value_of(self.quoted, ids)
+            value = value_of(self.quoted, [task.id for task in tasks])
             return value and Cell.quoted(*value)
-        played = [self.records(task_id) for task_id in ids]
-        return Cell.of(score("", list(chain.from_iterable(played)))) if all(played) else None
+        found = self.score(tasks)
+        return found and Cell.of(found)
 
 
 def read_entrants(sources: Sequence[str]) -> tuple[Entrant, ...]:
