@@ -21,20 +21,17 @@ from duobench.backend import Image
 from duobench.data.images import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
 from duobench.evaluation.rollout import Info, Observation, Step
-from duobench.hardware.canonical import CanonicalView
+from duobench.hardware.canonical import NATIVE, CanonicalView
 from duobench.hardware.devices import Frame, image_ages
 from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig
-from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, HEAD
 from duobench.video import VP9, VideoWriter
 from duobench.web.server import PageServer
 
 _log = logging.getLogger(__name__)
 
-NATIVE = NATIVE_HEIGHT, NATIVE_WIDTH
-"""Height and width of the head camera's own images."""
 FILM_EVERY = 3
 """Control steps from one frame to the next."""
 FILM_SIZE = (360, 640)

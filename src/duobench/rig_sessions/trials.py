@@ -33,12 +33,7 @@ from duobench.rig_sessions.policy_runner import (
 )
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.rig_sessions.status_page import SILENCE_S, StatusPage
-from duobench.rig_sessions.trials_folder import (
-    LogEntry,
-    LogKind,
-    TrialsFolder,
-    TrialsProgress,
-)
+from duobench.rig_sessions.trials_folder import LogEntry, LogKind, TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
