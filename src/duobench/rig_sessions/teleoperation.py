@@ -10,6 +10,7 @@ from typing import Any, cast
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.attempts import SKIPPED, Attempt
 from duobench.data.recorder import UNDECIDED
+from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import INSTRUCTION, SPLIT
 from duobench.envs.duo_env import Info
@@ -412,4 +413,6 @@ def make_recorder(
     env = make_env(
         task, cameras=False, split=TRAIN, action_mode=action_mode, horizon=horizon, look=look
     )
-    return Recorder(env, data, actor, is_reviewed=True, has_clutch=True)
+    return Recorder(
+        env, data, actor, after_success=AFTER_SUCCESS_S, is_reviewed=True, has_clutch=True
+    )
