@@ -246,12 +246,6 @@ def numbered_image(index: int, _time_s: float = 0.0) -> Image:
     return image
 
 
-def number_of(image: Image) -> int:
-    """The number that `numbered_image` wrote into an image of native size, encoded or not."""
-    middles = image[MARK // 2, MARK // 2 : MARKS * MARK : MARK]
-    return int((middles.sum(axis=-1) > 3 * 127) @ (1 << np.arange(MARKS)))
-
-
 def _background() -> Image:
     """A gentle colour gradient, so that a wrong orientation or order of colours shows."""
     image = np.empty((NATIVE_HEIGHT, NATIVE_WIDTH, 3), dtype=np.uint8)
