@@ -28,7 +28,7 @@ ATTEMPTS = 3
 RESET_S = 15.0
 """Seconds in which a camera that was reset has to be back."""
 WAIT_S = 0.5
-NEEDED = "RealSense cameras need pyrealsense2, and that the system's libusb-1.0-0"
+NEEDED = "RealSense cameras need pyrealsense2 and the system's libusb-1.0-0"
 
 
 class RealSenseCamera(ThreadedCamera):

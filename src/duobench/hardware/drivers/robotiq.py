@@ -112,9 +112,9 @@ class SerialPort:
     """Modbus RTU on a serial port; an answer has to come in `answer_s` seconds."""
 
     def __init__(self, name: str, answer_s: float) -> None:
-        modbus, clients, _ = (
+        modbus, clients, _ = (  # pymodbus looks whether serial was loaded
             load_extra(each, "hardware", "Grippers need pymodbus and pyserial", BackendError)
-            for each in ("pymodbus", "pymodbus.client", "serial")  # which it looks for
+            for each in ("pymodbus", "pymodbus.client", "serial")
         )
         # What goes wrong is part of a reading; without this each lost answer would be printed.
         logging.getLogger("pymodbus").addHandler(logging.NullHandler())
