@@ -7,13 +7,7 @@ import pytest
 
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import OptionError, UnknownNameError
-from duobench.hardware.canonical import (
-    NATIVE,
-    CanonicalView,
-    focal_of,
-    nominal_pose,
-    remapped,
-)
+from duobench.hardware.canonical import NATIVE, CanonicalView, focal_of, nominal_pose, remapped
 from duobench.hardware.rig import UNPOSED, CameraCalibration
 from duobench.robot.cameras import describe_cameras
 from duobench.sim.rendering import Renderer
