@@ -53,19 +53,17 @@ RULER_MM = {Paper.A4: 200.0, Paper.A3: 300.0}
 class Board:
     """A printed board."""
 
-    paper: str = "a4"
+    paper: Paper = Paper.A4
     scale: float = 1.0
     """Size of the print as a multiple of what it should be."""
 
     def __post_init__(self) -> None:
-        if self.paper not in set(Paper):
-            raise OptionError(f"Boards are on {' or '.join(Paper)}, got {self.paper!r}.")
         if not 1 - LARGEST_DEVIATION <= self.scale <= 1 + LARGEST_DEVIATION:
             raise OptionError(f"A board's scale is about 1, got {self.scale}.")
 
     def measured(self, ruler_mm: float) -> Board:
         """The board as it was printed, with a ruler of that many mm by another ruler."""
-        wanted = RULER_MM[Paper(self.paper)]
+        wanted = RULER_MM[self.paper]
         if not abs(ruler_mm / wanted - 1.0) <= LARGEST_DEVIATION:
             raise CalibrationError(
                 f"The ruler on the {self.paper} board is {wanted:g} mm long if it was printed to "
@@ -77,7 +75,7 @@ class Board:
     @property
     def square(self) -> float:
         """Edge of a square in metres, as printed."""
-        return SQUARE_MM[Paper(self.paper)] * self.scale / 1000.0
+        return SQUARE_MM[self.paper] * self.scale / 1000.0
 
     @property
     def size(self) -> tuple[float, float]:
@@ -149,10 +147,9 @@ def opencv() -> Any:
 
 def write_board(board: Board, path: Path) -> None:
     """Write a sheet to print as PDF; the same board always gives the same bytes."""
-    paper = Paper(board.paper)
-    height, width = paper.size
+    height, width = board.paper.size
     sheet = Sheet(width, height)
-    square, ruler = SQUARE_MM[paper], RULER_MM[paper]
+    square, ruler = SQUARE_MM[board.paper], RULER_MM[board.paper]
     left, beside = (width - COLUMNS * square) / 2.0, (width - ruler) / 2.0
     sheet.rectangles(
         (left + square * x, _BOARD_Y + square * y, square * across, square * up)
