@@ -10,7 +10,6 @@ import hmac
 import secrets
 import socket
 import ssl
-import string
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,7 +19,6 @@ from duobench.errors import ServingError
 from duobench.machine import is_loopback, load_extra
 
 _TOKEN_BYTES = 16
-_UNRESERVED = frozenset(string.ascii_letters + string.digits + "-._~")
 _ELSEWHERE = "192.0.2.1"
 """An address for documentation [RFC 5737]; nothing is sent to it."""
 _MAX_FIELDS = 16
@@ -86,18 +84,12 @@ def check_address(host: str, certificate: Certificate | None) -> None:
 class Admission:
     """Decides about requests: a token in the address, and pages of this server alone.
 
-    Args:
-        token: What the address must hold; None makes one up.
-        hosts: Names and addresses by which other machines may know the server.
+    Other machines may know the server by the names and addresses that are its hosts.
     """
 
-    def __init__(self, token: str | None, hosts: Collection[str]) -> None:
-        self.token = secrets.token_urlsafe(_TOKEN_BYTES) if token is None else token
+    def __init__(self, hosts: Collection[str]) -> None:
+        self.token = secrets.token_urlsafe(_TOKEN_BYTES)
         """What the address must hold."""
-        if not self.token or set(self.token) - _UNRESERVED:
-            raise ServingError(
-                "A token consists of ASCII letters, digits, '-', '.', '_' and '~'; got another one."
-            )
         self._hosts = frozenset(hosts)
 
     def has_token(self, query: str) -> bool:
