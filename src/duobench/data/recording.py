@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -208,7 +209,7 @@ def _info_of(schema: pa.Schema) -> EpisodeInfo:
 
 def _numbers(column: Column, rows: pa.Array) -> NDArray[Any]:
     """The rows of a column, all of which are there and of its type."""
-    values = rows.flatten() if pa.types.is_fixed_size_list(rows.type) else rows
+    values = rows.flatten() if _is_list(rows) else rows
     if values.type != pa.from_numpy_dtype(column.dtype):
         raise DataError(f"Column {column.name!r} has type {rows.type}.")
     if rows.null_count or values.null_count:
@@ -225,20 +226,34 @@ def _reading(path: Path | str) -> Iterator[None]:
 
 
 def to_arrow(rows: NDArray[Any], missing: int = 0) -> pa.Array:
-    """A column from its rows (T,) or (T, n), with some more at the end that hold nothing."""
+    """A column from its rows (T,) or (T, n), with some more at the end that hold nothing.
+
+    Where some lack, each list says how long it is: before 26 Arrow reads no list of fixed size that
+    is missing. A column without any row says it all the same.
+    """
     values = pa.array(np.ascontiguousarray(rows).reshape(-1))
     if rows.ndim > 1:
         values = pa.FixedSizeListArray.from_arrays(values, rows.shape[1])
+        if missing and len(rows):
+            values = values.cast(pa.list_(values.type.value_type))
     return pa.concat_arrays([values, pa.nulls(missing, values.type)]) if missing else values
 
 
 def to_numpy(column: pa.Array) -> NDArray[Any]:
     """The rows (T,) or (T, n) of a column, all of which hold something."""
-    if not pa.types.is_fixed_size_list(column.type):
+    if not _is_list(column):
         return column.to_numpy(zero_copy_only=False)
-    return (
-        column.flatten().to_numpy(zero_copy_only=False).reshape(len(column), column.type.list_size)
-    )
+    if pa.types.is_fixed_size_list(column.type):
+        size = column.type.list_size
+    else:
+        size, *others = np.unique(pc.list_value_length(column))
+        if others:
+            raise ValueError(f"Rows have {size} to {others[-1]} numbers.")
+    return column.flatten().to_numpy(zero_copy_only=False).reshape(len(column), size)
+
+
+def _is_list(column: pa.Array) -> bool:
+    return pa.types.is_fixed_size_list(column.type) or pa.types.is_list(column.type)
 
 
 def to_bytes(table: pa.Table, **options: Any) -> bytes:
