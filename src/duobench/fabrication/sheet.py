@@ -216,7 +216,8 @@ def _tiles_of(marks: Sequence[Mark], paper: Paper) -> list[Tile]:
             columns = range(math.floor(low[1] / width + 0.5), math.floor(high[1] / width + 0.5) + 1)
             found |= set(product(rows, columns))
     for row, column in sorted(found, key=_from_jig):
-        nearer = {(row - _sign(row), column), (row, column - _sign(column))} - {(row, column)}
+        down, across = int(np.sign(row)), int(np.sign(column))
+        nearer = {(row - down, column), (row, column - across)} - {(row, column)}
         if nearer and not nearer & found:
             found |= {(0, k) for k in range(min(column, 0), max(column, 0) + 1)}
             found |= {(k, column) for k in range(min(row, 0), max(row, 0) + 1)}
@@ -226,10 +227,6 @@ def _tiles_of(marks: Sequence[Mark], paper: Paper) -> list[Tile]:
 def _from_jig(tile: Tile) -> tuple[int, int, int]:
     """Order of tiles from the jig: row by row, and in a row from its middle."""
     return abs(tile[0]), abs(tile[1]), -tile[1]
-
-
-def _sign(value: int) -> int:
-    return (value > 0) - (value < 0)
 
 
 def _overview(title: str, marks: Sequence[Mark], tiles: Sequence[Tile], paper: Paper) -> Sheet:
