@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-import msgspec
 import numpy as np
 
-from duobench.errors import LeaderError, check_known
+from duobench.errors import LeaderError
 from duobench.machine import load_extra
 from duobench.robot.joints import JOINT_RANGES
+from duobench.settings import decode
 from duobench.teleop.hands import MAX_AGE_S
 from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
 
@@ -99,17 +99,9 @@ class GelloConfig:
     def read(cls, path: Path) -> Self:
         """Read a TOML file: `[left]` and `[right]` with the fields of `GelloArm`, and `baud`."""
         try:
-            document = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            return decode(tomllib.loads(path.read_text(encoding="utf-8")), cls)
+        except (OSError, ValueError) as error:
             raise LeaderError(f"Cannot read {path}: {error}") from error
-        for name, arm in document.items():
-            check_known("key of a GELLO file", name, cls.__dataclass_fields__)
-            for key in arm if isinstance(arm, dict) else ():
-                check_known(f"key of the {name} GELLO arm", key, GelloArm.__dataclass_fields__)
-        try:
-            return msgspec.convert(document, cls)
-        except msgspec.ValidationError as error:
-            raise LeaderError(f"{path} is invalid: {error}.".replace("`$.", "`")) from error
 
 
 class _Bus:
