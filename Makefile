@@ -157,7 +157,8 @@ $(VENV)/.installed-browser: $(VENV)/.installed-test
 $(LEROBOT_VENV)/.installed: pyproject.toml plugins/lerobot/pyproject.toml
 	$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
 	$(LEROBOT_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[lerobot]' \
-		-e ./plugins/lerobot 'lerobot[diffusion,smolvla,xvla]' 'duckdb>=1' 'polars>=1' 'pytest>=9'
+		-e ./plugins/lerobot 'lerobot[diffusion,smolvla,xvla]' 'dm-tree>=0.1.8,<1' \
+		'duckdb>=1' 'polars>=1' 'pytest>=9'
 	@touch $@
 
 $(HARDWARE_VENV)/.installed: pyproject.toml

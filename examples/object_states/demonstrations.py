@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from duobench.envs.action_labels import LABELS
 from duobench.lerobot_keys import ACTION, OBJECT_STATE, STATE, feature_names
-from duobench.robot.frames import tool_frames
-from duobench.types import ARM_JOINTS, SIDES
 
 Rows = NDArray[np.float32]
 UNTIL = ("end", "success", "release")
@@ -51,9 +50,7 @@ class Demonstrations:
         columns = [STATE, OBJECT_STATE, ACTION, "episode_index", "next.success"]
         table = pq.ParquetDataset(files).read(columns=columns)
         number = table["episode_index"].to_numpy()
-        state, objects, labels = (
-            np.array(table[name].to_pylist(), dtype=np.float32) for name in columns[:3]
-        )
+        state, objects, labels = (_rows(table[name]) for name in columns[:3])
         kept = number < (number.max() + 1 if episodes is None else episodes)
         if until != "end":
             ends = table["next.success"].to_numpy()
@@ -64,10 +61,26 @@ class Demonstrations:
         lengths = np.unique(number[kept], return_counts=True)[1]
         return Demonstrations(state, objects, labels, lengths, tuple(names))
 
+    def split(self, every: int) -> tuple[Demonstrations, Demonstrations]:
+        """Those to learn from, and every n-th one, by which is seen whether that goes on."""
+        episode = np.repeat(np.arange(len(self.lengths)), self.lengths)
+        held = np.arange(len(self.lengths)) % every == every - 1
+        return self._only(~held[episode], ~held), self._only(held[episode], held)
+
+    def _only(self, rows: NDArray[np.bool_], episodes: NDArray[np.bool_]) -> Demonstrations:
+        parts = (part[rows] for part in (self.state, self.objects, self.labels))
+        return Demonstrations(*parts, self.lengths[episodes], self.names)
+
     def chunks(self, horizon: int) -> NDArray[np.int64]:
         """Rows of the chunk (T, horizon) that begins in each row; the last row is held."""
         last = np.repeat(np.cumsum(self.lengths) - 1, self.lengths)
         return np.minimum(np.arange(len(last))[:, None] + np.arange(horizon), last[:, None])
+
+
+def _rows(column: pa.ChunkedArray) -> Rows:
+    """A column of lists that are equally long (T, n)."""
+    values = column.combine_chunks().flatten().to_numpy(zero_copy_only=False)
+    return values.astype(np.float32).reshape(len(column), -1)
 
 
 def _up_to_first(marked: NDArray[np.bool_], number: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -88,38 +101,6 @@ def _last_openings(labels: Rows, number: NDArray[np.int64]) -> NDArray[np.bool_]
     marked = np.zeros(len(labels), dtype=bool)
     marked[rows[last]] = True
     return marked
-
-
-def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
-    """What a policy sees (T, k): everything, and the objects from the tools.
-
-    Args:
-        state: Joints and openings (T, 16).
-        objects: Object states (T, n).
-        names: What each number of an object state is.
-    """
-    joints = state.reshape(len(state), len(SIDES), -1)[..., :ARM_JOINTS].astype(np.float64)
-    tools = [tool_frames(side, joints[:, side.index]) for side in SIDES]
-    positions, rotations = (np.stack(part, axis=1) for part in zip(*tools, strict=True))
-    seen = [state, positions.reshape(len(state), -1), objects]
-    seen += [rotations[..., :2].reshape(len(state), -1)]
-    seen += [positions[:, 0] - positions[:, 1]]
-    for column, name in enumerate(names):
-        vector = objects[:, None, column : column + 3]
-        if name.endswith("_axis_x"):  # a direction
-            seen += [_turned_back(rotations, np.repeat(vector, 2, axis=1))]
-        elif name.endswith("_x") and "velocity" not in name:  # a position
-            seen += [_turned_back(rotations, vector - positions)]
-        if name.endswith("_x_axis_x"):  # what looks the same after a half or a quarter turn
-            turn = np.arctan2(objects[:, column + 1], objects[:, column])[:, None]
-            seen += [f(k * turn) for f in (np.cos, np.sin) for k in (2, 4)]
-    return np.hstack(seen).astype(np.float32)
-
-
-def _turned_back(rotations: NDArray[np.float64], vectors: NDArray[np.floating]) -> Rows:
-    """Vectors (T, 2, 3) in the frames of both tools, (T, 6)."""
-    seen = np.einsum("tsij,tsi->tsj", rotations, vectors)
-    return seen.reshape(len(vectors), -1).astype(np.float32)
 
 
 class Grippers:

@@ -17,10 +17,10 @@ from demonstrations import (
     Grippers,
     Rows,
     action_mode,
-    features,
     openings,
     to_actions,
 )
+from frames import features
 
 from duobench.policy import PolicyMetadata
 

@@ -1,104 +1,164 @@
-"""Train and evaluate the baselines of this folder on every task of an export, and print a table.
+"""Train and evaluate the network of this folder on every task of an export, and print the table.
 
-    python table.py exports --out runs/baselines --demonstrations 50 --seeds 3 --workers 2
+    python table.py exports --out runs --demonstrations 50 --seeds 3 --workers 2
 
-The same command goes on where it was stopped: networks and episodes that are there stay.
+Each network that was played leaves a small file in `results/`; what is there is not done again, so
+the same command goes on where it was stopped. `--print` prints the table of what is there.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import os
+import resource
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
-import mlp
+import network
 import numpy as np
 from demonstrations import UNTIL, Demonstrations
 
+from duobench.randomness import SUITE_VERSION
 from duobench.results.folder import RunFolder
-from duobench.results.scores import Score, wilson_interval
-from duobench.results.suite import Suite, TaskInfo, find_tasks
+from duobench.results.scores import failed_stages, wilson_interval
+from duobench.results.suite import Suite, find_tasks
 from duobench.runners import evaluate
 from duobench.tasks import catalog
 
-
-def train(export: Path, episodes: int, until: str, job: tuple[Path, int]) -> str:
-    """Train one network, unless it is there; what is written is whole."""
-    path, seed = job
-    if path.exists():
-        return f"{path} is there"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_suffix(".part.npz")
-    data = Demonstrations.load(export / path.parent.name, episodes, until)
-    error = mlp.train(data, unfinished, seed)
-    unfinished.replace(path)
-    return f"{path}: error {error:.3f}"
+RESULTS = Path(__file__).with_name("results")
 
 
-def play(
-    policy: str, checkpoint: Path, task: TaskInfo, out: Path, asked: argparse.Namespace
-) -> Score:
-    """Evaluate one policy on one task, or read how it went."""
+def setting(asked: argparse.Namespace) -> str:
+    """What is not the recipe itself."""
+    return f"{asked.demonstrations}" + ("" if asked.until == "end" else f"-{asked.until}")
+
+
+def job(asked: argparse.Namespace, task: str, seed: int) -> str:
+    """Train one network and play it, each unless that is done; what is written is whole."""
+    file = asked.results / setting(asked) / f"{task}-{seed}.json"
+    if file.exists():
+        return f"{file} is there"
+    folder = asked.out / setting(asked) / task
+    checkpoint, told = folder / f"{seed}.npz", folder / f"{seed}.json"
+    if not told.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
+        before = _processor_seconds()
+        how = network.Training(device=asked.device)
+        about = network.train(data, checkpoint, seed, how)
+        about |= {"device": asked.device, "seconds": round(_processor_seconds() - before)}
+        _write(told, about)
     os.environ["CHECKPOINT"] = str(checkpoint.absolute())
-    os.environ["EPISODES"], os.environ["UNTIL"] = str(asked.demonstrations), asked.until
-    suite = Suite(tasks=(task,), episodes=asked.episodes)
-    results = evaluate(policy, suite, RunFolder(out), workers=asked.workers)
-    stages = "  ".join(f"{n}:{k}" for n, k in enumerate(results.tasks[0].last_stage_counts) if k)
-    print(
-        f"{out}: {results.overall.successes} of {asked.episodes}; last stages {stages}", flush=True
-    )
-    return results.overall
+    before = _processor_seconds()
+    suite = Suite(tasks=tuple(find_tasks([task])), episodes=asked.episodes)
+    results = evaluate("network:Network", suite, RunFolder(folder / f"run-{seed}"))
+    score, played = results.overall, results.tasks[0]
+    content = {
+        "task": task,
+        "suite": SUITE_VERSION,
+        "demonstrations": asked.demonstrations,
+        "until": asked.until,
+        "seed": seed,
+        "episodes": score.episodes,
+        "successes": score.successes,
+        "progress": round(score.mean_final_progress, 4),
+        "last_stages": list(played.last_stage_counts),
+        "unmet": {
+            one.stage: {text: count for count, text in one.unmet} for one in failed_stages(played)
+        },
+        "training": json.loads(told.read_text()),
+        "evaluation": {"seconds": round(_processor_seconds() - before)},
+        "checkpoint": hashlib.sha256(checkpoint.read_bytes()).hexdigest()[:16],
+    }
+    _write(file, content)
+    return f"{file}: {score.successes} of {score.episodes}"
 
 
-def row(task: str, nearest: Score, scores: Sequence[Score]) -> str:
-    """One row of the table; the interval is that of one seed's episodes at the mean of all."""
-    rates = [100 * score.successes / score.episodes for score in scores]
-    trials = scores[0].episodes
-    low, high = wilson_interval(round(np.mean(rates) / 100 * trials), trials)
-    progress = np.mean([score.mean_final_progress for score in scores])
-    return (
-        f"| `{task}` | {100 * nearest.successes / nearest.episodes:.0f} | {np.mean(rates):.0f} "
-        f"({100 * low:.0f} to {100 * high:.0f}) | {', '.join(f'{rate:.0f}' for rate in rates)} "
-        f"| {progress:.2f} |"
-    )
+def _processor_seconds() -> float:
+    """What this process and those that it waited for have used."""
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in used)
 
 
-def table(asked: argparse.Namespace) -> Iterator[str]:
-    """Train and play everything, and give the rows of the table."""
-    tasks = find_tasks(asked.tasks)
-    folder = asked.out / f"{asked.demonstrations}"
-    jobs = [
-        (folder / "networks" / task.id / f"{seed}.npz", seed)
-        for task in tasks
-        for seed in range(asked.seeds)
-    ]
-    with ProcessPoolExecutor(max(asked.workers, 1)) as pool:
-        for line in pool.map(partial(train, asked.export, asked.demonstrations, asked.until), jobs):
-            print(line, flush=True)
-    yield "| task | nearest state | network (95 %) | by seed | progress |"
-    yield "| --- | ---: | ---: | ---: | ---: |"
-    for task in tasks:
-        runs = folder / "runs" / task.id
-        near = play("nearest:Nearest", asked.export / task.id, task, runs / "nearest", asked)
-        scores = [
-            play("mlp:MLP", path, task, runs / f"mlp-{seed}", asked)
-            for path, seed in jobs
-            if path.parent.name == task.id
-        ]
-        yield row(task.id, near, scores)
+def _write(path: Path, content: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_suffix(".part")
+    unfinished.write_text(json.dumps(content, indent=1) + "\n")
+    unfinished.replace(path)
+
+
+def read(results: Path, name: str) -> dict[str, list[dict[str, Any]]]:
+    """What a setting reached: for each task that of every seed."""
+    found = [json.loads(path.read_text()) for path in sorted((results / name).glob("*.json"))]
+    found = [one for one in found if one["suite"] == SUITE_VERSION]
+    return {t: [one for one in found if one["task"] == t] for t in catalog.names()}
+
+
+def table(results: Path, name: str) -> Iterator[str]:
+    """Rows in Markdown; the interval holds the spread of the seeds and that of the episodes."""
+    yield "| task | success (95 %) | by seed | progress | last stages 0, 1, 2, ... | passes |"
+    yield "| --- | ---: | --- | ---: | --- | --- |"
+    means = []
+    for task, seeds in read(results, name).items():
+        if not seeds:
+            continue
+        rates = [one["successes"] / one["episodes"] for one in seeds]
+        means.append(np.mean(rates))
+        low, high = interval(rates, seeds[0]["episodes"])
+        stages = ", ".join(map(str, np.sum([one["last_stages"] for one in seeds], axis=0)))
+        progress = np.mean([one["progress"] for one in seeds])
+        passes = ", ".join(str(one["training"]["passes"]) for one in seeds)
+        yield (
+            f"| `{task}` | {100 * means[-1]:.0f} ({100 * low:.0f} to {100 * high:.0f}) "
+            f"| {', '.join(f'{100 * rate:.0f}' for rate in rates)} | {progress:.2f} | {stages} "
+            f"| {passes} |"
+        )
+    yield f"| mean of {len(means)} | {100 * np.mean(means):.1f} | | | | |"
+
+
+def interval(rates: Sequence[float], episodes: int) -> tuple[float, float]:
+    """Wilson's interval of 95 % for the mean rate of networks that play the same episodes.
+
+    Its number of episodes is that which would spread as much as the episodes and the seeds of
+    training do together.
+    """
+    mean = float(np.mean(rates))
+    of_seeds = np.var(rates, ddof=1) / len(rates) if len(rates) > 1 else 0.0
+    of_episodes = mean * (1 - mean) / episodes
+    if of_episodes:
+        episodes = round(episodes * of_episodes / (of_episodes + of_seeds))
+    return wilson_interval(round(mean * episodes), episodes)
+
+
+def run(asked: argparse.Namespace) -> None:
+    """Do what is left, a seed of every task after the other."""
+    jobs = [(seed, task) for seed in range(asked.seeds) for task in asked.tasks]
+    with ProcessPoolExecutor(asked.workers) as pool:
+        left = [pool.submit(job, asked, task, seed) for seed, task in jobs]
+        for done, one in enumerate(as_completed(left), 1):
+            print(f"{done} of {len(jobs)}: {one.result()}", flush=True)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("export", type=Path, help="folder with a data set for each task")
-    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("export", type=Path, nargs="?", help="folder with a data set for each task")
+    parser.add_argument("--out", type=Path, default=Path("runs"), help="networks and records")
+    parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--tasks", nargs="+", default=catalog.names())
     parser.add_argument("--demonstrations", type=int, default=50)
     parser.add_argument("--until", choices=UNTIL, default="end", help="where they are cut")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
-    print("\n".join(table(parser.parse_args())))
+    parser.add_argument("--device", default="cpu", help="what PyTorch trains on")
+    parser.add_argument("--print", action="store_true", help="only print what is there")
+    given = parser.parse_args()
+    if not given.print:
+        if given.export is None:
+            parser.error("the folder of an export is missing")
+        run(given)
+    print("\n".join(table(given.results, setting(given))))

@@ -129,7 +129,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("render nothing", "Unknown task 'nothing'"),
         ("render bin_sort --seed -1", "from 0 on, got -1"),
         ("render bin_sort --out /proc/run", "/proc/run cannot be the folder"),
-        ("train pi0", "takes act, diffusion, pi05 or xvla as policy, not 'pi0'"),
+        ("train pi0", "takes act, diffusion, groot, pi05, smolvla or xvla as policy, not 'pi0'"),
         ("report runs/y", "There is no folder runs/y. Beside it there are: runs/x."),
         ("report demos", "demos is a data set, not an evaluation. Try: duobench data info demos"),
         ("replay demoz", "There is no folder demoz. Beside it there are: demos."),
@@ -209,6 +209,7 @@ def test_server_that_is_not_there_is_told_without_its_address(policy: str) -> No
         ("new old --out new", "holds no comparison. Give --out another folder."),
         ("new newx --out out", "There is no folder newx. Beside it there are:"),
         ("new paper:AKT --out out", "Did you mean 'paper:ACT'"),
+        ("new authors:xlva --out out", "Did you mean 'authors:xvla'"),
         ("new --out out", "A comparison takes 2 to 26 runs, got 1."),
     ],
 )

@@ -1,10 +1,14 @@
 """Episodes of every expert, each played once and asked everything that tests want to know of it."""
 
+from itertools import pairwise
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
+import duobench
 from duobench.envs import TaskStages
+from duobench.envs.rewards import PROGRESS, STAGE, reward_of
 from duobench.tasks import catalog
 from tests.envs.tools import equal
 from tests.experts.baseline_episodes import baseline, make
@@ -46,6 +50,26 @@ def test_a_saved_state_goes_on_as_it_did(name: str) -> None:
             assert equal(env.step(episode.actions[number]), episode.results[number + 1])
         assert env.get_wrapper_attr("state_hash")() == hashes[-1]
     env.close()
+
+
+@TASKS
+def test_each_form_of_the_reward_is_paid(name: str) -> None:
+    _, episode = baseline(name)
+    last = catalog.get(name).max_stage
+    stages = [info["stage"] for *_, info in episode.results]
+    assert [result[1] for result in episode.results] == [
+        reward_of(STAGE, stage, stage, last) for stage in stages
+    ]
+    env = duobench.make(name, cameras=False, reward=PROGRESS)
+    env.reset(seed=2)
+    paid = []
+    for step in range(len(stages) - 1):
+        if stages[step + 1] > stages[step]:
+            env.get_wrapper_attr("restore_state")(episode.states[step])
+            paid.append(env.step(episode.actions[step])[1])
+    env.close()
+    assert paid == [(after - before) / last for before, after in pairwise(stages) if after > before]
+    assert sum(paid) == pytest.approx(1.0)
 
 
 @TASKS

@@ -148,6 +148,17 @@ def test_a_declared_stage_counts_from_the_next_step_on(made: Made) -> None:
     assert (judge.stage, judge.labels.all) == (0, ())
 
 
+def test_the_reward_progress_takes_back_what_a_person_takes_back(made: Made) -> None:
+    _, env = made(reward="progress")
+    judge = env.get_wrapper_attr("judge")
+    action = env.reset(seed=0)[0]["agent_pos"]
+    paid = []
+    for label in (2, None, 5):
+        judge.declare(label)
+        paid.append(env.step(action)[1])
+    assert paid == [2 / 5, -2 / 5, 1.0]
+
+
 def test_a_judge_keeps_the_highest_stage_and_refuses_what_is_none() -> None:
     judge, other, noted = HumanJudge(3), HumanJudge(3), []
     stages = []

@@ -6,9 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from lerobot.configs import FeatureType, PolicyFeature
 from lerobot.policies import get_policy_class, make_policy_config, make_pre_post_processors
+from numpy.typing import NDArray
 
 CAMERAS = ("head", "left_wrist")
 SIZE = 64
@@ -35,13 +37,26 @@ def features(
     }
 
 
-def save(folder: Path, kind: str, **options: Any) -> Path:
-    """Save a policy with random weights, and its processors."""
+def save(
+    folder: Path,
+    kind: str,
+    *,
+    known: dict[str, dict[str, torch.Tensor]] | None = None,
+    **options: Any,
+) -> Path:
+    """Save a policy with random weights, and its processors.
+
+    Args:
+        folder: Where.
+        kind: LeRobot's name of the kind of policy.
+        known: Statistics of features that are not to be made up.
+        options: Fields of its configuration.
+    """
     torch.manual_seed(1)
     config = make_policy_config(kind, **{**features(), **options})
     get_policy_class(kind)(config).save_pretrained(folder)
     keys = [*config.input_features, *config.output_features]
-    stats = {key: statistics(config, key) for key in keys}
+    stats = {key: statistics(config, key) for key in keys} | (known or {})
     for processor in make_pre_post_processors(config, dataset_stats=stats):
         processor.save_pretrained(folder)
     return folder
@@ -72,6 +87,28 @@ def act(folder: Path, **options: Any) -> Path:
         "n_action_steps": 30,
     }
     return save(folder, "act", **{**small, **options})
+
+
+AUTHORS_CAMERAS = ("head", "left_wrist", "right_wrist")
+
+
+def act_as_the_authors(folder: Path, action: NDArray[np.floating], spread: float = 1e-3) -> Path:
+    """A small ACT in the form of the authors' published checkpoints.
+
+    That is chunks of 100, the keys of their data set in its order, images of 224 x 224, and vectors
+    of seven joints and a gripper that is 0 or 1, of the left arm and then of the right.
+
+    Args:
+        folder: Where.
+        action: What it always does (16,), but for `spread`.
+        spread: Standard deviation of the numbers of its actions.
+    """
+    middle = torch.from_numpy(action.astype(np.float32))
+    stats = {"mean": middle, "std": torch.full_like(middle, spread)}
+    seen = features(AUTHORS_CAMERAS, size=224)
+    state, *images = seen["input_features"].items()
+    seen["input_features"] = dict([*images, state])
+    return act(folder, chunk_size=100, n_action_steps=100, known={"action": stats}, **seen)
 
 
 def diffusion(folder: Path, **options: Any) -> Path:
@@ -211,6 +248,108 @@ def xvla(folder: Path, **options: Any) -> Path:
         "num_image_views": 2,
     }
     return save(folder, "xvla", **{**small, **options})
+
+
+def _qwen(folder: Path, backbone: Path) -> Path:
+    """A tiny model of the kind that GR00T is built on: its words in `folder`, its configuration."""
+    from transformers import (
+        PreTrainedTokenizerFast,
+        Qwen2VLImageProcessor,
+        Qwen3VLConfig,
+        Qwen3VLVideoProcessor,
+    )
+
+    special = {
+        "image_token": "<|image_pad|>",
+        "video_token": "<|video_pad|>",
+        "vision_bos_token": "<|vision_start|>",
+        "vision_eos_token": "<|vision_end|>",
+    }
+    words = PreTrainedTokenizerFast.from_pretrained(tokenizer(folder), extra_special_tokens=special)
+    words.chat_template = (
+        "{% for message in messages %}{% for part in message['content'] %}"
+        "{% if part['type'] == 'image' %}<|vision_start|><|image_pad|><|vision_end|>"
+        "{% else %}{{ part['text'] }}{% endif %}{% endfor %}{% endfor %}"
+    )
+    words.save_pretrained(folder)
+    sizes = {"min_pixels": 32 * 32, "max_pixels": SIZE * SIZE}
+    Qwen2VLImageProcessor(patch_size=16, merge_size=2, **sizes).save_pretrained(folder)
+    Qwen3VLVideoProcessor().save_pretrained(folder)
+    ids = {
+        name: words.convert_tokens_to_ids(special[token])
+        for name, token in {
+            "image_token_id": "image_token",
+            "video_token_id": "video_token",
+            "vision_start_token_id": "vision_bos_token",
+            "vision_end_token_id": "vision_eos_token",
+        }.items()
+    }
+    text = {
+        "hidden_size": 16,
+        "intermediate_size": 16,
+        "num_hidden_layers": 1,
+        "num_attention_heads": 2,
+        "num_key_value_heads": 1,
+        "head_dim": 8,
+        "vocab_size": 32,
+        "pad_token_id": 0,
+        "rope_scaling": {
+            "mrope_interleaved": True,
+            "mrope_section": [2, 1, 1],
+            "rope_type": "default",
+        },
+    }
+    vision = {
+        "depth": 1,
+        "hidden_size": 16,
+        "intermediate_size": 16,
+        "num_heads": 2,
+        "num_position_embeddings": 64,
+        "out_hidden_size": 16,
+        "patch_size": 16,
+        "deepstack_visual_indexes": [0],
+    }
+    Qwen3VLConfig(
+        **ids, text_config=text, vision_config=vision, tie_word_embeddings=True
+    ).save_pretrained(backbone)
+    return backbone
+
+
+def groot_base(folder: Path) -> Path:
+    """A tiny GR00T N1.7 as NVIDIA publishes it, no policy of LeRobot yet.
+
+    The name of its tokenizer, fixed in LeRobot's code, is a path relative to the working directory.
+    """
+    from lerobot.policies.groot.groot_n1_7 import GR00TN17, GR00TN17Config
+
+    torch.manual_seed(1)
+    words = Path("nvidia/Cosmos-Reason2-2B")
+    backbone = _qwen(words, folder.with_name(f"{folder.name}-backbone"))
+    layers = {"positional_embeddings": None, "num_attention_heads": 2, "attention_head_dim": 8}
+    config = GR00TN17Config(
+        model_name=str(backbone),
+        backbone_embedding_dim=16,
+        select_layer=1,
+        hidden_size=16,
+        input_embedding_dim=16,
+        num_inference_timesteps=2,
+        vl_self_attention_cfg={**layers, "num_layers": 1, "dropout": 0.0},
+        diffusion_model_cfg={
+            **layers,
+            "num_layers": 2,
+            "norm_type": "ada_norm",
+            "output_dim": 16,
+            "interleave_self_attention": True,
+        },
+    )
+    GR00TN17(config, load_backbone_weights=False).save_pretrained(folder)
+    return folder
+
+
+def groot(folder: Path, **options: Any) -> Path:
+    """GR00T N1.7 with one layer, fine-tuned as LeRobot saves it."""
+    base = groot_base(folder.with_name(f"{folder.name}-base"))
+    return save(folder, "groot", **{"base_model_path": str(base), "use_bf16": False, **options})
 
 
 def change(folder: Path, name: str, **values: Any) -> None:

@@ -14,19 +14,24 @@ from lerobot.envs.utils import preprocess_observation
 from lerobot.policies import get_policy_class, make_pre_post_processors
 
 from duobench import policy
+from duobench.cli import main
 from duobench.envs.action_labels import POSE_LABELS
 from duobench.errors import DuoBenchError
 from duobench.lerobot_keys import FEATURE_NAMES, LAST
 from duobench.policy.batch import Batching, SessionPolicy
 from duobench.policy.lerobot_model import EpisodeNoise, LeRobotPolicy
 from duobench.policy.registry import PolicyName, make_any
+from duobench.results.bundle import read_source
+from duobench.robot.joints import HOME_JOINTS
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE, change
+from tests.lerobot.tools import HAS_GROOT, HERE, NEEDS_GROOT
 
 INSTRUCTION = "Put the cube into the bowl"
 SEED = 7
-KINDS = ("act", "diffusion", "pi05", "smolvla", "xvla")
-NOISY = KINDS[1:]
+GROOT = pytest.param("groot", marks=NEEDS_GROOT)
+NOISY = ("diffusion", GROOT, "pi05", "smolvla", "xvla")
+KINDS = ("act", *NOISY)
 ROUNDING = 1e-3
 """Batches are added up in another order, and noise starts at 1."""
 
@@ -36,7 +41,8 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path
     root = tmp_path_factory.mktemp("checkpoints")
     with pytest.MonkeyPatch.context() as patch:
         checkpoints.shrink_pi05(patch, root)
-        yield {kind: getattr(checkpoints, kind)(root / kind) for kind in KINDS}
+        kinds = [kind for kind in KINDS if isinstance(kind, str)] + ["groot"] * HAS_GROOT
+        yield {kind: getattr(checkpoints, kind)(root / kind) for kind in kinds}
 
 
 def test_weights_that_pi05_fails_to_load_without_a_word_are_noticed(
@@ -99,6 +105,45 @@ def test_a_chunk_of_act_is_what_lerobots_loop_executes(folders: dict[str, Path])
     expected = [loop.action(observation(0)) for _ in range(30)]
     np.testing.assert_array_equal(chunk_of(load(folders["act"])), expected)
     np.testing.assert_array_equal(chunk_of(load(folders["act"], "&steps=10")), expected[:10])
+
+
+def test_a_checkpoint_in_the_form_of_the_authors_plays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left, right = HOME_JOINTS + np.array([[0.2], [0.0]])
+    action = np.array([*left, 0.0, *right, 1.0])  # it closes the left gripper, and opens the right
+    folder = checkpoints.act_as_the_authors(tmp_path / "act", action)
+    made = load(folder)
+    assert made.metadata.cameras == ("head", "left_wrist", "right_wrist")
+    assert made.metadata.image_size == (224, 224)
+    assert (made.metadata.action_mode, made.metadata.horizon) == ("joint", 30)
+    monkeypatch.syspath_prepend(HERE)
+    out, lines = tmp_path / "run", "--episodes 1 --workers 0 --videos 0 --tasks swing_task:TASK"
+    play = ["eval", *lines.split(), "--policy", f"lerobot:{folder}?device=cpu"]
+    main([*play, "--out", str(out)])
+    _, (record,) = read_source(out)
+    assert record.error is None
+    assert record.final_stage > 0, "the left arm moved"
+    sent = record.targets()
+    assert sent is not None
+    np.testing.assert_allclose(sent[-1], action, atol=0.02)
+    assert set(sent[-1, [7, 15]].round(1)) == {0.0, 1.0}
+
+
+@NEEDS_GROOT
+def test_a_chunk_of_groot_is_what_lerobots_loop_executes(folders: dict[str, Path]) -> None:
+    loop = Loop(folders["groot"])
+    with EpisodeNoise([(SEED, 0)]):
+        expected = [loop.action(observation(0)) for _ in range(30)]
+    np.testing.assert_allclose(chunk_of(load(folders["groot"])), expected, atol=1e-6)
+
+
+@NEEDS_GROOT
+def test_groot_executes_as_many_actions_as_are_asked_for(folders: dict[str, Path]) -> None:
+    for query, count in (("", 30), ("&steps=10", 10), ("&steps=40", 40)):
+        assert chunk_of(load(folders["groot"], query)).shape == (count, 16)
+    with pytest.raises(DuoBenchError, match="predicts 40 actions, not 41"):
+        load(folders["groot"], "&steps=41")
 
 
 def test_diffusion_sees_consecutive_observations_as_in_lerobots_loop(

@@ -4,10 +4,12 @@ import json
 import shutil
 from pathlib import Path
 
+import draccus
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import torch
+from lerobot.configs.train import TrainPipelineConfig
 from safetensors.torch import load_file
 
 import duobench
@@ -17,9 +19,10 @@ from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.options import ExportOptions
 from duobench.data.recorder import Recorder
 from duobench.policy import make
+from duobench.training.recipes import RECIPES
 from tests.lerobot import checkpoints
 from tests.lerobot.checkpoints import CAMERAS, SIZE
-from tests.lerobot.tools import HERE, QUICK, TINY, record
+from tests.lerobot.tools import HERE, NEEDS_GROOT, QUICK, TINY, record
 
 TASKS = ("bin_sort", "transfer_cube")
 LENGTH = 36
@@ -82,6 +85,54 @@ def test_what_sees_objects_and_moves_tools_trains_and_loads(
     metadata = make(f"lerobot:{checkpoint}?device=cpu").metadata
     assert (metadata.cameras, metadata.object_state) == ((), True)
     assert metadata.action_mode == "cartesian"
+
+
+def test_the_recipe_of_act_is_what_lerobot_trains_and_plays(data: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ["act", "--data", data, "--out", out, "--tasks", TASKS[0], "--steps", STEPS]
+    train(*words, "--", *TINY, "--policy.pretrained_backbone_weights=null")
+    check_recipe("act", out)
+
+
+@pytest.mark.parametrize("kind", [pytest.param("groot", marks=NEEDS_GROOT), "smolvla"])
+def test_recipes_of_models_with_a_base_train_it_and_play(
+    kind: str, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # where GR00T finds its words
+    if kind == "groot":  # it learns nothing from the last rows of an episode, a chunk less one
+        base = checkpoints.groot_base(tmp_path / "base")
+        options = [f"--policy.base_model_path={base}", "--policy.chunk_size=30"]
+    else:  # with other names of cameras, as the published one
+        seen = checkpoints.features(("camera1", "camera2"), width=6)
+        options = [f"--policy.path={checkpoints.smolvla(tmp_path / 'base', **seen)}"]
+    words = [kind, "--data", data, "--out", tmp_path / "out", "--steps", STEPS]
+    train(*words, "--", *QUICK, *options)
+    check_recipe(kind, tmp_path / "out")
+
+
+def check_recipe(kind: str, out: Path) -> None:
+    """What was trained has the settings of its recipe that no test changes, and loads."""
+    last = out / "checkpoints/last/pretrained_model"
+    trained = json.loads((last / "train_config.json").read_text())
+    recipe = {setting.option: setting.value for setting in RECIPES[kind].settings}
+    for name in ("chunk_size", "n_action_steps", "optimizer_lr"):
+        if value := recipe.get(f"policy.{name}"):
+            assert trained["policy"][name] == float(value)
+    assert trained["seed"] == int(recipe.get("seed", 1000))
+    metadata = make(f"lerobot:{last}?device=cpu").metadata
+    assert (metadata.cameras, metadata.horizon) == (CAMERAS, 30)
+    assert metadata.action_mode == "joint"
+
+
+@pytest.mark.parametrize("kind", ["act", "groot", "pi05"])
+def test_lerobot_knows_every_option_of_a_recipe(kind: str) -> None:
+    given = (*RECIPES[kind].settings, RECIPES[kind].steps)
+    options = [one.argument for one in given if not one.option.startswith("policy.pretrained_path")]
+    parsed = draccus.parse(
+        TrainPipelineConfig, args=["--dataset.repo_id=local/any", "--policy.device=cpu", *options]
+    )
+    assert (parsed.steps, parsed.policy.type) == (int(RECIPES[kind].steps.value), kind)
+    assert parsed.policy.n_action_steps == 30
 
 
 def say_real(data: Path, copy: Path, episode: int) -> Path:

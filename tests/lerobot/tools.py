@@ -5,14 +5,21 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from duobench.data import Recorder
 
 HERE = Path(__file__).parent
+HAS_GROOT = find_spec("tree") is not None
+"""Whether dm-tree is here, which GR00T needs."""
+NEEDS_GROOT = pytest.mark.skipif(
+    not HAS_GROOT, reason="dm-tree is not installed here: delete .venv-lerobot, make test-lerobot"
+)
 SCRIPTS = Path(sys.executable).parent
 QUICK = ("--batch_size=2", "--num_workers=0", "--policy.device=cpu", "--log_freq=1")
 TINY = (

@@ -100,6 +100,33 @@ def test_what_was_measured_elsewhere_is_marked_everywhere(tmp_path: Path) -> Non
     assert "nothing to test it against" in Page(out / "index.html").words
 
 
+def test_the_papers_and_its_authors_numbers_stand_apart_each_with_its_source(
+    tmp_path: Path,
+) -> None:
+    run = play(tmp_path / "run", {"carry_pot": [2, 0, 1]})
+    comparison = compare(["authors:ACT", "paper:ACT", run, "authors:pi05", "authors:xvla"])
+    assert comparison.pairs == ()
+    out = write_comparison(comparison, tmp_path / "out").parent
+    for name in ("index.html", "table.md", "table.csv", "table.tex", "comparison.json"):
+        assert "measured elsewhere, on other tasks" in (out / name).read_text().lower(), name
+    text = (out / "table.md").read_text()
+    assert "| 33.3 (0.50) | 54.0 (–) | 44 (0.63) | – | 12.3 (–) |" in text
+    words = Page(out / "index.html").words
+    for words_there in (text, words):
+        assert "ACT" in words_there
+        assert words_there.count("Jülg") == words_there.count("the cards of the authors") > 0
+    assert "54.0 (–) 48.3–59.6" in " ".join(words.split())
+    document = json.loads((out / "comparison.json").read_text())
+    (row,) = (row for row in document["rows"] if row["tasks"] == ["carry_pot"])
+    quoted = row["results"]["B"]
+    assert (quoted["successes"], quoted["episodes"]) == (162, 300)
+    assert quoted["mean_final_progress"] is None
+    with (out / "table.csv").open(encoding="utf-8", newline="") as file:
+        lines = [line for line in csv.DictReader(file) if line["name"] == "X-VLA [authors]"]
+    assert {(line["mean_final_progress"], line["best_of_group"]) for line in lines} == {("", "0")}
+    assert all(float(line["wilson_low"]) < float(line["success_rate"]) for line in lines)
+
+
 def test_markdown_has_a_row_a_task_and_bold_only_for_the_better_one(out: Path) -> None:
     lines = (out / "table.md").read_text().splitlines()
     header = next(line for line in lines if line.startswith("| task"))

@@ -1,17 +1,23 @@
+import re
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 import pytest
 
 from duobench.errors import EvaluationError, UnknownNameError
 from duobench.results.entrants import (
+    AUTHORS,
+    PAPER,
+    Cell,
     Group,
     check_policy,
-    paper_results,
+    published,
     read_entrants,
     split_name,
     value_of,
 )
+from duobench.results.tables import cell_text
 from duobench.shifts.shift import Shift
 from duobench.tasks import catalog
 from tests.docs.markdown import ROOT, tables
@@ -48,7 +54,7 @@ def test_an_equals_sign_in_a_path_is_no_name(tmp_path: Path) -> None:
     ("sources", "message"),
     [
         (["{run}"], "2 to 26 runs, got 1"),
-        (["paper:ACT", "paper:xvla"], "needs a run"),
+        (["paper:ACT", "authors:ACT"], "needs a run"),
         (["{run}", "{empty}"], "no finished episode"),
     ],
 )
@@ -60,22 +66,24 @@ def test_what_is_no_comparison_is_rejected(
         read_entrants([source.format(run=run, empty=empty) for source in sources])
 
 
-PAPER = paper_results()
+TABLE = published(PAPER)
+CARDS = published(AUTHORS)
 
 
 def test_every_task_and_category_of_the_benchmark_is_there() -> None:
     tasks = [catalog.get(name) for name in catalog.names()]
-    assert set(PAPER.tasks) == {task.id for task in tasks}
+    assert set(TABLE.tasks) == {task.id for task in tasks}
     for category in {str(task.category) for task in tasks}:
         members = {task.id for task in tasks if str(task.category) == category}
-        assert PAPER.means[category].tasks == members
-    assert PAPER.means["overall"].tasks == set(PAPER.tasks)
+        assert TABLE.means[category].tasks == members
+    assert TABLE.means["overall"].tasks == set(TABLE.tasks)
 
 
-@pytest.mark.parametrize("policy", PAPER.policies)
+@pytest.mark.parametrize("policy", TABLE.policies)
 def test_means_are_those_of_the_tasks_but_for_rounding(policy: str) -> None:
-    for mean in PAPER.means.values():
-        rates, progress = zip(*(PAPER.tasks[task][policy] for task in mean.tasks), strict=True)
+    for mean in TABLE.means.values():
+        pairs: list[Any] = [TABLE.tasks[task][policy] for task in mean.tasks]
+        rates, progress = zip(*pairs, strict=True)
         rate, average = mean.values[policy]
         assert rate == pytest.approx(fmean(rates), abs=0.51)
         assert average == pytest.approx(fmean(progress), abs=0.0101)
@@ -85,9 +93,10 @@ def test_numbers_are_those_of_the_page() -> None:
     (rows,) = (rows for rows in tables(ROOT / "docs" / "results.md") if "X-VLA" in rows[0])
     for row in rows:
         task = row["task"]
-        values = PAPER.means["overall"].values if task == "overall" else PAPER.tasks[task]
-        for policy, name in PAPER.policies.items():
-            rate, progress = values[policy]
+        values = TABLE.means["overall"].values if task == "overall" else TABLE.tasks[task]
+        for policy, name in TABLE.policies.items():
+            pair: Any = values[policy]
+            rate, progress = pair
             assert row[name] == f"{rate:.0f} ({progress:.2f})".replace("(0.", "(.")
 
 
@@ -103,10 +112,48 @@ def test_numbers_are_those_of_the_page() -> None:
 def test_a_mean_over_other_tasks_is_not_made_up(
     tasks: list[str], value: tuple[float, float] | None
 ) -> None:
-    assert value_of("ACT", tasks) == value
+    assert value_of(TABLE, "ACT", tasks) == value
+
+
+READ_ON_CARDS = {
+    "xvla": """
+        ball_maze 2.0 (0.9-4.3), bin_sort 1.0 (0.3-2.9), block_balance 0.0 (0.0-1.3),
+        carry_pot 12.3 (9.1-16.5), hinge_chest 12.0 (8.8-16.2), join_blocks 0.0 (0.0-1.3),
+        pour_marbles 0.0 (0.0-1.3), spring_door 13.7 (10.2-18.0), transfer_cube 9.3 (6.5-13.2),
+        transfer_gate 26.3 (21.7-31.6), transfer_reorient 0.0 (0.0-1.3)""",
+    "pi05": "ball_maze 5.0 (3.1-8.1), bin_sort 1.7 (0.7-3.8)",
+    "ACT": "carry_pot 54.0 (48.3-59.6)",
+}
+"""Success rates (%) and 95 % Wilson intervals, as they stand there."""
+
+
+@pytest.mark.parametrize("policy", CARDS.policies)
+def test_counts_give_the_rates_and_intervals_of_the_authors_cards(policy: str) -> None:
+    cells = {}
+    for task in CARDS.tasks:
+        if cell := Cell.quoted(f"authors:{policy}", [task]):
+            assert (cell.episodes, cell.progress, cell.interval is None) == (300, None, False)
+            low, high = (f"{100 * end:.1f}" for end in cell.interval or ())
+            cells[task] = f"{100 * cell.rate:.1f} ({low}-{high})"
+    assert cells == dict(re.findall(r"(\w+) ([\d.]+ \([\d.]+-[\d.]+\))", READ_ON_CARDS[policy]))
+
+
+def test_authors_successes_add_up_only_where_each_task_is_there() -> None:
+    tasks = catalog.names()
+    every = Cell.quoted("authors:xvla", tasks)
+    assert every is not None
+    assert (every.episodes, every.successes, cell_text(every)) == (3300, 230, "7.0 (–)")
+    assert Cell.quoted("authors:pi05", tasks) is None
+    some = Cell.quoted("authors:pi05", ["ball_maze", "bin_sort"])
+    assert some is not None
+    assert (some.episodes, some.successes) == (600, 20)
+    assert Cell.quoted("authors:xvla", ["mine"]) is None
 
 
 def test_unknown_policy_says_which_there_are() -> None:
-    assert check_policy("paper:ACT") == "ACT"
+    assert check_policy("paper:ACT") == (TABLE, "ACT")
+    assert check_policy("authors:ACT") == (CARDS, "ACT")
     with pytest.raises(UnknownNameError, match="paper:pi05, paper:xvla"):
         check_policy("paper:act2")
+    with pytest.raises(UnknownNameError, match="Did you mean 'authors:xvla'"):
+        check_policy("authors:xlva")

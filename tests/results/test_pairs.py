@@ -227,6 +227,6 @@ def test_best_is_who_is_better_than_every_other_of_its_group(tmp_path: Path) -> 
     assert best(compare([every, none, told, "paper:ACT"])) == {"Turn": ["every"]}
 
 
-def test_policies_of_the_paper_are_never_tested(good: str, tmp_path: Path) -> None:
-    comparison = compare([good, "paper:ACT", play(tmp_path / "bad", BAD, "bad"), "paper:pi05"])
+def test_published_policies_are_never_tested(good: str, tmp_path: Path) -> None:
+    comparison = compare([good, "paper:ACT", play(tmp_path / "bad", BAD, "bad"), "authors:pi05"])
     assert [(pair.a.name, pair.b.name) for pair in comparison.pairs] == [("good", "bad")]

@@ -110,7 +110,43 @@ def test_thirty_actions_are_executed(kind: str, one_task: Path) -> None:
 def test_no_option_is_given_twice_and_each_says_whose_it_is(recipe: object) -> None:
     settings = recipe.settings  # pyright: ignore
     assert len({setting.option for setting in settings}) == len(settings)
-    assert all(setting.why.startswith(("paper: ", "ours: ")) for setting in settings)
+    assert all(setting.why.startswith(("paper: ", "authors: ", "ours: ")) for setting in settings)
+
+
+PUBLISHED = {
+    "act": (150000, 64, "1e-5", 100),
+    "pi05": (40000, 16, "2.5e-5", 50),
+    "xvla": (40000, 48, "1e-4", 30),
+}
+"""Steps, batch, learning rate and chunk of the authors' checkpoints, as their cards say."""
+
+
+@pytest.mark.parametrize("kind", PUBLISHED)
+def test_the_authors_settings_are_taken_and_named_as_theirs(kind: str, one_task: Path) -> None:
+    planned = plan(kind, one_task)
+    steps, batch, rate, chunk = PUBLISHED[kind]
+    theirs = {
+        one.argument
+        for one in planned.settings
+        if one.why == "authors: as in their published checkpoint"
+    }
+    assert theirs == {
+        f"--steps={steps}",
+        f"--batch_size={batch}",
+        f"--policy.optimizer_lr={rate}",
+        f"--policy.chunk_size={chunk}",
+        "--seed=1000",
+    }
+    assert not any("the paper does not say" in one.why for one in planned.settings)
+    (given,) = (word for word in planned.command(["--seed=3"]) if "seed" in word)
+    assert given == "--seed=3"
+
+
+@pytest.mark.parametrize("recipes", [SMALL, OBJECT_STATES])
+def test_recipes_for_a_processor_predict_what_is_executed(recipes: dict[str, Any]) -> None:
+    arguments = [one.argument for one in recipes["act"].settings]
+    assert "--policy.chunk_size=30" in arguments
+    assert "--policy.n_action_steps=30" in arguments
 
 
 @pytest.mark.parametrize("kind", OBJECT_STATES)

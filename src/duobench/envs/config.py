@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from typing import Any, Self
 
 from duobench.envs import action_modes
+from duobench.envs.rewards import REWARDS, STAGE
 from duobench.errors import (
     OptionError,
     UnknownNameError,
@@ -68,6 +69,10 @@ class EnvConfig:
     instructions: str = FIXED
     """Which instruction policies get: the task's ("fixed"), or in each episode one that is sampled
     from it and the task's paraphrases ("varied")."""
+    reward: str = STAGE
+    """What a step pays: stage / last stage, as in the paper ("stage"), or what the step adds to it
+    ("progress"). With "stage", waiting before the last stage returns more than finishing: train
+    with "progress"."""
     split: str = EVAL
     """Layouts that resets sample from: "eval", or "train" for demonstrations."""
     speed_fraction: float = 1.0
@@ -89,6 +94,7 @@ class EnvConfig:
         action_modes.get(self.action_mode)
         check_known("split", self.split, SPLITS)
         check_known("kind of instructions", self.instructions, INSTRUCTIONS)
+        check_known("reward", self.reward, REWARDS)
         if self.render_mode is not None and self.render_mode not in RENDER_MODES:
             raise UnknownNameError(f"Unknown render mode {self.render_mode!r}. {RENDERED}")
         for name in _FLAGS:

@@ -24,6 +24,7 @@ from duobench.envs.duo_env import (
     base_of,
 )
 from duobench.envs.episode_state import EpisodeState, required
+from duobench.envs.rewards import REWARDS, STAGE, reward_of
 from duobench.errors import OptionError, check_known
 from duobench.randomness import EVAL, SPLITS, instruction_number
 from duobench.stages.logic import Words
@@ -132,21 +133,26 @@ class Judge(Protocol):
 class TaskStages(DuoWrapper):
     """Has every control step judged.
 
-    The reward is stage / last stage, and the episode terminates at the last stage. Info holds
+    The reward is stage / last stage or what a step adds to it, see `rewards.reward_of`, and the
+    episode terminates at the last stage. Info holds
     `stage`, `max_stage`, `success` (the same as `is_success`), `success_at_end` (whether the last
     stage's constraints hold right now), `current_subinstruction` (what to do now) and
     `stage_to_subinstructions` (what to do at each stage to reach the next one).
 
     Args:
         judge: Who says which stage is reached; the simulation where none is given.
+        reward: What a step pays, one of `REWARDS`.
 
     Raises:
-        UnknownNameError: A stage names what is not there; near misses are listed.
+        UnknownNameError: A stage names what is not there, or there is no such reward; near misses
+            are listed.
         TypeError: There is neither a judge nor a simulation.
     """
 
-    def __init__(self, env: gym.Env, judge: Judge | None = None) -> None:
-        super().__init__(env)
+    def __init__(self, env: gym.Env, judge: Judge | None = None, *, reward: str = STAGE) -> None:
+        check_known("reward", reward, REWARDS)
+        super().__init__(env, reward=reward)
+        self._reward = reward
         base: Any = self.base
         if judge is None and not hasattr(base, "make_judge"):
             what = f"got {type(base).__name__} without one"
@@ -187,11 +193,12 @@ class TaskStages(DuoWrapper):
     def step(self, action: Any) -> Transition:
         """Advance one control step and have it judged."""
         self._is_judged = False
+        before = self.judge.stage
         observation, _, terminated, truncated, info = self.env.step(action)
         self.judge.judge()
         self._is_judged = True
         success = self._report(info)
-        reward = self.judge.stage / self._max_stage
+        reward = reward_of(self._reward, before, self.judge.stage, self._max_stage)
         return observation, reward, terminated or success, truncated, info
 
     def save_state(self) -> EpisodeState:

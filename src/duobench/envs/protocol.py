@@ -82,7 +82,8 @@ def with_wrappers(env: gym.Env) -> gym.Env:
         base.definition = replace(base.definition, horizon=horizon)
         base.config = replace(config, horizon=horizon)
     is_varied = config.instructions == VARIED
-    judged = TaskStages(RandomizedReset(env, config.split, varied_instructions=is_varied))
+    reset = RandomizedReset(env, config.split, varied_instructions=is_varied)
+    judged = TaskStages(reset, reward=config.reward)
     stack = stack_on(judged, config, horizon)
     if base.spec is not None:
         stack.made_from = replace(

@@ -177,4 +177,4 @@ def make_real_env(
     base = RealEnv(duo, definition, prepare=prepare)
     base.config = config
     judge = judge or HumanJudge(definition.max_stage, duo.clock.now)
-    return stack_on(TaskStages(base, judge), config, horizon)
+    return stack_on(TaskStages(base, judge, reward=config.reward), config, horizon)

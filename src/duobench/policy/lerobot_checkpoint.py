@@ -37,7 +37,9 @@ _TRAINING = "train_config.json"
 the policy does."""
 _EMPTY = f"{IMAGE_PREFIX}empty_camera_"
 """Placeholders that a model fills itself."""
-CHUNKED = ("act", "pi0", "pi05", "smolvla", "xvla")
+GROOT = "groot"
+"""GR00T N1.7, whose model executes no more than `n_action_steps` of its chunk."""
+CHUNKED = ("act", GROOT, "pi0", "pi05", "smolvla", "xvla")
 """Kinds of policies that predict `chunk_size` actions from one observation."""
 DIFFUSION = "diffusion"
 """The kind that sees the last `n_obs_steps` observations."""
@@ -197,7 +199,7 @@ def horizon(config: Any) -> int:
             f"A LeRobot policy of type {config.type!r} is not supported; "
             f"{', '.join(sorted((*CHUNKED, DIFFUSION)))} are."
         )
-    return config.chunk_size
+    return len(config.action_delta_indices)  # `chunk_size`, or less where a base of GR00T has less
 
 
 def _check_vectors(config: Any) -> None:

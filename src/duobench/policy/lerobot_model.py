@@ -25,7 +25,14 @@ from duobench.errors import PolicyError
 from duobench.lerobot_keys import DOMAINS, EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.policy import lerobot_checkpoint as checkpoint
 from duobench.policy.batch import NOISE_STREAM, Chunk, Observation, Session
-from duobench.policy.lerobot_checkpoint import DIFFUSION, horizon, inputs, labels_of, object_numbers
+from duobench.policy.lerobot_checkpoint import (
+    DIFFUSION,
+    GROOT,
+    horizon,
+    inputs,
+    labels_of,
+    object_numbers,
+)
 from duobench.policy.policy import PolicyMetadata
 from duobench.tasks.object_state import ENVIRONMENT_STATE
 
@@ -69,13 +76,13 @@ class LeRobotPolicy:
         longest = horizon(config)
         self._steps = _steps(address.steps, longest)
         self._past = config.n_obs_steps if config.type == DIFFUSION else None
-        if self._past is not None:
+        if config.type in (DIFFUSION, GROOT):
             config.n_action_steps = longest  # it predicts no more than it is going to execute
-            if self._steps < self._past:
-                raise PolicyError(
-                    f"The checkpoint sees {self._past} observations at a time, so at least that "
-                    f"many of its actions are executed, not {self._steps}."
-                )
+        if self._past is not None and self._steps < self._past:
+            raise PolicyError(
+                f"The checkpoint sees {self._past} observations at a time, so at least that "
+                f"many of its actions are executed, not {self._steps}."
+            )
         _configure(config, folder, device, address.dtype)
         self._model = get_policy_class(config.type).from_pretrained(
             folder, config=config, strict=True

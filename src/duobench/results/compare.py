@@ -15,9 +15,9 @@ from duobench.results.entrants import (
     RowKind,
     entrant_of,
     lettered,
-    paper_results,
     read_entrants,
     sections,
+    sources_of,
     table_rows,
 )
 from duobench.results.pages import PAGE, check_free, page, with_figures, write_files
@@ -64,7 +64,7 @@ def comparison_files(comparison: RunComparison) -> dict[str, str]:
         comparison=comparison,
         runs=[one for one in comparison.entrants if one.part],
         quoted=[one for one in comparison.entrants if not one.part],
-        source=paper_results().source,
+        source=tables.listed(sources_of(comparison.entrants) or [""]),
         sections=sections(comparison.rows),
         caption=tables.caption(comparison),
         Group=Group,

@@ -1,12 +1,12 @@
-"""What is compared, and in which rows: conditions of runs, and policies of the paper.
+"""What is compared, and in which rows: conditions of runs, and published results.
 
-The paper's results were measured elsewhere, on its own implementation of the tasks: nothing is
-tested against them.
+Those of the paper, and of the checkpoints that its authors have published since, were measured
+elsewhere, on their own implementation of the tasks: nothing is tested against them.
 """
 
 from collections import Counter
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
 from importlib.resources import files
@@ -19,12 +19,21 @@ import msgspec
 from duobench.errors import EvaluationError, check_known
 from duobench.results.bundle import read_source
 from duobench.results.records import EpisodeRecord
-from duobench.results.scores import RunPart, Score, TaskResult, group_by_condition, score
+from duobench.results.scores import (
+    RunPart,
+    Score,
+    TaskResult,
+    group_by_condition,
+    score,
+    wilson_interval,
+)
 from duobench.results.suite import TaskInfo
 from duobench.shifts.shift import NO_SHIFT, Shift
 
-SCHEME = "paper:"
-"""What the name of one of its policies begins with."""
+PAPER, AUTHORS = "paper", "authors"
+"""Where published results stand: in the paper, and with its authors' checkpoints."""
+SCHEMES = tuple(f"{name}:" for name in (PAPER, AUTHORS))
+"""What the name of one of their policies begins with."""
 WARNING = "measured elsewhere, on other tasks"
 """What stands beside each of its numbers."""
 
@@ -41,40 +50,48 @@ class Mean:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class PaperResults:
-    """The table of the results in simulation."""
+class PublishedResults:
+    """A table of results in simulation."""
 
+    name: str
+    """`PAPER` or `AUTHORS`."""
     source: str
     rollouts: int
     policies: dict[str, str]
     """Names for people, by the name that follows `paper:`."""
-    tasks: dict[str, dict[str, Value]]
-    """By id of the task and by policy."""
-    means: dict[str, Mean]
+    tasks: dict[str, dict[str, Value | int]]
+    """By id of the task and by policy: a rate with a progress, or successes."""
+    means: dict[str, Mean] = field(default_factory=dict)
     """By category; `overall` is the one over all tasks."""
 
 
 @cache
-def paper_results() -> PaperResults:
-    """The table, from the file beside this module."""
-    text = files("duobench.results").joinpath("paper.toml").read_bytes()
-    return msgspec.toml.decode(text, type=PaperResults)
+def published(name: str) -> PublishedResults:
+    """The table of `PAPER` or `AUTHORS`, from a file beside this module."""
+    text = files("duobench.results").joinpath(f"{name}.toml").read_bytes()
+    return msgspec.toml.decode(text, type=PublishedResults)
 
 
-def check_policy(source: str) -> str:
-    """The name of a policy without `paper:`."""
-    known = [f"{SCHEME}{name}" for name in paper_results().policies]
-    check_known("policy of the paper", source, known)
-    return source.removeprefix(SCHEME)
+def check_policy(source: str) -> tuple[PublishedResults, str]:
+    """The table that a name such as `paper:ACT` is of, and the policy in it."""
+    tables: list[PublishedResults] = [published(name) for name in (PAPER, AUTHORS)]
+    known = {f"{one.name}:{policy}": (one, policy) for one in tables for policy in one.policies}
+    check_known("published policy", source, known)
+    return known[source]
 
 
-def value_of(policy: str, tasks: Collection[str]) -> Value | None:
-    """What the paper reports for a policy on one task, or as the mean of exactly these tasks."""
-    results: PaperResults = paper_results()
-    if len(tasks) == 1:
-        (task,) = tasks
-        return results.tasks.get(task, {}).get(policy)
+def value_of(results: PublishedResults, policy: str, tasks: Collection[str]) -> Value | int | None:
+    """What is reported for a policy on one task, or as the mean of exactly these tasks.
+
+    Successes of several tasks add up, if those of each are there.
+    """
     wanted = frozenset(tasks)
+    values = [results.tasks.get(task, {}).get(policy) for task in wanted]
+    if len(values) == 1:
+        return values[0]
+    counts = [value for value in values if isinstance(value, int)]
+    if len(counts) == len(values):
+        return sum(counts)
     means = (mean.values[policy] for mean in results.means.values() if mean.tasks == wanted)
     return next(means, None)
 
@@ -103,8 +120,9 @@ class Cell:
     """How many succeeded; None where only the rate is known."""
     rate: float
     interval: tuple[float, float] | None
-    """95 % Wilson interval of it; None for what was measured elsewhere."""
-    progress: float
+    """95 % Wilson interval of it; None where only the rate is known."""
+    progress: float | None
+    """Mean final progress; None where it was not published."""
 
     @staticmethod
     def of(total: Score) -> "Cell":
@@ -118,10 +136,24 @@ class Cell:
         )
 
     @staticmethod
-    def quoted(percent: float, progress: float) -> "Cell":
-        """The cell of numbers of the paper."""
+    def quoted(source: str, tasks: Collection[str]) -> "Cell | None":
+        """The cell of a published policy; None where nothing is reported."""
+        results, policy = check_policy(source)
+        value = value_of(results, policy, tasks)
+        if value is None:
+            return None
+        if isinstance(value, int):
+            trials = results.rollouts * len(tasks)
+            return Cell(
+                episodes=trials,
+                successes=value,
+                rate=value / trials,
+                interval=wilson_interval(value, trials),
+                progress=None,
+            )
+        percent, progress = value
         return Cell(
-            episodes=paper_results().rollouts,
+            episodes=results.rollouts,
             successes=None,
             rate=percent / 100,
             interval=None,
@@ -131,7 +163,7 @@ class Cell:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Entrant:
-    """A condition of a run, or a policy of the paper."""
+    """A condition of a run, or a published policy."""
 
     title: str
     """Name for people, as given or that of the policy; others may have the same."""
@@ -141,9 +173,9 @@ class Entrant:
     name: str = ""
     """Its title, with the letter if another one has the same."""
     part: RunPart | None = None
-    """What was played; None for a policy of the paper."""
+    """What was played; None for a published policy."""
     quoted: str = ""
-    """Name in the paper's table, if it stands there."""
+    """What a published policy is named: `paper:ACT`."""
 
     def records(self, task_id: str) -> tuple[EpisodeRecord, ...]:
         """The finished episodes of a task, by index; none if it was not played."""
@@ -160,10 +192,9 @@ class Entrant:
         return score("", list(chain.from_iterable(played))) if all(played) else None
 
     def cell(self, tasks: Sequence[TaskInfo]) -> Cell | None:
-        """The same, or what the paper reports; None where neither is known."""
+        """The same, or what was published of it; None where neither is known."""
         if self.part is None:
-            value = value_of(self.quoted, [task.id for task in tasks])
-            return value and Cell.quoted(*value)
+            return Cell.quoted(self.quoted, [task.id for task in tasks])
         found = self.score(tasks)
         return found and Cell.of(found)
 
@@ -172,10 +203,16 @@ def read_entrants(sources: Sequence[str]) -> tuple[Entrant, ...]:
     """Read what is to be compared, group by group in the order given.
 
     Args:
-        sources: Each what `read_named` takes, or a policy of the paper (`paper:ACT`). All
-            conditions of a run are compared.
+        sources: Each what `read_named` takes, or a published policy (`paper:ACT`). All conditions
+            of a run are compared.
     """
     return lettered([entrant for source in sources for entrant in _read(source)])
+
+
+def sources_of(entrants: Iterable[Entrant]) -> list[str]:
+    """Where the numbers of published policies are quoted from, each source once."""
+    quoted = (check_policy(one.quoted)[0] for one in entrants if one.quoted)
+    return list(dict.fromkeys(results.source for results in quoted))
 
 
 def lettered(read: Sequence[Entrant]) -> tuple[Entrant, ...]:
@@ -185,7 +222,7 @@ def lettered(read: Sequence[Entrant]) -> tuple[Entrant, ...]:
             f"A comparison takes 2 to {len(ascii_uppercase)} runs, got {len(read)}."
         )
     if not any(entrant.part for entrant in read):
-        raise EvaluationError("A comparison needs a run; the paper's results stand beside one.")
+        raise EvaluationError("A comparison needs a run; published results stand beside one.")
     sorted_by_group = [one for group in Group for one in read if one.group is group]
     titles = Counter(entrant.title for entrant in read)
     return tuple(
@@ -195,10 +232,10 @@ def lettered(read: Sequence[Entrant]) -> tuple[Entrant, ...]:
 
 
 def _read(source: str) -> list[Entrant]:
-    if source.startswith(SCHEME):
-        policy = check_policy(source)
-        title = f"{paper_results().policies[policy]} [paper]"
-        return [Entrant(title=title, group=Group.ELSEWHERE, quoted=policy)]
+    if source.startswith(SCHEMES):
+        results, policy = check_policy(source)
+        title = f"{results.policies[policy]} [{results.name}]"
+        return [Entrant(title=title, group=Group.ELSEWHERE, quoted=source)]
     name, parts = read_named(source)
     return [entrant_of(part, name if len(parts) == 1 else "") for part in parts]
 

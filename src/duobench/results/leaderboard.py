@@ -17,7 +17,7 @@ from duobench.looks.look import Look
 from duobench.randomness import EVAL, SALTED
 from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
-from duobench.results.entrants import WARNING, paper_results
+from duobench.results.entrants import PAPER, WARNING, published
 from duobench.results.pages import PAGE, check_free, json_text, page, part_page, write_files
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
@@ -272,7 +272,7 @@ def _front_page(board: Board) -> str:
         board=board,
         shown_title=title,
         categories=[str(category) for category in Category],
-        paper=paper_results(),
+        paper=published(PAPER),
         warning=WARNING,
         shown=shown,
         number_of_tasks=len(catalog.names()),

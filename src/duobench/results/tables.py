@@ -11,8 +11,8 @@ from duobench.results.entrants import (
     Group,
     RowKind,
     TableRow,
-    paper_results,
     sections,
+    sources_of,
 )
 from duobench.results.pages import json_text
 from duobench.results.pairs import Pair, RunComparison, Test
@@ -50,8 +50,8 @@ def rate_text(cell: Cell) -> str:
 
 
 def progress_text(cell: Cell) -> str:
-    """Mean final progress with two digits."""
-    return f"{cell.progress:.2f}"
+    """Mean final progress with two digits; a dash where it is not known."""
+    return "–" if cell.progress is None else f"{cell.progress:.2f}"
 
 
 def cell_text(cell: Cell | None, bold: str = "{}") -> str:
@@ -227,7 +227,8 @@ def csv_rows(comparison: RunComparison) -> list[list[object]]:
                     part.candidate.metadata.version or "" if part else "",
                     part.suite.version if part else "",
                     *(cell.episodes, "" if cell.successes is None else cell.successes),
-                    *(f"{cell.rate:{digits}}", *interval, f"{cell.progress:{digits}}"),
+                    *(f"{cell.rate:{digits}}", *interval),
+                    "" if cell.progress is None else f"{cell.progress:{digits}}",
                     int(comparison.is_best(row, one)),
                     "" if part else Group.ELSEWHERE.value,
                 ]
@@ -254,7 +255,8 @@ def caption(comparison: RunComparison) -> str:
     if Group.PRIVILEGED in groups:
         text += " Privileged policies know where the objects are from the simulation."
     if Group.ELSEWHERE in groups:
-        text += f" {Group.ELSEWHERE}: quoted from {paper_results().source}; nothing is tested."
+        quoted = listed(sources_of(comparison.entrants))
+        text += f" {Group.ELSEWHERE}: quoted from {quoted}; nothing is tested."
     return text
 
 
@@ -321,7 +323,7 @@ def _cell(cell: Cell, is_best: bool) -> dict[str, Any]:
         "successes": cell.successes,
         "success_rate": _short(cell.rate),
         "wilson_95": cell.interval and [_short(end) for end in cell.interval],
-        "mean_final_progress": _short(cell.progress),
+        "mean_final_progress": None if cell.progress is None else _short(cell.progress),
         "best_of_group": is_best,
     }
 

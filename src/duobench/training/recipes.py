@@ -13,7 +13,8 @@ class Setting(NamedTuple):
     option: str
     value: str
     why: str
-    """Where the value comes from: the paper, or a choice of ours and its reason."""
+    """Where the value comes from: the paper, the checkpoints that its authors have published since
+    (their model cards, November 2026), or a choice of ours and its reason."""
 
     @property
     def argument(self) -> str:
@@ -49,14 +50,21 @@ def _steps(steps: int, why: str) -> Setting:
 
 
 _EXECUTED = f"policy.n_action_steps={EXECUTED} paper: {EXECUTED} actions are executed of each chunk"
-_BFLOAT16 = "policy.dtype=bfloat16 ours: half the memory; the paper does not say"
-_BATCH = "batch_size=32 ours: the paper does not say"
+_BFLOAT16 = "policy.dtype=bfloat16 ours: half the memory"
+_AUTHORS = "authors: as in their published checkpoint"
+_SEED = f"seed=1000 {_AUTHORS}"
 
 _ACT = _settings(f"""
     policy.type=act paper: one ACT for each task
-    policy.chunk_size={EXECUTED} ours: it predicts what is executed; the paper does not say
     {_EXECUTED}
 """)
+_AS_THE_AUTHORS = _settings(f"""
+    policy.chunk_size=100 {_AUTHORS}
+    policy.optimizer_lr=1e-5 {_AUTHORS}
+    batch_size=64 {_AUTHORS}
+    {_SEED}
+""")
+_CHUNK = _settings(f"policy.chunk_size={EXECUTED} ours: it predicts what is executed")
 _SMALL_TRANSFORMER = _settings("""
     policy.dim_model=128 ours: a quarter of the default
     policy.n_heads=4 ours: 32 numbers a head
@@ -74,47 +82,72 @@ _SMALL_ACT = _settings("""
 """)
 _PI05 = _settings(f"""
     policy.type=pi05 paper: one π0.5 for all tasks
-    policy.pretrained_path=lerobot/pi05_base ours: LeRobot's copy of the published weights
+    policy.pretrained_path=lerobot/pi05_base authors: LeRobot's copy of the weights, at 9e55186
+    policy.chunk_size=50 {_AUTHORS}
     {_EXECUTED}
+    policy.optimizer_lr=2.5e-5 {_AUTHORS}
     {_BFLOAT16}
     policy.gradient_checkpointing=true ours: fits into 80 GB
-    {_BATCH}
+    batch_size=16 {_AUTHORS}
+    {_SEED}
 """)
 _XVLA = _settings(f"""
     policy.path=lerobot/xvla-base paper: one X-VLA for all tasks; LeRobot's copy of the weights
     policy.input_features=null ours: names of the data set's cameras, not of the base's
     policy.action_mode=auto paper: joint actions of 16 numbers; the base's mode is tool poses
+    policy.chunk_size=30 {_AUTHORS}
     {_EXECUTED}
+    policy.optimizer_lr=1e-4 {_AUTHORS}
     {_BFLOAT16}
-    {_BATCH}
+    batch_size=48 {_AUTHORS}
+    {_SEED}
+""")
+_SMOLVLA = _settings(f"""
+    policy.path=lerobot/smolvla_base ours: LeRobot's base; the paper has no SmolVLA
+    policy.input_features=null ours: names of the data set's cameras, not of the base's
+    {_EXECUTED}
+    batch_size=64 ours: as the base's card says
+""")
+_GROOT = _settings(f"""
+    policy.type=groot ours: the paper has no GR00T
+    policy.base_model_path=nvidia/GR00T-N1.7-3B ours: the version that LeRobot 0.6 has
+    {_EXECUTED}
+    batch_size=32 ours: for one card of 80 GB
 """)
 
 RECIPES: Mapping[str, Recipe] = {
     "act": Recipe(
-        settings=_ACT + _settings(_BATCH),
-        steps=_steps(100000, "ours: LeRobot's default; the paper does not say"),
+        settings=_ACT + _AS_THE_AUTHORS,
+        steps=_steps(150000, _AUTHORS),
         workers=14,
         one_task=True,
     ),
     "pi05": Recipe(
         settings=_PI05,
-        steps=_steps(
-            30000, "ours: the length of its learning rate's decay; the paper does not say"
-        ),
+        steps=_steps(40000, _AUTHORS),
         workers=14,
     ),
     "xvla": Recipe(
         settings=_XVLA,
-        steps=_steps(20000, "ours: the paper does not say"),
+        steps=_steps(40000, _AUTHORS),
         workers=14,
         takes_domains=True,
     ),
+    "smolvla": Recipe(
+        settings=_SMOLVLA, steps=_steps(20000, "ours: as the base's card says"), workers=14
+    ),
+    "groot": Recipe(
+        settings=_GROOT,
+        steps=_steps(20000, "ours: as in NVIDIA's LeRobot checkpoint of LIBERO"),
+        workers=14,
+    ),
 }
-"""Recipes with the paper's settings, by the names of LeRobot's kinds of policies."""
+"""Recipes by the names of LeRobot's kinds of policies: of those that the paper has, with its
+settings and its authors'."""
 
 SMALL: Mapping[str, Recipe] = {
     "act": Recipe(
-        settings=_ACT + _NO_BACKBONE + _SMALL_TRANSFORMER + _SMALL_ACT,
+        settings=_ACT + _CHUNK + _NO_BACKBONE + _SMALL_TRANSFORMER + _SMALL_ACT,
         steps=_steps(4000, "ours: about half an hour on two cores"),
         workers=1,
         one_task=True,
@@ -150,7 +183,7 @@ OBJECT_STATES: Mapping[str, Recipe] = {
         one_task=True,
     )
     for kind, settings in {
-        "act": _ACT + _SMALL_TRANSFORMER + _OBJECTS_ACT,
+        "act": _ACT + _CHUNK + _SMALL_TRANSFORMER + _OBJECTS_ACT,
         "diffusion": _DIFFUSION,
     }.items()
 }

@@ -178,7 +178,7 @@ def _near(word: str, known: Collection[str]) -> str:
     return next(iter([*longer, *get_close_matches(word, known, n=1)]), "")
 
 
-TRAINED = ("act", "diffusion", "pi05", "xvla")
+TRAINED = ("act", "diffusion", "groot", "pi05", "smolvla", "xvla")
 """Kinds of policies, which people take for the name of one."""
 FIRST = ""
 """Stands for the first argument of a verb, where that is no option."""

@@ -26,7 +26,7 @@ EXPORT = "duobench export lerobot DATA --out OUT"
 
 
 def train(  # noqa: PLR0913 - each is an argument of the command line
-    policy: tyro.conf.Positional[Literal["act", "diffusion", "pi05", "xvla"]],
+    policy: tyro.conf.Positional[Literal["act", "diffusion", "groot", "pi05", "smolvla", "xvla"]],
     more: tyro.conf.Positional[tuple[str, ...]] = (),
     *,
     data: Path,
@@ -43,8 +43,8 @@ def train(  # noqa: PLR0913 - each is an argument of the command line
     that learns one are trained one after the other, each in a folder of its own.
 
     Args:
-        policy: Kind of policy: act and diffusion learn one task, pi05 and xvla all of them;
-            diffusion learns from object states, and act from them or from images.
+        policy: Kind of policy: act and diffusion learn one task, groot, pi05, smolvla and xvla all
+            of them; diffusion learns from object states, and act from them or from images.
         more: More options of lerobot-train, after --, such as -- --batch_size=8.
         data: Folder of a data set of LeRobot with this benchmark's names and sizes, such as
             duobench export lerobot makes; or of several, as its --per-task makes them.

@@ -26,7 +26,7 @@ from duobench.cli.shared.progress import display
 from duobench.files import digest_of
 from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
-from duobench.results.entrants import SCHEME, read_named, split_name
+from duobench.results.entrants import SCHEMES, read_named, split_name
 from duobench.results.folder import RunFolder
 from duobench.results.records import Condition
 from duobench.results.salt import read_salt
@@ -133,8 +133,9 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool 
     Args:
         runs: Folders of two or more runs (--out of duobench eval), each alone or as NAME=FOLDER to
             give it a name; FOLDER@SHIFT, such as runs/act@look-3, takes one condition. paper:ACT,
-            paper:pi05 and paper:xvla show the paper's results beside them, which were measured
-            elsewhere, on other tasks, and are tested against nothing.
+            paper:pi05 and paper:xvla show the paper's results beside them, authors:ACT,
+            authors:pi05 and authors:xvla those of the authors' published checkpoints. They were
+            measured elsewhere, on other tasks, and are tested against nothing.
         out: Folder of the comparison; an earlier one in it is replaced.
         mixed: Write the paper's mixed table in its place: trained on sim, real or mixed data,
             evaluated in simulation and on real arms. A run is named TRAINING=FOLDER or
@@ -142,7 +143,7 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool 
             was trained on.
     """
     for run in runs:
-        if not run.startswith(SCHEME):
+        if not run.startswith(SCHEMES):
             find_run(split_name(run)[1])
     if mixed:
         _mixed(runs, out)
@@ -166,7 +167,7 @@ def _compare_shifts(runs: tuple[str, ...], out: Path) -> bool:
     """Lay evaluations under shifts over each other, if the runs are such; whether they are."""
     from duobench.results.robustness import robustness_of, write_robustness
 
-    read = {run: read_named(run) for run in runs if not run.startswith(SCHEME)}
+    read = {run: read_named(run) for run in runs if not run.startswith(SCHEMES)}
     under_shifts = [
         run for run, (_, parts) in read.items() if len({part.condition.shift for part in parts}) > 1
     ]

@@ -1,0 +1,129 @@
+"""What a policy on object states sees, and the frames in which it says where to go.
+
+A hand goes to things: to a cube, to the other hand, to a place on the table. So both what is seen
+and what is commanded are told in the frames of the tools, the objects and the table. A frame of an
+object is turned by quarters about its z axis until its x axis points forwards (within 45 degrees):
+what looks the same after a quarter turn is then the same.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from duobench.robot.frames import tool_frames
+from duobench.types import ARM_JOINTS, SIDES
+
+Rows = NDArray[np.float32]
+_QUARTER = math.pi / 2
+_MAZE_SIDE, _BOARD = 5, "board"
+"""Cells along a side of the maze of `ball_maze`, and what it is a part of."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Of T states and K things: the left tool, the right tool, every object, the table."""
+
+    positions: NDArray[np.float64]
+    """Origins (T, K, 3) in metres, in the table frame."""
+    rotations: NDArray[np.float64]
+    """Rotation matrices (T, K, 3, 3), the columns of which are axes in the table frame."""
+    quarters: NDArray[np.int64]
+    """By how many quarters (T, K) the x axis of an object was turned clockwise."""
+
+
+def frames(state: Rows, objects: Rows, names: tuple[str, ...]) -> Frames:
+    """The frames in a state.
+
+    Args:
+        state: Joints and openings (T, 16).
+        objects: Object states (T, n).
+        names: What each number of an object state is.
+    """
+    joints = state.reshape(len(state), len(SIDES), -1)[..., :ARM_JOINTS].astype(np.float64)
+    tools = [tool_frames(side, joints[:, side.index]) for side in SIDES]
+    table = np.tile(np.eye(3), (len(state), 1, 1))
+    positions, rotations = [p for p, _ in tools], [r for _, r in tools]
+    quarters = [np.zeros(len(state), np.int64)] * len(SIDES)
+    for thing in bodies(names):
+        column = names.index(f"{thing}_x")
+        rotation, turned = table, quarters[0]
+        if f"{thing}_x_axis_x" in names:
+            rotation, turned = _forwards(*(_vector(objects, names, thing, a) for a in "xz"))
+        positions.append(objects[:, column : column + 3].astype(np.float64))
+        rotations.append(rotation)
+        quarters.append(turned)
+    positions.append(np.zeros((len(state), 3)))
+    rotations.append(table)
+    quarters.append(quarters[0])
+    return Frames(*(np.stack(part, axis=1) for part in (positions, rotations, quarters)))
+
+
+def bodies(names: tuple[str, ...]) -> list[str]:
+    """The objects of which a state tells where they are."""
+    ends = ("_axis_x", "_velocity_x")
+    return [n.removesuffix("_x") for n in names if n.endswith("_x") and not n.endswith(ends)]
+
+
+def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
+    """What a policy sees (T, k): the state itself, and every tool and object from every object.
+
+    Args:
+        state: Joints and openings (T, 16).
+        objects: Object states (T, n).
+        names: What each number of an object state is.
+    """
+    here, rows = frames(state, objects, names), len(state)
+    seen = [state, objects]
+    for k in range(here.positions.shape[1]):
+        back = here.rotations[:, k]
+        ways = np.delete(here.positions, k, axis=1) - here.positions[:, k, None]
+        seen += [np.einsum("tij,tki->tkj", back, ways).reshape(rows, -1)]
+        turns = np.einsum("tij,tkil->tkjl", back, here.rotations[:, : len(SIDES)])[..., :2]
+        seen += [turns.reshape(rows, -1)]
+    seen += [here.rotations[:, len(SIDES) : -1, :, 0].reshape(rows, -1)]
+    if _BOARD in bodies(names) and "goal_row" in names:
+        seen += [_maze(objects, names, here.quarters[:, 2 + bodies(names).index(_BOARD)])]
+    return np.hstack(seen).astype(np.float32)
+
+
+def _vector(objects: Rows, names: tuple[str, ...], thing: str, axis: str) -> Rows:
+    column = names.index(f"{thing}_{axis}_axis_x")
+    return objects[:, column : column + 3].astype(np.float64)
+
+
+def _forwards(x: Rows, z: Rows) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Rotations (T, 3, 3) of two axes (T, 3), turned back by quarters about z, and these (T,)."""
+    quarters = np.round(np.arctan2(x[:, 1], x[:, 0]) / _QUARTER).astype(np.int64) % 4
+    axes = x, np.cross(z, x)
+    ahead = [np.choose(quarters, (axes[0].T, -axes[1].T, -axes[0].T, axes[1].T)).T]
+    return np.stack([*ahead, np.cross(z, ahead[0]), z], axis=-1), quarters
+
+
+def _maze(objects: Rows, names: tuple[str, ...], quarters: NDArray[np.int64]) -> Rows:
+    """Start, goal and walls of the maze (T, 4 + 2·5·5), in the frame of the turned board.
+
+    A point of the board is turned with it, so its cells and walls are numbered anew.
+    """
+    middle = (_MAZE_SIDE - 1) / 2
+    seen = np.zeros((len(objects), 4 + 2 * _MAZE_SIDE**2), np.float32)
+    for turn in range(4):
+        rows = np.flatnonzero(quarters == turn)
+        way = np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), turn)
+        for k, cell in enumerate(("start", "goal")):
+            column = names.index(f"{cell}_column")
+            seen[rows, 2 * k : 2 * k + 2] = (objects[rows, column : column + 2] - middle) @ way.T
+        for column, name in enumerate(names):
+            if not name.startswith("wall_"):
+                continue
+            _, kind, _, *cell = name.split("_")
+            shift = np.array([kind == "east", kind == "north"]) / 2
+            at = np.array(cell, dtype=float) + shift
+            x, y = way @ (at - middle) + middle
+            between = 0 if x % 1 else 1  # columns, or rows
+            place = int(between * _MAZE_SIDE**2 + math.floor(x) * _MAZE_SIDE + math.floor(y))
+            seen[rows, 4 + place] = objects[rows, column]
+    return seen

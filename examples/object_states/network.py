@@ -1,0 +1,315 @@
+"""A small network that learns where to go from where things are: chunks of tool poses.
+
+Of eleven moments of a chunk it says, for each tool, to which thing it belongs (a softmax over
+tools, objects and the table) and its pose in the frame of that thing: to go 2 cm above whatever
+cube is next is then the same number for every cube in every place. Trained with PyTorch, played
+with NumPy.
+
+    python network.py exports/bin_sort bin_sort.npz --episodes 50 --seed 0
+    CHECKPOINT=bin_sort.npz duobench eval --policy network:Network --tasks bin_sort --out runs/net
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from demonstrations import (
+    Demonstrations,
+    Grippers,
+    Rows,
+    action_mode,
+    openings,
+    to_actions,
+)
+from frames import Frames, features, frames
+from numpy.typing import NDArray
+
+from duobench.policy import PolicyMetadata
+from duobench.types import SIDES
+
+HORIZON, WIDTH, BLOCKS = 30, 256, 3
+KNOTS = (0, 3, 6, 9, 12, 15, 18, 21, 24, 27, 29)
+"""Steps of a chunk at which poses are said; between them they are interpolated."""
+POSE, VECTORS = 9, 3
+"""Numbers of a pose, as three vectors: a position and two axes of the tool."""
+FURTHEST, LEAST = 5.0, 1e-2
+"""Inputs are no further from their mean than so many standard deviations of at least so much."""
+NOISE = 5e-3
+"""Standard deviation of what is added to inputs in training (m, rad, and numbers without a unit):
+a policy strays by millimetres from what was shown, and its goals stay where they were."""
+METRES = 0.1
+"""Size of a position in the frame of a thing, in metres, that is a 1 for the network."""
+
+
+@dataclass(frozen=True)
+class Training:
+    """How long a network learns: until it no longer gets better on what it does not learn from."""
+
+    batch: int = 256
+    rate: float = 1e-3
+    warm_up: int = 100
+    held_out: int = 10
+    """Every n-th demonstration is not learned from."""
+    least: int = 30
+    """Passes over the demonstrations at least."""
+    most: int = 120
+    """And at most."""
+    every: int = 5
+    """Passes between two looks at the error on what is held out."""
+    better: float = 0.99
+    """It learns on while the least error falls to this share of the one before, in `patience`."""
+    patience: int = 15
+    """Passes."""
+    decay: int = 20
+    """Passes at the end, in which the learning rate falls to zero."""
+    device: str = "cpu"
+
+
+def train(
+    data: Demonstrations, out: Path, seed: int, how: Training | None = None
+) -> dict[str, Any]:
+    """Train one network with Adam on the mean absolute error, and write it to a file.
+
+    The action at the end of an episode is held, and counts, so that letting go is learned.
+
+    Returns:
+        What is told of it: passes over the demonstrations, steps, and the mean error on those held
+        out, in standard deviations of the labels.
+    """
+    import torch
+
+    how = how or Training()
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    learned, held = data.split(how.held_out)
+    scale = _scale(learned)
+    shown, test = (_Rows(part, scale, how.device) for part in (learned, held))
+    net = _module(shown.x.shape[1], shown.positions.shape[1], scale).to(how.device)
+    adam = torch.optim.AdamW(net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True)
+    noise = torch.from_numpy((NOISE / scale["x_scale"]).astype(np.float32)).to(how.device)
+    per_pass = math.ceil(len(shown.x) / how.batch)
+    steps = 0
+
+    def learn(passes: int, fall: bool = False) -> None:
+        nonlocal steps
+        for k in range(passes * per_pass):
+            left = 1 - k / (passes * per_pass) if fall else 1.0
+            for group in adam.param_groups:
+                group["lr"] = how.rate * min(1.0, (steps + 1) / how.warm_up) * left
+            rows = torch.randint(len(shown.x), (how.batch,), device=how.device)
+            x = shown.x[rows]
+            error = shown.error(net, rows, x + noise * torch.randn_like(x)).mean()
+            adam.zero_grad()
+            error.backward()
+            adam.step()
+            steps += 1
+
+    errors: list[float] = []
+    while not _is_over(errors, how):
+        learn(how.every)
+        errors.append(test.mean_error(net))
+    learn(how.decay, fall=True)
+    weights = {name: value.cpu().numpy() for name, value in net.state_dict().items()}
+    about = {"names": data.names, "openings": openings(data.labels)}
+    about |= {"mode": action_mode(data.labels)}
+    np.savez(out, about=json.dumps(about), **scale, **weights)
+    passes = len(errors) * how.every + how.decay
+    return {"passes": passes, "steps": steps, "held_out_error": round(test.mean_error(net), 4)}
+
+
+def _is_over(errors: list[float], how: Training) -> bool:
+    """Whether nothing was gained of late."""
+    passes, late = len(errors) * how.every, how.patience // how.every
+    if passes < how.least - how.decay:
+        return False
+    if passes >= how.most - how.decay:
+        return True
+    return min(errors[-late:]) > how.better * min(errors[:-late], default=math.inf)
+
+
+def _scale(data: Demonstrations) -> dict[str, Any]:
+    seen = features(data.state, data.objects, data.names)
+    scale = {"x_mean": seen.mean(0), "x_scale": seen.std(0) + LEAST}
+    return scale | {"y_mean": data.labels.mean(0), "y_scale": data.labels.std(0) + 1e-3}
+
+
+def _normal(seen: Rows, scale: Mapping[str, Any]) -> Rows:
+    return np.clip((seen - scale["x_mean"]) / scale["x_scale"], -FURTHEST, FURTHEST)
+
+
+def blend() -> Rows:
+    """How much of each knot is in each step of a chunk (30, 11)."""
+    return np.array([np.interp(range(HORIZON), KNOTS, row) for row in np.eye(len(KNOTS))]).T
+
+
+class _Rows:
+    """Demonstrations as tensors."""
+
+    def __init__(self, data: Demonstrations, scale: Mapping[str, Any], device: str) -> None:
+        import torch
+
+        here = frames(data.state, data.objects, data.names)
+        seen = _normal(features(data.state, data.objects, data.names), scale)
+        labels = (data.labels - scale["y_mean"]) / scale["y_scale"]
+        parts = (seen, here.positions, here.rotations, labels)
+        self.x, self.positions, self.rotations, self._labels = (
+            torch.from_numpy(np.asarray(part, dtype=np.float32)).to(device) for part in parts
+        )
+        self._chunks = torch.from_numpy(data.chunks(HORIZON)).to(device)
+
+    def error(self, net: Any, rows: Any, x: Any) -> Any:
+        """Mean absolute error of the chunks of some rows, each."""
+        told = net(x, self.positions[rows], self.rotations[rows])
+        return (told - self._labels[self._chunks[rows]]).abs().mean((1, 2))
+
+    def mean_error(self, net: Any) -> float:
+        """The same of all rows."""
+        import torch
+
+        with torch.no_grad():
+            parts = torch.arange(len(self.x), device=self.x.device).split(1024)
+            return float(torch.cat([self.error(net, rows, self.x[rows]) for rows in parts]).mean())
+
+
+def _module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
+    """The network, as PyTorch trains it."""
+    import torch
+    from torch import nn
+
+    class Block(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            self.norm, self.up = nn.LayerNorm(WIDTH), nn.Linear(WIDTH, WIDTH)
+            self.down = nn.Linear(WIDTH, WIDTH)
+
+        def forward(self, x: torch.Tensor) -> torch.Tensor:
+            return x + self.down(nn.functional.gelu(self.up(self.norm(x))))
+
+    class Net(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            parts = [nn.Linear(inputs, WIDTH), *(Block() for _ in range(BLOCKS))]
+            self.body = nn.Sequential(*parts, nn.LayerNorm(WIDTH))
+            moments = len(SIDES) * len(KNOTS)
+            self.shares = nn.Linear(WIDTH, moments * things)
+            self.poses = nn.Linear(WIDTH, moments * VECTORS * things * 3)
+            self.openings = nn.Linear(WIDTH, len(SIDES) * HORIZON)
+            nn.init.zeros_(self.poses.bias)
+            self.blend = torch.from_numpy(blend().astype(np.float32))
+            mean, size = (
+                torch.from_numpy(scale[key]).view(len(SIDES), 1, -1)
+                for key in ("y_mean", "y_scale")
+            )
+            self.mean, self.size = mean[..., :POSE], size[..., :POSE]
+
+        def _apply(self, fn: Any, *args: Any) -> Any:  # constants move with the network
+            for name in ("blend", "mean", "size"):
+                setattr(self, name, fn(getattr(self, name)))
+            return super()._apply(fn, *args)
+
+        def forward(self, x: Any, positions: Any, rotations: Any) -> Any:
+            """Normal labels (B, 30, 20)."""
+            seen, rows = self.body(x), len(x)
+            shares = self.shares(seen).view(rows, -1, things).softmax(-1)
+            near = self.poses(seen).view(rows, -1, VECTORS, things, 3) * shares[:, :, None, :, None]
+            back = rotations.transpose(2, 3).reshape(rows, things * 3, 3)
+            vectors = (near.view(rows, -1, things * 3) @ back).view(rows, -1, VECTORS, 3)
+            place = METRES * vectors[:, :, 0] + shares @ positions
+            poses = torch.cat([place, vectors[:, :, 1], vectors[:, :, 2]], -1)
+            poses = self.blend @ poses.view(rows, len(SIDES), len(KNOTS), POSE)
+            poses = (poses - self.mean) / self.size
+            opens = self.openings(seen).view(len(x), len(SIDES), HORIZON, 1)
+            return torch.cat([poses, opens], -1).transpose(1, 2).flatten(2)
+
+    return Net()
+
+
+class Network:
+    """Plays a trained network."""
+
+    def __init__(self) -> None:
+        """Read the file that the variable CHECKPOINT names."""
+        path = Path(os.environ["CHECKPOINT"])
+        self._net = dict(np.load(path))
+        about = json.loads(str(self._net["about"]))
+        self._names, self._openings = tuple(about["names"]), about["openings"]
+        self._grippers = Grippers(self._openings)
+        self._blend = blend()
+        self.metadata = PolicyMetadata(
+            name="frames of things",
+            cameras=(),
+            object_state=True,
+            action_mode=about["mode"],
+            horizon=HORIZON,
+            version=hashlib.sha256(path.read_bytes()).hexdigest()[:16],
+        )
+
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
+        """Begin an episode with open hands."""
+        self._grippers = Grippers(self._openings)
+
+    def act(self, observation: Mapping[str, Any]) -> Rows:
+        """The next chunk (30, 16)."""
+        state, objects = observation["agent_pos"][None], observation["environment_state"][None]
+        seen = _normal(features(state, objects, self._names), self._net)[0]
+        chunk = self.chunk(seen, frames(state, objects, self._names))
+        for label in chunk:
+            self._grippers.switch(label)
+        return to_actions(chunk)
+
+    def chunk(self, seen: Rows, here: Frames) -> Rows:
+        """Labels (30, 20) of the normal inputs (k,) and the frames of one state."""
+        x = self._linear(seen, "body.0")
+        for number in range(1, BLOCKS + 1):
+            inner = self._linear(self._norm(x, f"body.{number}.norm"), f"body.{number}.up")
+            x = x + self._linear(_gelu(inner), f"body.{number}.down")
+        x = self._norm(x, f"body.{BLOCKS + 1}")
+        moments, things = len(SIDES) * len(KNOTS), here.positions.shape[1]
+        shares = self._linear(x, "shares").reshape(moments, things)
+        shares = np.exp(shares - shares.max(-1, keepdims=True))
+        shares /= shares.sum(-1, keepdims=True)
+        near = self._linear(x, "poses").reshape(moments, VECTORS, things, 3)
+        vectors = np.einsum("mckj,mk,kij->mci", near, shares, here.rotations[0])
+        vectors[:, 0] = METRES * vectors[:, 0] + shares @ here.positions[0]
+        poses = self._blend @ vectors.reshape(len(SIDES), len(KNOTS), POSE)
+        size, mean = (
+            self._net[key].reshape(len(SIDES), 1, -1)[..., POSE:] for key in ("y_scale", "y_mean")
+        )
+        opens = self._linear(x, "openings").reshape(len(SIDES), HORIZON, 1) * size + mean
+        chunk = np.concatenate([poses, opens], axis=-1).swapaxes(0, 1)
+        return chunk.reshape(HORIZON, -1).astype(np.float32)
+
+    def _linear(self, x: Rows, name: str) -> Rows:
+        return x @ self._net[f"{name}.weight"].T + self._net[f"{name}.bias"]
+
+    def _norm(self, x: Rows, name: str) -> Rows:
+        x = (x - x.mean()) / np.sqrt(x.var() + 1e-5)
+        return x * self._net[f"{name}.weight"] + self._net[f"{name}.bias"]
+
+
+_erf = np.vectorize(math.erf)
+
+
+def _gelu(x: Rows) -> NDArray[np.floating]:
+    return x * (1 + _erf(x / math.sqrt(2)).astype(np.float32)) / 2
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("export", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--episodes", type=int)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--device", default="cpu")
+    asked = parser.parse_args()
+    demonstrations = Demonstrations.load(asked.export, asked.episodes)
+    print(train(demonstrations, asked.out, asked.seed, Training(device=asked.device)))

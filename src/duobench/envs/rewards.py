@@ -1,0 +1,23 @@
+"""What a control step pays: the forms of the reward, and the one place that computes them."""
+
+STAGE, PROGRESS = "stage", "progress"
+REWARDS = (STAGE, PROGRESS)
+"""Forms of the reward, by the names that `EnvConfig.reward` takes."""
+
+
+def reward_of(form: str, before: int, stage: int, last: int) -> float:
+    """The reward of one control step.
+
+    "stage" is that of the paper, stage / last stage in every step: who waits at a stage is paid
+    again and again, and who finishes is not, since the episode is over. "progress" is what the step
+    adds to stage / last stage, so that rewards sum up to the final one: at most 1, and finishing
+    returns more than waiting for every discount above 0. It is negative only where a stage falls:
+    never in simulation, on real arms where a person takes a stage back.
+
+    Args:
+        form: One of `REWARDS`.
+        before: The stage before the step, 0 to `last`.
+        stage: The stage after it.
+        last: Number of the task's last stage.
+    """
+    return (stage - before if form == PROGRESS else stage) / last
