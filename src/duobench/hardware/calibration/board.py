@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from duobench import files
 from duobench.backend import Image
-from duobench.errors import CalibrationError, OptionError
+from duobench.errors import CalibrationError
 from duobench.hardware.canonical import distorted
 from duobench.hardware.rig import CameraCalibration
 from duobench.machine import load_extra
@@ -56,10 +56,6 @@ class Board:
     paper: Paper = Paper.A4
     scale: float = 1.0
     """Size of the print as a multiple of what it should be."""
-
-    def __post_init__(self) -> None:
-        if not 1 - LARGEST_DEVIATION <= self.scale <= 1 + LARGEST_DEVIATION:
-            raise OptionError(f"A board's scale is about 1, got {self.scale}.")
 
     def measured(self, ruler_mm: float) -> Board:
         """The board as it was printed, with a ruler of that many mm by another ruler."""
