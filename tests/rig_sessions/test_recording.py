@@ -99,6 +99,17 @@ def fail(duo: FrankaDuo, text: str, kind: FaultKind = FaultKind.CONTACT) -> None
     duo.arms[Side.LEFT].fail(text, kind)  # type: ignore[attr-defined]
 
 
+def test_a_policy_that_reads_where_objects_are_is_refused_at_once(tmp_path: Path) -> None:
+    metadata, script = PolicyMetadata(name="sees", cameras=(), object_state=True), Script("")
+    source = PolicySource(metadata=metadata, bind=lambda _env: Sways(script))
+    with (
+        pytest.raises(OptionError, match="need a simulation"),
+        session(tmp_path, script, source),
+    ):
+        pass
+    assert script.asked == []
+
+
 def test_an_operator_records_what_a_policy_does(tmp_path: Path) -> None:
     script = Script("hpkhpdhpk", {4: "1", 6: "2", 8: "u", 12: "s"})
     with session(tmp_path, script, episodes=2) as recording:

@@ -259,15 +259,13 @@ class TrialsSession(RigSession):
     def _runner(
         self, candidate: Candidate, source: PolicySource, data: DataSet | None
     ) -> PolicyRunner:
-        config, metadata = candidate.config, source.metadata
+        metadata = source.metadata
         env = make_real_env(
             self.duo,
             self._plan.task.reference,
             judge=self.judge,
-            cameras=config.cameras,
-            image_size=config.image_size,
-            action_mode=config.action_mode,
-            horizon=config.horizon,
+            horizon=candidate.config.horizon,
+            **needed_options(metadata),
         )
         if data is not None:
             actor = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
