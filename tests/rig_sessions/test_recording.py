@@ -29,8 +29,10 @@ HORIZON = 24
 class Script:
     """An operator who answers in order, and presses keys at control steps of the episodes."""
 
-    def __init__(self, answers: str, presses: dict[int, str] | None = None) -> None:
-        self.answers = list(answers)
+    def __init__(
+        self, answers: str, presses: dict[int, str] | None = None, usual: str = "q"
+    ) -> None:
+        self.answers, self._usual = list(answers), usual
         self.presses = presses or {}
         self.said: list[str] = []
         self.asked: list[str] = []
@@ -41,7 +43,7 @@ class Script:
 
     def ask(self, text: str, keys: str) -> str:
         self.asked.append(text)
-        key = self.answers.pop(0) if self.answers else "q"
+        key = self.answers.pop(0) if self.answers else self._usual
         assert key in keys, f"{key} is no answer to: {text}"
         return key
 
