@@ -107,6 +107,10 @@ TRIGGERS: Mapping[str, Trigger] = {
     "shift: level": lambda: shift.Shift.parse("camera-9"),
     "transform: quaternion": lambda: SE3.from_wxyz((0, 0, 0, 0), (0, 0, 0)),
     "data: cameras of an export": lambda: ExportOptions(cameras=("haed",)),
+    "export: look misspelt": lambda: ExportOptions(look="random_per_episod"),
+    "export: part of a state that is not known": lambda: ExportOptions(
+        state=("tcp_poses",)  # pyright: ignore[reportArgumentType]
+    ),
     "rig: file that is not there": lambda: Rig.read(Path("nowhere.json")),
     "rig: file that is none": lambda: Rig.read(begun("rig.json")),
 }

@@ -84,7 +84,9 @@ def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
         seen += [np.einsum("tij,tki->tkj", back, ways).reshape(rows, -1)]
         turns = np.einsum("tij,tkil->tkjl", back, here.rotations[:, : len(SIDES)])[..., :2]
         seen += [turns.reshape(rows, -1)]
-    seen += [here.rotations[:, len(SIDES) : -1, :, 0].reshape(rows, -1)]
+    things = slice(len(SIDES), -1)
+    seen += [here.rotations[:, things, :, 0].reshape(rows, -1)]
+    seen += [np.eye(4)[here.quarters[:, things]].reshape(rows, -1)]
     if _BOARD in bodies(names) and "goal_row" in names:
         seen += [_maze(objects, names, here.quarters[:, 2 + bodies(names).index(_BOARD)])]
     return np.hstack(seen).astype(np.float32)

@@ -92,6 +92,15 @@ def instruction_number(task_id: str, seed: int, count: int, split: str = EVAL) -
     return _digest(_word("instruction", split), task_id, SUITE_VERSION, int(seed)) % count
 
 
+def look_number(task_id: str, seed: int | None, file: str, number: int) -> int:
+    """Seed (30 bits) of the random look of an exported episode.
+
+    It follows from the seed of its layout (None if it was given), the name of its file, and a
+    number that chooses among the looks of exports.
+    """
+    return _digest("export look", task_id, SUITE_VERSION, seed, file, number) % 2**30
+
+
 @dataclass(frozen=True, slots=True)
 class Uniform:
     """A number sampled uniformly from [low, high)."""

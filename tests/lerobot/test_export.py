@@ -1,6 +1,7 @@
 """LeRobot itself reads, merges and trains on what `duobench export lerobot` writes."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource
 from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.folder import ExportFolder
-from duobench.data.lerobot.options import ExportOptions
+from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.recorder import Recorder
 from duobench.data.recording import Recording
 from duobench.envs.action_labels import POSE_LABELS
@@ -149,3 +150,24 @@ def test_lerobot_merges_it_with_a_set_of_its_own_writer(exported: Path, tmp_path
         one, two = single[row], merged[row]
         for key in ("action", *(f"observation.images.{camera}" for camera in POLICY_CAMERAS)):
             np.testing.assert_array_equal(one[key], two[key])
+
+
+def test_the_older_format_becomes_the_newer_one_by_lerobots_own_converter(
+    data: DataSet, exported: Path, tmp_path: Path
+) -> None:
+    """It reads every file of v2.1, and what it makes of them is the newer export."""
+    options = ExportOptions(format=Format.V21)
+    export_lerobot(data, tmp_path / "set", options, workers=0)
+    module = "lerobot.scripts.convert_dataset_v21_to_v30"
+    words = ["--repo-id=local/set", f"--root={tmp_path / 'set'}", "--push-to-hub=false"]
+    run([sys.executable, "-m", module, *words])
+    converted, newer = load(tmp_path / "set"), load(exported)
+    assert (converted.num_episodes, converted.num_frames) == (len(LENGTHS), sum(LENGTHS))
+    for row in (0, LENGTHS[0] - 1, LENGTHS[0], sum(LENGTHS) - 1):
+        one, two = converted[row], newer[row]
+        assert one.keys() == two.keys()
+        for key, value in two.items():
+            np.testing.assert_array_equal(one[key], value, err_msg=key)
+    for kind in ("mean", "std", "min", "max"):
+        one, two = (each.meta.stats["action"][kind] for each in (converted, newer))
+        np.testing.assert_allclose(one, two, atol=1e-6)

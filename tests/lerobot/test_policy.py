@@ -16,6 +16,7 @@ from lerobot.policies import get_policy_class, make_pre_post_processors
 from duobench import policy
 from duobench.cli import main
 from duobench.envs.action_labels import POSE_LABELS
+from duobench.envs.state_labels import StatePart, names_of
 from duobench.errors import DuoBenchError
 from duobench.lerobot_keys import FEATURE_NAMES, LAST
 from duobench.policy.batch import Batching, SessionPolicy
@@ -252,6 +253,31 @@ def test_objects_are_seen_as_numbers_and_names_say_what_actions_are(tmp_path: Pa
     np.testing.assert_allclose(lengths, 1.0, atol=1e-6)
     with pytest.raises(DuoBenchError, match="learned another task"):
         played.act({**observation(0), "environment_state": objects[1:]})
+
+
+def test_tool_poses_are_shown_where_the_state_was_learned_with_them(tmp_path: Path) -> None:
+    features = checkpoints.features(cameras=())
+    names = names_of([StatePart.TCP_POSE])
+    features["input_features"] |= {
+        "observation.state": PolicyFeature(FeatureType.STATE, (len(names),)),
+        "observation.environment_state": PolicyFeature(FeatureType.ENV, (5,)),
+    }
+    folder = checkpoints.act(tmp_path / "act", **features)
+    with pytest.raises(DuoBenchError, match="tool poses may follow where"):
+        load(folder)
+    (folder / FEATURE_NAMES).write_text(json.dumps({"observation.state": names}))
+    made, seen = load(folder), {**observation(0), "environment_state": np.zeros(5, np.float32)}
+    prepared = made._before
+
+    def note(batch: dict[str, Any]) -> Any:
+        expected = np.concatenate([seen["agent_pos"], seen["tcp_pose"]])
+        np.testing.assert_array_equal(batch["observation.state"].numpy(), expected[None])
+        return prepared(batch)
+
+    made._before = note
+    chunk = np.asarray(begun(made).act(seen))
+    seen["tcp_pose"] = seen["tcp_pose"] + 0.1
+    assert not np.allclose(chunk, np.asarray(begun(made).act(seen)), atol=ROUNDING)
 
 
 def test_weights_can_run_in_other_numbers(folders: dict[str, Path]) -> None:

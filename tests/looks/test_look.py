@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from duobench.errors import OptionError, UnknownNameError
+from duobench.looks import effects
 from duobench.looks.catalog import LOOKS, as_look, look
 from duobench.looks.clutter import DEPTH, pieces
 from duobench.looks.colours import colour_name, shifted
@@ -20,6 +21,8 @@ from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.types import HEAD
 
+LARGEST_ROUNDING = 6.0
+"""Of a blur: weights are whole 256ths, an image is rounded twice, and the far tail is left out."""
 RANDOM = [f"random:{seed}" for seed in range(20)]
 
 
@@ -184,3 +187,17 @@ def test_looks_name_what_there_is() -> None:
     for one in map(look, [*LOOKS, *RANDOM]):
         Appearance(simulation.model, one)
         assert HEAD in one.cameras or not one.cameras
+
+
+@pytest.mark.parametrize("blur", [0.001, 0.003, 0.02, 0.05])
+def test_a_blur_is_a_gaussian_along_each_axis_whose_ends_go_on(blur: float) -> None:
+    image = np.random.default_rng(0).integers(0, 256, (96, 70, 3), dtype=np.uint8)
+    found = effects.apply(Look(blur=blur), image, 0.0, np.zeros(3), 0)
+    offsets = np.arange(-40, 41)
+    weights = np.exp(-0.5 * (offsets / (blur * len(image))) ** 2)
+    expected = image.astype(float)
+    for axis in range(2):
+        places = (np.arange(image.shape[axis]) + offsets[:, None]).clip(0, image.shape[axis] - 1)
+        moved = np.moveaxis(np.take(expected, places, axis=axis), axis, 0)
+        expected = np.tensordot(weights / weights.sum(), moved, axes=(0, 0))
+    assert np.abs(found - expected).max() < LARGEST_ROUNDING

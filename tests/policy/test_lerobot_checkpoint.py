@@ -1,9 +1,12 @@
+import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from duobench import policy
+from duobench.envs.state_labels import StatePart, names_of
 from duobench.errors import PolicyError, UnknownNameError
 from duobench.evaluation import policies
 from duobench.policy import lerobot_checkpoint as checkpoint
@@ -100,3 +103,30 @@ def test_without_lerobot_the_error_says_what_to_install(monkeypatch: pytest.Monk
     policies.PolicyChoice.parse("lerobot:runs/act")
     with pytest.raises(PolicyError, match=r"pip install '\.\[lerobot\]'"):
         policy.make("lerobot:runs/act")
+
+
+@pytest.mark.parametrize(
+    ("size", "names", "message"),
+    [
+        (30, None, "tool poses may follow where duobench_names.json"),
+        (30, names_of([StatePart.JOINT_VELOCITY]), "joint_velocity, which no environment shows"),
+        (44, names_of([*StatePart]), "joint_velocity, which no environment shows"),
+        (44, names_of([StatePart.TCP_POSE]), r"shape \(44,\)"),
+        (7, [f"joint_{number}" for number in range(7)], r"shape \(7,\)"),
+    ],
+)
+def test_a_state_that_no_environment_shows_is_refused(
+    folder: Path, size: int, names: list[str] | None, message: str
+) -> None:
+    if names is not None:
+        text = json.dumps({"observation.state": list(names)})
+        (folder / "duobench_names.json").write_text(text)
+    config = SimpleNamespace(robot_state_feature=SimpleNamespace(shape=(size,)))
+    with pytest.raises(PolicyError, match=message):
+        checkpoint.state_parts(folder, config)
+
+
+def test_sixteen_numbers_are_joints_and_openings_without_names(folder: Path) -> None:
+    for feature in (None, SimpleNamespace(shape=(16,))):
+        config = SimpleNamespace(robot_state_feature=feature)
+        assert checkpoint.state_parts(folder, config) == ()

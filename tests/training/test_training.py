@@ -2,12 +2,14 @@ import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from duobench.cli import main
 from duobench.envs.action_labels import POSE_LABELS
+from duobench.envs.state_labels import StatePart, names_of
 from duobench.errors import DataError, DuoBenchError, PolicyError, UnknownNameError
 from duobench.lerobot_keys import FEATURE_NAMES
 from duobench.policy import lerobot_checkpoint as checkpoint
@@ -299,6 +301,23 @@ POSES = {"shape": [16], "names": list(POSE_LABELS)}
 MOTORS = {"shape": [16], "names": {"motors": ["a", "b"]}}
 
 
+def state(*parts: StatePart, size: int | None = None) -> Change:
+    """An export whose state holds some parts, and perhaps says another size."""
+    names = list(names_of(parts))
+    return with_features(observation__state={"shape": [size or len(names)], "names": names})
+
+
+def test_a_state_with_tool_poses_is_learned_from_under_its_names(one_task: Path) -> None:
+    state(StatePart.TCP_POSE)(one_task)
+    planned = plan("act", one_task)
+    assert planned.names["observation.state"] == list(names_of([StatePart.TCP_POSE]))
+    planned.checkpoint.mkdir(parents=True)
+    planned.name_features()
+    shape = SimpleNamespace(shape=(30,))
+    config = SimpleNamespace(robot_state_feature=shape)
+    assert checkpoint.state_parts(planned.checkpoint, config) == (StatePart.TCP_POSE,)
+
+
 @pytest.mark.parametrize(
     ("change", "tasks", "message"),
     [
@@ -313,6 +332,9 @@ MOTORS = {"shape": [16], "names": {"motors": ["a", "b"]}}
         (with_features(action={"shape": [2], "names": ["x", "y"]}), "", "actions are x, y, which"),
         (with_features(observation__state={"shape": [7]}), "", r"state has shape \[7\]"),
         (with_features(observation__state=MOTORS), "", "observation.state is a, b; left_joint_1"),
+        (state(StatePart.JOINT_VELOCITY), "", "joint_velocity, which no environment shows"),
+        (state(*StatePart), "", "joint_velocity, which no environment shows; export without it"),
+        (state(StatePart.TCP_POSE, size=16), "", r"state has shape \[16\]; \[30\] is needed"),
         (with_features(observation__images__top={}), "", "no observation.images.top here"),
         (with_content("info.json", []), "", "it holds a list, no object"),
         (with_info(features=None), "", "shape None"),

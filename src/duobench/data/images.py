@@ -54,9 +54,13 @@ class ImageSource:
         self.simulation = Simulation(definition.props, definition.overview)
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
-        self._backend.set_look(as_look(look))
+        self.set_look(look)
         self._cameras, self._size = tuple(cameras), size
         self._layout: dict[str, Any] | None = None
+
+    def set_look(self, look: str | Look) -> None:
+        """Give images in another look from now on; nothing is compiled anew."""
+        self._backend.set_look(as_look(look))
 
     def show(self, recording: Recording, row: int) -> None:
         """Bring the simulation into the state of a row of a recording.

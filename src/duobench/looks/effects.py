@@ -42,13 +42,16 @@ def _blurred(image: Image, deviation: float) -> Image:
     """The image, convolved with a Gaussian of a standard deviation in pixels, along each axis."""
     weights = _weights(deviation)
     radius = len(weights) // 2
-    for _ in range(2):  # along the columns, then along the rows
-        padded = np.pad(image, ((radius, radius), (0, 0), (0, 0)), mode="edge").astype(np.uint16)
-        total = np.full(image.shape, _UNIT // 2, dtype=np.uint16)
+    for axis in range(2 if radius else 0):  # each row is a line along the axis, in memory too
+        rows = image.reshape(len(image) if axis else 1, image.shape[axis], -1)
+        ends = [np.repeat(rows[:, [end]], radius, axis=1) for end in (0, -1)]
+        padded = np.concatenate([ends[0], rows, ends[1]], axis=1).astype(np.uint16)
+        padded, step = padded.reshape(len(rows), -1), rows.shape[2]
+        total = np.full((len(rows), rows[0].size), _UNIT // 2, dtype=np.uint16)
         for number, weight in enumerate(weights):
-            total += padded[number:][: len(image)] * weight
-        image = (total >> _UNIT_BITS).astype(np.uint8).swapaxes(0, 1)
-    return np.ascontiguousarray(image)
+            total += padded[:, number * step :][:, : rows[0].size] * weight
+        image = (total >> _UNIT_BITS).astype(np.uint8).reshape(image.shape)
+    return image
 
 
 @lru_cache(maxsize=8)
@@ -58,7 +61,7 @@ def _weights(deviation: float) -> NDArray[np.uint16]:
     gauss = np.exp(-0.5 * (np.arange(-radius, radius + 1) / deviation) ** 2)
     weights = np.rint(_UNIT * gauss / gauss.sum()).astype(int)
     weights[radius] += _UNIT - weights.sum()
-    return weights.astype(np.uint16)
+    return weights[weights > 0].astype(np.uint16)
 
 
 @lru_cache(maxsize=8)

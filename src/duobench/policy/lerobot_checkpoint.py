@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-from duobench.envs import action_labels
+from duobench.envs import action_labels, state_labels
 from duobench.envs.action_labels import LABELS, ActionLabels
 from duobench.envs.action_modes import JOINT
+from duobench.envs.state_labels import StatePart
 from duobench.errors import PolicyError, check_known
 from duobench.files import digest_of
 from duobench.lerobot_keys import (
@@ -209,12 +210,30 @@ def _check_vectors(config: Any) -> None:
             f"The checkpoint also sees {', '.join(other)}; there are only {STATE}, {OBJECT_STATE} "
             "and images."
         )
+
+
+def state_parts(folder: Path, config: Any) -> tuple[StatePart, ...]:
+    """What a checkpoint's state holds behind joint positions and openings.
+
+    The names of its numbers say it, as those of its actions do; 16 numbers are joints and openings.
+    """
     state = config.robot_state_feature
-    if state is not None and tuple(state.shape) != (FLAT_SIZE,):
+    if state is None or tuple(state.shape) == (FLAT_SIZE,):
+        return ()
+    names = _names(folder, STATE)
+    parts = None if names is None else state_labels.find(names)
+    if parts is None or tuple(state.shape) != (len(state_labels.names_of(parts)),):
         raise PolicyError(
             f"The checkpoint's {STATE} has shape {tuple(state.shape)}, this benchmark's "
-            f"({FLAT_SIZE},): seven joints and the gripper of the left arm, then of the right one."
+            f"({FLAT_SIZE},): seven joints and the gripper of the left arm, then of the right one; "
+            f"tool poses may follow where {FEATURE_NAMES} or its data set names them."
         )
+    if hidden := [part for part in parts if part not in state_labels.SHOWN]:
+        raise PolicyError(
+            f"The checkpoint's {STATE} holds {', '.join(hidden)}, which no environment shows; "
+            f"train on an export with {', '.join(state_labels.SHOWN)} at most."
+        )
+    return parts
 
 
 def object_numbers(config: Any) -> int:
@@ -237,7 +256,7 @@ def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
     if mode is not None:
         check_known("action mode of an export", mode, LABELS)
         labels, source = LABELS[mode], f"mode {mode!r}"
-    elif (names := _names(folder)) is None:
+    elif (names := _names(folder, ACTION)) is None:
         if size == len(JOINT.names):
             return LABELS[JOINT.name]
         raise PolicyError(
@@ -261,11 +280,11 @@ def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
     return labels
 
 
-def _names(folder: Path) -> list[Any] | None:
+def _names(folder: Path, feature: str) -> list[Any] | None:
     if beside := read(folder / FEATURE_NAMES):
-        return beside.get(ACTION)
+        return beside.get(feature)
     dataset = read(folder / _TRAINING).get("dataset")
     root = dataset.get("root") if isinstance(dataset, Mapping) else None
     if not isinstance(root, str):
         return None
-    return feature_names(read(Path(root) / "meta/info.json"), ACTION)
+    return feature_names(read(Path(root) / "meta/info.json"), feature)

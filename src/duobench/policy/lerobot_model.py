@@ -21,6 +21,7 @@ from lerobot.utils.device_utils import (  # pyright: ignore[reportMissingImports
 from safetensors import safe_open  # pyright: ignore[reportMissingImports]
 from torch.overrides import TorchFunctionMode  # pyright: ignore[reportMissingImports]
 
+from duobench.envs.state_labels import shown
 from duobench.errors import PolicyError
 from duobench.lerobot_keys import DOMAINS, EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.policy import lerobot_checkpoint as checkpoint
@@ -32,6 +33,7 @@ from duobench.policy.lerobot_checkpoint import (
     inputs,
     labels_of,
     object_numbers,
+    state_parts,
 )
 from duobench.policy.policy import PolicyMetadata
 from duobench.tasks.object_state import ENVIRONMENT_STATE
@@ -99,6 +101,7 @@ class LeRobotPolicy:
             else nullcontext()
         )
         self._cameras, image_size = inputs(config, _rename_map(self._before))
+        self._state_parts = state_parts(folder, config)
         self._object_numbers = object_numbers(config)
         self._domain_key = getattr(config, "domain_feature_key", None)
         self._domain = DOMAINS.index(address.domain)
@@ -155,7 +158,7 @@ class LeRobotPolicy:
         """One call of the model: the actions (steps, n) that are executed of each chunk."""
         sessions, windows = zip(*pending, strict=True)
         batch: dict[str, Any] = {
-            STATE: self._stacked(windows, lambda one: np.asarray(one["agent_pos"], np.float32))
+            STATE: self._stacked(windows, lambda one: shown(one, self._state_parts))
         }
         if self._object_numbers:
             batch[OBJECT_STATE] = self._stacked(windows, self._objects)

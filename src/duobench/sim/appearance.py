@@ -196,14 +196,18 @@ class Appearance:
         self.textures.append(texels)
         return len(self.textures) - 1
 
+    def aim(self, scene: mujoco.MjvScene, camera: int) -> None:
+        """Move the lenses of a scene that the engine has just put where a camera is."""
+        if offset := self._cameras.get(camera):
+            for lens in scene.camera:
+                _move(lens, offset)
+
     def apply(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int) -> None:
         """Change a scene that the engine has just made, all but its shapes and where they are.
 
         Its geoms have room for the furniture, and the camera is the one that looks at it.
         """
-        if offset := self._cameras.get(camera):
-            for lens in scene.camera:
-                _move(lens, offset)
+        self.aim(scene, camera)
         if self.look.lights is not None:
             _light(scene, self.look.lights)
         if self.look.ambient is not None:

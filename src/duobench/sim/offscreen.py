@@ -120,7 +120,7 @@ class OffscreenRenderer:
             if len(self._offsets) > 1:
                 image = self._average(data, camera)
             else:
-                self._update(data, camera)
+                (self._turn_to if images else self._update)(data, camera)
                 self._render(new_shadows=not images)
                 image = self._pixels[::-1].copy()
             if self._appearance is not None:
@@ -180,6 +180,13 @@ class OffscreenRenderer:
                 geom.category = _DECOR  # which casts no shadow
         if self._appearance is not None:
             self._appearance.apply(self._scene, self._geoms, camera)
+
+    def _turn_to(self, data: mujoco.MjData, camera: int) -> None:
+        """Look from another camera at the state that the scene was made of."""
+        self._view.fixedcamid = camera
+        mujoco.mjv_updateCamera(self._model, data, self._view, self._scene)
+        if self._appearance is not None:
+            self._appearance.aim(self._scene, camera)
 
     def _render(self, *, new_shadows: bool = True) -> None:
         """Render the scene into the pixels, with shadows of its own or those of the last one."""

@@ -13,8 +13,9 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
-from duobench.envs import action_labels
+from duobench.envs import action_labels, state_labels
 from duobench.envs.spaces import JOINT_NAMES
+from duobench.envs.state_labels import StatePart
 from duobench.errors import DataError, NoObjectStatesError, OtherRunError, PolicyError, check_known
 from duobench.files import write
 from duobench.lerobot_keys import (
@@ -355,12 +356,25 @@ def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
         )
     else:
         yield from _wrong_shape(features, ACTION, len(labels.names))
-    yield from _wrong_shape(features, STATE, len(JOINT_NAMES))
-    if (names := feature_names(info, STATE)) not in (None, list(JOINT_NAMES)):
-        yield f"{STATE} is {', '.join(map(str, names))}; {', '.join(JOINT_NAMES)} are needed."
+    yield from _state_problems(features, feature_names(info, STATE))
     for key in features:
         if key.startswith("observation") and key not in _SEEN:
             yield f"There is no {key} here; a policy sees {', '.join(_SEEN)}."
+
+
+def _state_problems(features: Mapping[str, Any], names: list[Any] | None) -> Iterator[str]:
+    """What keeps a policy from seeing the state that it learned from."""
+    parts = state_labels.find(names or JOINT_NAMES)
+    if parts is None:
+        yield (
+            f"{STATE} is {', '.join(map(str, names or ()))}; {', '.join(JOINT_NAMES)} are needed, "
+            f"and tool poses may follow: {', '.join(StatePart.TCP_POSE.names)}."
+        )
+        return
+    yield from _wrong_shape(features, STATE, len(state_labels.names_of(parts)))
+    for part in parts:
+        if part not in state_labels.SHOWN:
+            yield f"{STATE} holds {part}, which no environment shows; export without it."
 
 
 _SEEN = (STATE, OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_CAMERAS))

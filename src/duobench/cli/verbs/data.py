@@ -202,7 +202,7 @@ def lerobot(
     per_task: bool = False,
     workers: int = 1,
 ) -> None:
-    """Export data sets to LeRobot's format v3.0; images are rendered from the recorded states.
+    """Export data sets to LeRobot's format; images are rendered from the recorded states.
 
     Images of real episodes are those that were recorded. The same command in the same folder goes
     on where it was stopped.

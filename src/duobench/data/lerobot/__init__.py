@@ -1,5 +1,5 @@
-"""Export to LeRobot's data set format v3.0, written here: it needs neither torch nor LeRobot.
+"""Export to LeRobot's data set formats v3.0 and v2.1, written here: without torch and LeRobot.
 
-The format is Parquet, MP4 and JSON. One Parquet file and one video a camera for each episode make
+The formats are Parquet, MP4 and JSON. One Parquet file and one video a camera for each episode make
 the export parallel, resumable and repairable episode by episode.
 """

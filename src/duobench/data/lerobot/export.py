@@ -34,7 +34,8 @@ from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError, SeveralTasksError, check_known
 from duobench.files import digest_of, encode, locked, replacing, write
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
-from duobench.randomness import SUITE_VERSION
+from duobench.looks.catalog import RANDOM
+from duobench.randomness import SUITE_VERSION, look_number
 from duobench.robot.cameras import describe_cameras
 from duobench.sim import rendering
 from duobench.tasks import catalog
@@ -68,7 +69,7 @@ def export_lerobot(
     progress: Progress = lambda _done, _total: None,
     view_of: ViewOf = plain_view,
 ) -> Exported:
-    """Export data sets to LeRobot's format v3.0; continues where it was stopped.
+    """Export data sets to LeRobot's format v3.0 or v2.1; continues where it was stopped.
 
     Images of simulated episodes are rendered from states, those of real ones read from their
     videos. The column `domain` says which row is from where.
@@ -104,7 +105,10 @@ def export_lerobot(
     if per_task and paths:
         tasks = sorted({path.parent.name for _, path in paths})
         parts = {out / task: [one for one in paths if one[1].parent.name == task] for task in tasks}
-    plans = {ExportFolder(folder): _plan(sources, part, options) for folder, part in parts.items()}
+    plans = {
+        ExportFolder(folder, options.format): _plan(sources, part, options)
+        for folder, part in parts.items()
+    }
     with ExitStack() as locks:
         for folder, export in plans.items():
             locks.enter_context(locked(folder.path))
@@ -154,6 +158,7 @@ def _plan(
                     instruction=recording.info.instruction,
                     data_set=number,
                     domain=recording.info.domain,
+                    look=_own_look(recording, path, options),
                 )
             )
     if not episodes:
@@ -172,6 +177,14 @@ def _plan(
         object_state_names=_object_state_names(tasks) if options.object_state else (),
         cameras=describe_cameras(),
     )
+
+
+def _own_look(recording: Recording, path: Path, options: ExportOptions) -> str | None:
+    """The look of an episode where each has its own; None where it has that of all, or videos."""
+    info, number = recording.info, options.look_numbers
+    if number is None or info.is_real or not options.cameras:
+        return None
+    return f"{RANDOM}{look_number(info.task, info.seed, path.name, number)}"
 
 
 def _object_state_names(tasks: Collection[str]) -> tuple[str, ...]:
@@ -245,7 +258,7 @@ def _exporter(
     """What exports one episode after the other; it keeps the model of a task."""
     options = next(iter(plans.values())).options
     source_of = lru_cache(maxsize=1)(
-        partial(ImageSource, cameras=options.cameras, size=options.size, look=options.look)
+        partial(ImageSource, cameras=options.cameras, size=options.size)
     )
 
     def export_one(job: _Job) -> _Job:
@@ -269,12 +282,14 @@ def _exporter(
                     )
                     images = ending.enter_context(closing(recorded)).images
                 else:
-                    images = partial(source_of(recording.info.task).images, recording)
+                    source = source_of(recording.info.task)
+                    source.set_look(episode.look or options.look)
+                    images = partial(source.images, recording)
                 write_videos(_frames(images, shown, counts), paths)
         if OBJECT_STATE in export.vectors:
             source = source_of(recording.info.task)
             columns[OBJECT_STATE] = np.array([source.objects(recording, row) for row in shown])
-        described = schema(export.vectors)
+        described = schema(export.vectors, options.format)
         arrays = [to_arrow(columns[name]) for name in described.names]
         write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=described)))
         noted = {camera: values.tolist() for camera, values in counts.items()}
@@ -316,8 +331,9 @@ def _rows(
     """The columns of an episode, one row an action."""
     length, offset = len(recording), export.options.pairing.offset
     number = np.arange(length)
+    seen = [recording.agent_pos, *(getattr(recording, part) for part in export.options.state)]
     return {
-        STATE: recording.agent_pos[offset : offset + length],
+        STATE: np.hstack(seen)[offset : offset + length],
         ACTION: actions.astype(np.float32),
         "next.reward": recording.reward.astype(np.float32),
         "next.done": number == length - 1,

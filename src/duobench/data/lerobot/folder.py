@@ -11,10 +11,10 @@ from typing import Any, Self
 
 import pyarrow as pa
 
-from duobench.data.lerobot.options import ExportOptions
+from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
+from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
-from duobench.envs.spaces import JOINT_NAMES
 from duobench.files import begin_or_continue, differences, read, remove_temporary
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.types import CONTROL_HZ
@@ -57,6 +57,8 @@ class SourceEpisode:
     data_set: int = 0
     """Which of the data sets it is from, in the order in which they were given."""
     domain: Domain = Domain.SIM
+    look: str | None = None
+    """Its look, where each rendered episode has its own; else that of the options."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -78,7 +80,10 @@ class Export:
     @property
     def vectors(self) -> dict[str, tuple[str, ...]]:
         """What the numbers are of each column that holds several in a row."""
-        vectors = {STATE: JOINT_NAMES, ACTION: LABELS[self.options.action].names}
+        vectors = {
+            STATE: state_labels.names_of(self.options.state),
+            ACTION: LABELS[self.options.action].names,
+        }
         objects = {OBJECT_STATE: self.object_state_names} if self.object_state_names else {}
         return vectors | objects
 
@@ -157,6 +162,7 @@ class ExportFolder:
     """Names in the folder of an export."""
 
     path: Path
+    format: Format = Format.V30
 
     @property
     def meta(self) -> Path:
@@ -169,11 +175,12 @@ class ExportFolder:
 
     def data(self, index: int) -> Path:
         """Numbers of an episode."""
-        return self.path / "data" / f"{_numbered(index)}.parquet"
+        return self.path / self.format.paths[0].format(**_numbers(index))
 
     def video(self, camera: str, index: int) -> Path:
         """Images of an episode."""
-        return self.path / "videos" / image_key(camera) / f"{_numbered(index)}.mp4"
+        key = image_key(camera)
+        return self.path / self.format.paths[1].format(video_key=key, **_numbers(index))
 
     def is_finished(self, index: int, cameras: Iterable[str]) -> bool:
         """Whether every file of an episode is there."""
@@ -193,14 +200,16 @@ class ExportFolder:
         return read(self.facts(index), EpisodeFacts, SCHEMA, advice=advice)
 
 
-def location(index: int) -> tuple[int, int]:
-    """Number of an episode's folder, and of its file in it."""
-    return divmod(index, CHUNK_SIZE)
+def _numbers(index: int) -> dict[str, int]:
+    """What the paths of an episode's files are made of, in every format."""
+    chunk, file = divmod(index, CHUNK_SIZE)
+    named = {"chunk_index": chunk, "file_index": file}
+    return named | {"episode_chunk": chunk, "episode_index": index}
 
 
-def _numbered(index: int) -> str:
-    chunk, file = location(index)
-    return f"chunk-{chunk:03d}/file-{file:03d}"
+def as_json(document: object) -> str:
+    """The text of a file in `meta`, as LeRobot writes it."""
+    return json.dumps(document, indent=4, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def columns(vectors: Vectors) -> tuple[str, ...]:
@@ -256,13 +265,17 @@ def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
     }
 
 
-def schema(vectors: Vectors) -> pa.Schema:
-    """The Arrow schema of the Parquet files, with the types that Hugging Face reads."""
+def schema(vectors: Vectors, version: Format = Format.V30) -> pa.Schema:
+    """The Arrow schema of the Parquet files, with the types that Hugging Face reads.
+
+    Those who read v2.1 have `datasets` 3 or older, which know no type `List`.
+    """
+    row = "Sequence" if version is Format.V21 else "List"
     fields = [pa.field(name, pa.list_(pa.float32(), len(n))) for name, n in vectors.items()]
     fields += [pa.field(name, pa.from_numpy_dtype(dtype)) for name, dtype in _SCALARS.items()]
     number = {"dtype": "float32", "_type": "Value"}
     types: dict[str, Any] = {
-        name: {"feature": number, "length": len(names), "_type": "List"}
+        name: {"feature": number, "length": len(names), "_type": row}
         for name, names in vectors.items()
     }
     types |= {name: {"dtype": dtype, "_type": "Value"} for name, dtype in _SCALARS.items()}

@@ -14,23 +14,24 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from duobench.backend import Image
+from duobench.data.lerobot import v21
 from duobench.data.lerobot.folder import (
     CHUNK_SIZE,
     FPS,
     Export,
     ExportFolder,
     Residual,
+    as_json,
     columns,
     describe,
     image_key,
-    location,
 )
+from duobench.data.lerobot.options import Format
 from duobench.data.recording import to_bytes, to_numpy
 from duobench.errors import DataError
 from duobench.files import write
 from duobench.types import CONTROL_HZ, Array
 
-FORMAT = "v3.0"
 ROBOT = "franka_fr3_duo"
 DATA_MB, VIDEO_MB = 100, 200
 """Sizes at which LeRobot's own writer begins another file; ours has one an episode."""
@@ -55,7 +56,7 @@ def finish(folder: ExportFolder, export: Export) -> list[Residual]:
     read: list[dict[str, NDArray[Any]]] = []
     counts = {camera: no_counts() for camera in cameras}
     residuals: list[Residual] = []
-    episodes = []
+    numbers: list[_Lists] = []
     for index, source in enumerate(export.episodes):
         facts = folder.read_facts(index)
         read.append(_read(folder, index, source.length, names))
@@ -64,13 +65,18 @@ def finish(folder: ExportFolder, export: Export) -> list[Residual]:
             counts[camera] += values
         if facts.residual is not None:
             residuals.append(facts.residual)
-        episodes.append(_episode(export, index, _statistics(read[-1], of_images)))
-    whole = {name: np.concatenate([each[name] for each in read]) for name in names}
-    write(folder.meta / "stats.json", _json(_statistics(whole, counts)))
-    write(folder.meta / "tasks.parquet", to_bytes(_tasks(export.tasks)))
-    table = pa.Table.from_pylist(episodes)
-    write(folder.meta / "episodes/chunk-000/file-000.parquet", to_bytes(table))
-    write(folder.meta / "info.json", _json(_info(export)))  # last: it says that all is there
+        numbers.append(_statistics(read[-1], of_images))
+    rows = {name: np.concatenate([each[name] for each in read]) for name in names}
+    whole = _statistics(rows, counts)
+    if folder.format is Format.V21:
+        for name, text in v21.files(export, whole, numbers).items():
+            write(folder.path / name, text)
+    else:
+        write(folder.meta / "stats.json", as_json(whole))
+        write(folder.meta / "tasks.parquet", to_bytes(_tasks(export.tasks)))
+        table = pa.Table.from_pylist([_episode(export, *each) for each in enumerate(numbers)])
+        write(folder.meta / "episodes/chunk-000/file-000.parquet", to_bytes(table))
+    write(folder.meta / "info.json", as_json(_info(export)))  # last: it says that all is there
     return residuals
 
 
@@ -99,7 +105,7 @@ def _statistics(rows: Mapping[str, NDArray[Any]], counts: Mapping[str, Counts]) 
 
 def _episode(export: Export, index: int, numbers: _Lists) -> dict[str, Any]:
     """Where an episode is, and its statistics, as a row of the table of episodes."""
-    source, (chunk, file) = export.episodes[index], location(index)
+    source, (chunk, file) = export.episodes[index], divmod(index, CHUNK_SIZE)
     first = export.first_row(index)
     row: dict[str, Any] = {
         "episode_index": index,
@@ -147,26 +153,25 @@ def _tasks(instructions: list[str]) -> pa.Table:
 
 def _info(export: Export) -> dict[str, Any]:
     episodes, options = len(export.episodes), export.options
-    place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+    about = {"data_files_size_in_mb": DATA_MB, "video_files_size_in_mb": VIDEO_MB}
+    if options.format is Format.V21:
+        chunks = -(-episodes // CHUNK_SIZE)
+        about = {"total_videos": episodes * len(options.cameras), "total_chunks": chunks}
+    data_path, video_path = options.format.paths
     return {
-        "codebase_version": FORMAT,
+        "codebase_version": options.format,
         "fps": FPS,
         "features": describe(export.vectors, options.cameras, options.size),
         "total_episodes": episodes,
         "total_frames": export.frames,
         "total_tasks": len(export.tasks),
         "chunks_size": CHUNK_SIZE,
-        "data_files_size_in_mb": DATA_MB,
-        "video_files_size_in_mb": VIDEO_MB,
-        "data_path": f"data/{place}.parquet",
-        "video_path": f"videos/{{video_key}}/{place}.mp4" if options.cameras else None,
+        **about,
+        "data_path": data_path,
+        "video_path": video_path if options.cameras else None,
         "robot_type": ROBOT,
         "splits": {"train": f"0:{episodes}"},
     }
-
-
-def _json(document: object) -> str:
-    return json.dumps(document, indent=4, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def of_rows(rows: NDArray[Any]) -> Statistics:

@@ -7,10 +7,33 @@ from duobench.data.schema import Domain
 from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE
+from duobench.envs.state_labels import StatePart
 from duobench.errors import DataError, check_known
-from duobench.looks.catalog import DEFAULT, as_look
+from duobench.looks import catalog as looks
+from duobench.looks.catalog import DEFAULT, RANDOM, as_look
 from duobench.robot.cameras import check_image_size
 from duobench.types import POLICY_CAMERAS
+
+PER_EPISODE = "random_per_episode"
+"""A random look for each episode, another one each; `:SEED` may follow."""
+
+
+class Format(StrEnum):
+    """LeRobot's data set format, by its version."""
+
+    V30 = "v3.0"
+    """What LeRobot reads since 0.4."""
+    V21 = "v2.1"
+    """What LeRobot 0.3, openpi and Isaac-GR00T read."""
+
+    @property
+    def paths(self) -> tuple[str, str]:
+        """Where the numbers and the images of an episode are, as `meta/info.json` says it."""
+        if self is Format.V30:
+            place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+            return f"data/{place}.parquet", f"videos/{{video_key}}/{place}.mp4"
+        chunk, file = "chunk-{episode_chunk:03d}", "episode_{episode_index:06d}"
+        return f"data/{chunk}/{file}.parquet", f"videos/{chunk}/{{video_key}}/{file}.mp4"
 
 
 class Pairing(StrEnum):
@@ -52,7 +75,11 @@ class ExportOptions:
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers."""
     look: str = DEFAULT
-    """How rendered images look, such as wood_table or random:7; see docs/looks.md."""
+    """How rendered images look, such as wood_table or random:7; see docs/looks.md. In
+    random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
+    others."""
+    format: Format = Format.V30
+    """Version of LeRobot's format: v3.0, or v2.1 with what openpi and Isaac-GR00T want beside."""
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
     action: str = JOINT.name
@@ -61,6 +88,9 @@ class ExportOptions:
     action_source: ActionSource = ActionSource.INTENDED
     """Which recorded numbers they are made of: what the actor wanted (intended; where it acted in
     something else, what was sent), what was sent, or what was given, brought to joint targets."""
+    state: tuple[StatePart, ...] = ()
+    """What the state holds behind joint positions and openings: tool poses (tcp_pose), joint
+    velocities (joint_velocity), or both."""
     object_state: bool = False
     """Export where the objects are too, as numbers that no camera sees."""
     only_successes: bool = False
@@ -71,13 +101,27 @@ class ExportOptions:
     def __post_init__(self) -> None:
         if self.cameras == ("none",):
             object.__setattr__(self, "cameras", ())
+        check_known("format", self.format, [each.value for each in Format])
+        object.__setattr__(self, "format", Format(self.format))
+        for part in self.state:
+            check_known("part of a state", part, [each.value for each in StatePart])
+        object.__setattr__(self, "state", tuple(part for part in StatePart if part in self.state))
         for camera in self.cameras:
             check_known("camera", camera, POLICY_CAMERAS)
         check_known("action mode of an export", self.action, LABELS)
         check_image_size(*self.size)
-        as_look(self.look)
+        name, colon, seed = self.look.partition(":")
+        if f"{name}:" != RANDOM:
+            check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
+        as_look(f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look)
         if any(pixels % 2 for pixels in self.size):
             raise DataError(
                 "Height and width of images in a video are even numbers, got "
                 f"{self.size[0]}x{self.size[1]}."
             )
+
+    @property
+    def look_numbers(self) -> int | None:
+        """Seed of the looks where each episode has its own; None where all have one."""
+        name, _, seed = self.look.partition(":")
+        return int(seed or 0) if name == PER_EPISODE else None
