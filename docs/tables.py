@@ -6,6 +6,8 @@ Part of `make docs`. A place for it in a page is `<!-- NAME: written by make doc
 
 import math
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -34,6 +36,7 @@ from duobench.tasks.task import Task
 from duobench.types import POLICY_CAMERAS, SIDES
 
 DOCS = Path(__file__).parent
+BASELINES = DOCS.parent / "examples" / "object_states"
 PLACE = re.compile(
     r"(<!-- (?P<name>[\w ]+): written by make docs -->\n)(?P<now>.*?)(<!-- end of (?P=name) -->\n)",
     flags=re.DOTALL,
@@ -230,6 +233,18 @@ def _print_of(solid: Solid) -> tuple[str, str, str]:
     return str(len(pieces)), size, f"{1000 * mass_properties(solid).mass:.0f}"
 
 
+def learned(*words: str) -> Callable[[], str]:
+    """What the baselines on object states reached, as their own program prints it."""
+
+    def printed() -> str:
+        command = [sys.executable, "table.py", *words]
+        return subprocess.run(
+            command, cwd=BASELINES, check=True, capture_output=True, text=True
+        ).stdout
+
+    return printed
+
+
 Places = Mapping[str, Callable[[], str]]
 TABLES: Mapping[Path, Places] = {
     DOCS / "environments.md": {"tasks": tasks},
@@ -247,6 +262,11 @@ TABLES: Mapping[Path, Places] = {
         "SHIFT_LABELS": names(action_labels.SHIFT_LABELS),
     },
     DOCS / "evaluation.md": {"suites": suites},
+    DOCS / "baselines.md": {
+        "learned from 50": learned("--print"),
+        "failures with 50": learned("--failures"),
+    },
+    DOCS / "results.md": {"learned from object states": learned("--print")},
     DOCS / "serving.md": {"modes": serving_modes},
     DOCS / "robustness.md": {"lowered": lowered},
     DOCS / "printing.md": {"prints": prints},

@@ -20,7 +20,7 @@ FLOORS = (
     ("errors",),
     (
         *("types", "randomness", "files", "machine", "references", "versions", "pages"),
-        *("lerobot_keys", "serving_thread", "sheets"),
+        *("lerobot_keys", "serving_thread", "settings", "sheets"),
     ),
     ("spatial", "backend", "video"),
     ("robot",),

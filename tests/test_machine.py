@@ -1,5 +1,7 @@
 """What pages and messages tell people to install, they get: this package, and no other."""
 
+import ast
+import json
 import re
 import sys
 import tomllib
@@ -8,7 +10,8 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from duobench.machine import DISTRIBUTION, OPENGL_PACKAGES, SOURCE, install_extra
+from duobench.errors import BackendError
+from duobench.machine import DISTRIBUTION, OPENGL_PACKAGES, SOURCE, install_extra, load_extra
 from tests.children import ran
 from tests.test_repository import ROOT, tracked
 
@@ -73,6 +76,23 @@ def test_messages_name_extras_that_exist() -> None:
     assert project["name"] == DISTRIBUTION
     assert "lerobot" in project["optional-dependencies"]
     assert f"pip install '{SOURCE}[lerobot]'" in install_extra("lerobot")
+
+
+def test_a_missing_package_is_told_with_an_extra_that_exists() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    named = [
+        call.args[1].value
+        for path in (ROOT / "src").rglob("*.py")
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "load_extra"
+        if isinstance(call.args[1], ast.Constant)
+    ]
+    assert len(named) >= 7
+    assert set(named) <= extras["optional-dependencies"].keys()
+    assert load_extra("json", "hardware", "Nothing", BackendError) is json
+    told = r"^Arms need it \(No module named 'absent_\w+'\)\. Install it .*\[hardware\]'$"
+    with pytest.raises(BackendError, match=told):
+        load_extra("absent_package", "hardware", "Arms need it", BackendError)
 
 
 def test_extra_that_this_python_cannot_have_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

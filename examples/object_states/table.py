@@ -3,7 +3,8 @@
     python table.py exports --out runs --demonstrations 50 --seeds 3 --workers 2
 
 Each network that was played leaves a small file in `results/`; what is there is not done again, so
-the same command goes on where it was stopped. `--print` prints the table of what is there.
+the same command goes on where it was stopped. `--print` prints the table of what is there, and
+`--failures` what did not hold at the end of episodes that failed.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ import argparse
 import hashlib
 import json
 import os
+import re
 import resource
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -30,6 +33,9 @@ from duobench.runners import evaluate
 from duobench.tasks import catalog
 
 RESULTS = Path(__file__).with_name("results")
+TOLD = 3
+"""Sentences of what did not hold that are told of a stage, the most frequent ones."""
+_NUMBERS = re.compile(r"-?\d+(?:\.\d+)?(?: to -?\d+(?:\.\d+)?)?")
 
 
 def setting(asked: argparse.Namespace) -> str:
@@ -120,6 +126,27 @@ def table(results: Path, name: str) -> Iterator[str]:
     yield f"| mean of {len(means)} | {100 * np.mean(means):.1f} | | | | |"
 
 
+def failures(results: Path, name: str) -> Iterator[str]:
+    """Rows in Markdown: how many failed episodes a stage ended, and what of the next did not hold.
+
+    Counted over all seeds, from what the records say was unmet; numbers in it are left out.
+    """
+    yield "| task | failed | last stage | what did not hold of the next one |"
+    yield "| --- | ---: | --- | --- |"
+    for task, seeds in read(results, name).items():
+        failed = sum(one["episodes"] - one["successes"] for one in seeds)
+        stages = sorted({stage for one in seeds for stage in one["unmet"]}, key=int)
+        for nth, stage in enumerate(stages):
+            unmet: Counter[str] = Counter()
+            for one in seeds:
+                for text, count in one["unmet"].get(stage, {}).items():
+                    unmet[_NUMBERS.sub("…", text)] += count
+            count = sum(one["last_stages"][int(stage)] for one in seeds)
+            begin = f"`{task}` | {failed}" if nth == 0 else " | "
+            told = "; ".join(f"{text} ({n})" for text, n in unmet.most_common(TOLD))
+            yield f"| {begin} | {stage} ({count}) | {told} |"
+
+
 def interval(rates: Sequence[float], episodes: int) -> tuple[float, float]:
     """Wilson's interval of 95 % for the mean rate of networks that play the same episodes.
 
@@ -156,9 +183,11 @@ if __name__ == "__main__":
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--device", default="cpu", help="what PyTorch trains on")
     parser.add_argument("--print", action="store_true", help="only print what is there")
+    parser.add_argument("--failures", action="store_true", help="print what failed instead")
     given = parser.parse_args()
-    if not given.print:
+    if not (given.print or given.failures):
         if given.export is None:
             parser.error("the folder of an export is missing")
         run(given)
-    print("\n".join(table(given.results, setting(given))))
+    told = failures if given.failures else table
+    print("\n".join(told(given.results, setting(given))))

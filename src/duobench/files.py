@@ -5,11 +5,14 @@ from __future__ import annotations
 import errno
 import fcntl
 import hashlib
+import io
 import json
 import math
 import os
 import re
+import stat
 import time
+import zipfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
@@ -42,6 +45,7 @@ CHECKSUM = "sha256"
 TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; what still has it after a crash is rubbish."""
 
+_ZIP_DATE, _ZIP_UNIX, _ZIP_MODE = (1980, 1, 1, 0, 0, 0), 3, stat.S_IFREG | 0o644
 _LOCK_TURN_S = 0.05
 """Seconds from one look at a lock that another process holds to the next."""
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
@@ -184,6 +188,20 @@ def remove_abandoned(folder: Path, suffix: str) -> None:
                 os.kill(int(path.suffixes[-2][1:]), 0)
             except ProcessLookupError:
                 remove(path)
+
+
+def zipped(parts: Mapping[str, bytes], method: int = zipfile.ZIP_STORED) -> bytes:
+    """Parts by their names as a ZIP archive; the same parts always give the same bytes.
+
+    What `zipfile.ZIP_DEFLATED` gives depends on the version of zlib as well.
+    """
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, content in parts.items():
+            entry = zipfile.ZipInfo(name, _ZIP_DATE)
+            entry.create_system, entry.external_attr = _ZIP_UNIX, _ZIP_MODE << 16
+            archive.writestr(entry, content, method, compresslevel=9)
+    return file.getvalue()
 
 
 def digest_of(path: Path) -> str:

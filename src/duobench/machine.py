@@ -10,6 +10,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from duobench.errors import DuoBenchError
 
 DISTRIBUTION = "duobench-fr3"
 """What pip calls this package once it is installed; no index knows the name yet."""
@@ -35,6 +39,14 @@ def install_extra(extra: str) -> str:
             f"or newer; there,{WHERE}: {command}"
         )
     return f"Install it{WHERE}: {command}"
+
+
+def load_extra(module: str, extra: str, needed: str, error: type[DuoBenchError]) -> Any:
+    """A module of an extra; where it is missing, an error that says what it is needed for."""
+    try:
+        return import_module(module)
+    except ImportError as missing:
+        raise error(f"{needed} ({missing}). {install_extra(extra)}") from missing
 
 
 def is_software_renderer(renderer: str) -> bool:

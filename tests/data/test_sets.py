@@ -23,11 +23,7 @@ from duobench.files import locked
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS
 from tests.data.conftest import EPISODES, LENGTHS
-from tests.data.real.number_duo import (
-    numbers_in,
-    play_real,
-    real_recorder,
-)
+from tests.data.real.number_duo import numbers_in, play_real, real_recorder
 from tests.data.tools import HORIZON, TASK, ended, recorded
 
 

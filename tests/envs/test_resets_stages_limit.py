@@ -13,13 +13,7 @@ import pytest
 from duobench.envs import RandomizedReset, TaskStages, TimeLimit
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.sim_env import SimEnv
-from duobench.errors import (
-    ActionError,
-    DuoBenchError,
-    LayoutError,
-    OptionError,
-    UnknownNameError,
-)
+from duobench.errors import ActionError, DuoBenchError, LayoutError, OptionError, UnknownNameError
 from duobench.sim import placement
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3

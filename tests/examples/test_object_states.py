@@ -4,6 +4,8 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import duobench
 from duobench.data import DataSet, Recording
 from duobench.evaluation.rollout import rollout
 from duobench.results.folder import RunFolder
+from duobench.results.scores import wilson_interval
 from tests.docs.markdown import ROOT
 
 EXAMPLES = ROOT / "examples" / "object_states"
@@ -57,7 +60,7 @@ def test_nearest_state_does_again_what_was_shown(exports: Path) -> None:
 
 @pytest.mark.usefixtures("example")
 def test_nearest_state_is_evaluated_as_a_privileged_policy(exports: Path) -> None:
-    for name in ("nearest.py", "demonstrations.py"):
+    for name in ("nearest.py", "demonstrations.py", "frames.py"):
         (exports / name).write_text((EXAMPLES / name).read_text())
     words = ("--policy", "nearest:Nearest", "--tasks", TASK, "--episodes", "1", "--workers", "1")
     shown = run("eval", *words, "--out", "runs", folder=exports)
@@ -122,25 +125,159 @@ def test_joint_labels_are_played_as_they_are(exports: Path) -> None:
     assert np.array_equal(to_actions(data.labels), np.float32(recording.action))
 
 
+NAMES = tuple(
+    duobench.make("ball_maze", cameras=False, object_state=True).get_wrapper_attr(
+        "object_state_names"
+    )
+)
+MIDDLE = 2.0
+"""Column and row of the cell in the middle of a maze."""
+
+
+def board(quarters: int, walls: dict[tuple[float, float], int], goal: np.ndarray) -> np.ndarray:
+    """Object states (1, n) of a maze on a board that is turned by quarters.
+
+    Args:
+        quarters: Turns of the board by 90 degrees.
+        walls: Whether a wall is at a place of the table's frame, in cells from the middle.
+        goal: Cell of the goal (2,) there.
+    """
+    back = np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarters)
+    x = np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), quarters) @ (1, 0)
+    told = dict.fromkeys(NAMES, 0.0)
+    told |= {"board_x_axis_x": x[0], "board_x_axis_y": x[1], "board_z_axis_z": 1.0}
+    column, row = back @ goal + MIDDLE
+    told |= {"goal_column": column, "goal_row": row, "start_column": MIDDLE, "start_row": MIDDLE}
+    for place, is_there in walls.items():
+        column, row = back @ place + MIDDLE
+        kind = "east" if column % 1 else "north"
+        told[f"wall_{kind}_of_{int(column)}_{int(row)}"] = is_there
+    return np.array([[told[name] for name in NAMES]], dtype=np.float32)
+
+
+@pytest.mark.usefixtures("example")
+def test_a_maze_looks_the_same_on_a_board_turned_by_quarters() -> None:
+    from frames import features, frames  # pyright: ignore[reportMissingImports]
+
+    rng = np.random.default_rng(0)
+    between = [(x + 0.5, y) for x in range(-2, 2) for y in range(-2, 3)]
+    walls = {place: int(rng.random() < 0.5) for x, y in between for place in ((x, y), (y, x))}
+    state = np.zeros((1, 16), np.float32)
+    seen = []
+    for quarters in range(4):
+        objects = board(quarters, walls, np.array([2, -1]))
+        here = frames(state, objects, NAMES)
+        assert here.quarters[0].tolist() == [0, 0, quarters, 0, 0]
+        assert np.allclose(here.rotations[0, 2], np.eye(3), atol=1e-6)
+        seen.append(features(state, objects, NAMES)[0, -54:])
+    assert seen[0].sum() > 10
+    assert all(np.array_equal(one, seen[0]) for one in seen)
+
+
+@pytest.mark.usefixtures("example")
+def test_frames_of_objects_point_forwards_and_are_turned_about_their_own_axis() -> None:
+    from frames import bodies, frames  # pyright: ignore[reportMissingImports]
+
+    env = duobench.make("bin_sort", cameras=False, object_state=True)
+    names = tuple(env.get_wrapper_attr("object_state_names"))
+    seen = [env.reset(seed=seed)[0] for seed in range(20)]
+    state, objects = (np.stack([o[k] for o in seen]) for k in ("agent_pos", "environment_state"))
+    here = frames(state, objects, names)
+    for number, thing in enumerate(bodies(names), 2):
+        column = names.index(f"{thing}_x_axis_x")
+        yaws = np.arctan2(here.rotations[:, number, 1, 0], here.rotations[:, number, 0, 0])
+        assert np.abs(yaws).max() <= np.pi / 4 + 1e-6
+        turned = np.arctan2(objects[:, column + 1], objects[:, column]) - yaws
+        quarters = here.quarters[:, number]
+        assert np.allclose(np.exp(1j * turned), 1j**quarters, atol=1e-5)
+    tools = np.stack([o["tcp_pose"].reshape(2, 7)[:, :3] for o in seen])
+    assert np.allclose(here.positions[:, :2], tools, atol=1e-5)
+
+
+def brief(passes: int) -> Any:
+    import network  # pyright: ignore[reportMissingImports]
+
+    return network.Training(held_out=2, least=passes, most=passes, every=1, decay=1, batch=64)
+
+
 @pytest.mark.usefixtures("example")
 def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
-    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
-    import mlp  # pyright: ignore[reportMissingImports]
+    torch = pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import network  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from frames import features, frames  # pyright: ignore[reportMissingImports]
 
     data = Demonstrations.load(exports / TASK)
-    errors = [
-        mlp.train(data, tmp_path / f"{steps}.npz", seed=0, steps=steps) for steps in (20, 300)
-    ]
-    assert errors[1] < errors[0] / 2
-    mlp.train(data, tmp_path / "again.npz", seed=0, steps=20)
-    one, other = (dict(np.load(tmp_path / f"{name}.npz")) for name in ("20", "again"))
+    told = [network.train(data, tmp_path / f"{n}.npz", 0, brief(n)) for n in (2, 40)]
+    assert told[1]["held_out_error"] < told[0]["held_out_error"] / 2
+    assert told[1]["passes"] == 40
+    network.train(data, tmp_path / "again.npz", 0, brief(2))
+    one, other = (dict(np.load(tmp_path / f"{name}.npz")) for name in ("2", "again"))
     assert all(np.array_equal(one[name], other[name]) for name in one)
-    pytest.MonkeyPatch().setenv("CHECKPOINT", str(tmp_path / "300.npz"))
-    policy = mlp.MLP()
+    pytest.MonkeyPatch().setenv("CHECKPOINT", str(tmp_path / "40.npz"))
+    policy = network.Network()
     policy.reset("", 0)
     env = duobench.make(TASK, cameras=False, object_state=True, action_mode="cartesian")
     chunk = policy.act(env.reset(seed=0)[0])
     assert chunk.shape == (30, 16)
     shown = np.float32(policy._openings[0] + policy._openings[1])
     assert set(np.unique(chunk[:, [7, 15]])) <= set(shown)
+
+    rows = network._Rows(data, policy._net, "cpu")  # NumPy plays what PyTorch trained
+    module = network._module(rows.x.shape[1], rows.positions.shape[1], policy._net)
+    module.load_state_dict({k: torch.tensor(v) for k, v in policy._net.items() if "." in k})
+    with torch.no_grad():
+        expected = module(rows.x[:1], rows.positions[:1], rows.rotations[:1]).numpy()
+    expected = expected * policy._net["y_scale"] + policy._net["y_mean"]
+    first = data.state[:1], data.objects[:1], data.names
+    seen = network._normal(features(*first), policy._net)[0]
+    assert np.allclose(policy.chunk(seen, frames(*first)), expected[0], atol=1e-4)
+
+
+@pytest.mark.usefixtures("example")
+def test_training_goes_on_while_what_is_held_out_gets_better() -> None:
+    import network  # pyright: ignore[reportMissingImports]
+
+    how = network.Training(least=30, most=60, every=5, patience=10, decay=10)
+    better = [1.0 / (n + 1) for n in range(20)]
+    assert not network._is_over(better[:3], how)
+    assert not network._is_over([1.0] * 3, how)  # too few passes to say
+    assert network._is_over([1.0] * 5, how)
+    assert not network._is_over(better[:9], how)
+    assert network._is_over(better[:10], how)
+
+
+@pytest.mark.usefixtures("example")
+def test_the_table_goes_on_where_it_was_stopped(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import network  # pyright: ignore[reportMissingImports]
+    import table  # pyright: ignore[reportMissingImports]
+
+    monkeypatch.setattr(network, "Training", lambda device: brief(2 + (device != "cpu")))
+    monkeypatch.chdir(EXAMPLES)
+    asked = SimpleNamespace(
+        export=exports, out=tmp_path / "runs", results=tmp_path / "results", demonstrations=2
+    )
+    asked.__dict__.update(until="end", seeds=2, episodes=1, device="cpu")
+    for seed in range(2):
+        assert "of 1" in table.job(asked, TASK, seed)
+    assert "is there" in table.job(asked, TASK, 0)
+    (tmp_path / "results" / "2" / f"{TASK}-1.json").unlink()
+    monkeypatch.setattr(network, "train", lambda *_: pytest.fail("trained again"))
+    assert "of 1" in table.job(asked, TASK, 1)
+    rows = list(table.table(asked.results, table.setting(asked)))
+    assert rows[2].startswith(f"| `{TASK}` | ")
+    assert any("(2)" in row for row in table.failures(asked.results, table.setting(asked)))
+
+
+@pytest.mark.usefixtures("example")
+def test_the_interval_holds_the_spread_of_the_seeds() -> None:
+    from table import interval  # pyright: ignore[reportMissingImports]
+
+    alike, apart = interval([0.5, 0.5, 0.5], 100), interval([0.2, 0.5, 0.8], 100)
+    assert alike == wilson_interval(50, 100)
+    assert apart[0] < 0.2
+    assert apart[1] > 0.8
+    assert interval([1.0, 1.0], 100)[0] > 0.95

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.experts.variety import (
-    HUMAN,
-    NONE,
-    STRAIGHT,
-    WIDE,
-    Variety,
-    VarietySample,
-)
+from duobench.experts.variety import HUMAN, NONE, STRAIGHT, WIDE, Variety, VarietySample
 from duobench.types import OPENING_SLOTS, SIDES, Side
 from tests.experts.baseline_episodes import Episode, make, play
 

@@ -13,7 +13,7 @@ import pytest
 from duobench.errors import UnknownNameError
 from duobench.fabrication import Paper, layout_sheet, neutral_layout, outlines_of
 from duobench.fabrication.jig import LINE
-from duobench.fabrication.sheet import tile_size
+from duobench.fabrication.sheet import marks_of, tile_size
 from duobench.objects import Prop, bowl, gate
 from duobench.objects.maze_board import EDGE
 from duobench.sim.layout import Layout
@@ -200,6 +200,16 @@ def test_a_maze_is_named_and_its_ball_is_placed() -> None:
     text = "\n".join(sheets(task, layout)[0].texts)
     assert "board 9: x 500.0" in text
     assert "In or on another object: ball, x" in text
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_what_stands_in_or_on_something_else_has_no_outline_of_its_own(name: str) -> None:
+    task = catalog.get(name)
+    marks = list(marks_of(task, neutral_layout(task)))
+    assert [mark.name.partition(" ")[0] for mark in marks] == [prop.name for prop in task.props]
+    for mark in marks:
+        lies_in = mark.name.startswith(("marble", "ball"))
+        assert (mark.on_table, bool(mark.contact), bool(mark.seen)) == (not lies_in,) * 3
 
 
 def test_an_incomplete_layout_is_refused() -> None:

@@ -16,11 +16,7 @@ import pytest
 from duobench.hardware.devices import ArmReading, FaultKind
 from duobench.hardware.doctor.checks import Check, Outcome, is_well, write_checks
 from duobench.hardware.doctor.computer import computer_checks
-from duobench.hardware.doctor.examine import (
-    SUCCESS_RATE,
-    examine,
-    mount_check,
-)
+from duobench.hardware.doctor.examine import SUCCESS_RATE, examine, mount_check
 from duobench.hardware.drivers.simulated import SimulatedArm, SimulatedCamera
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.mounts import gravity_torques

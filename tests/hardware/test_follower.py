@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from duobench.errors import ActionError
-from duobench.hardware.follower import (
-    HIGHEST,
-    LOWEST,
-    MAX_STEP_S,
-    PERIOD,
-    Follower,
-)
+from duobench.hardware.follower import HIGHEST, LOWEST, MAX_STEP_S, PERIOD, Follower
 from duobench.hardware.rig import (
     FOLLOWER_HZ,
     MAX_ACCELERATION,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -70,7 +71,7 @@ def arm(monkeypatch: pytest.MonkeyPatch) -> Iterator[franky_arm.FrankyArm]:
         RealtimeConfig=SimpleNamespace(Enforce="enforce", Ignore="ignore"),
         Exception=type("Exception", (Exception,), {}),
     )
-    monkeypatch.setattr(franky_arm, "_library", lambda: franky)
+    monkeypatch.setitem(sys.modules, "franky", franky)
     made = franky_arm.FrankyArm(CONFIG, VirtualClock())
     made.connect()
     yield made

@@ -13,12 +13,7 @@ import pytest
 from duobench.errors import ActionError, BackendError
 from duobench.hardware.clock import Clock, SystemClock, VirtualClock
 from duobench.hardware.devices import FaultKind, GripperReading
-from duobench.hardware.drivers.robotiq import (
-    READ_HZ,
-    RobotiqGripper,
-    Status,
-    measure_ends,
-)
+from duobench.hardware.drivers.robotiq import READ_HZ, RobotiqGripper, Status, measure_ends
 from duobench.hardware.registers import ACTIVATE, GO
 from duobench.hardware.rig import GripperConfig, GripperDriver
 from tests.hardware.robotiq_fake import FakeGripper

@@ -17,7 +17,7 @@ from duobench.cli import main
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder
 from duobench.hardware.clock import VirtualClock
-from duobench.hardware.drivers.simulated import number_of
+from duobench.hardware.drivers.simulated import MARK, MARKS
 from duobench.hardware.env import make_real_env
 from duobench.hardware.opening import open_rig
 from tests.lerobot.tools import TINY, load, record
@@ -51,6 +51,12 @@ def test_both_domains_are_in_one_data_set(sets: Path) -> None:
     stats = json.loads((sets / "mixed/meta/stats.json").read_text())
     assert (stats["domain"]["min"], stats["domain"]["max"]) == ([0], [1])
     assert json.loads((sets / "mixed/meta/duobench.json").read_text())["domains"] == ["sim", "real"]
+
+
+def number_of(image: np.ndarray) -> int:
+    """The number that a simulated camera wrote into an image of native size, encoded or not."""
+    middles = image[MARK // 2, MARK // 2 : MARKS * MARK : MARK]
+    return int((middles.sum(axis=-1) > 3 * 127) @ (1 << np.arange(MARKS)))
 
 
 def test_real_images_are_those_of_the_rows(sets: Path) -> None:

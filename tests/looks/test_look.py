@@ -92,6 +92,24 @@ def test_what_is_no_look_is_rejected(value: object, told: str) -> None:
         as_look(value)
 
 
+def test_an_unknown_key_of_a_look_is_refused_at_every_depth() -> None:
+    lamps, oak = (Light(position=(0, 0, 2)),) * 2, Material(colour=(1, 0, 0))
+    cameras = {HEAD: CameraOffset()}
+    whole = Look(parts={"table": oak}, objects={"pot": oak}, lights=lamps, cameras=cameras)
+    plain = asdict(whole)
+    places = [plain, *plain["lights"], plain["parts"], plain["cameras"]]
+    places += [plain[name][key] for name, key in (("parts", "table"), ("objects", "pot"))]
+    for each in (*places, plain["cameras"][HEAD]):
+        each["strange"] = {}
+        with pytest.raises(UnknownNameError, match="'strange'"):
+            as_look(plain)
+        del each["strange"]
+    for wrong in (3, {"position": (0, 0, 2)}, [3], [[]]):
+        with pytest.raises(OptionError, match=r"look\.lights"):
+            as_look({"lights": wrong})
+    assert as_look(plain) == whole
+
+
 @pytest.mark.parametrize(
     ("rgb", "name"),
     [

@@ -3,16 +3,7 @@ from functools import reduce
 
 import pytest
 
-from duobench.objects.mazes import (
-    CELLS,
-    CORNERS,
-    MAZES,
-    SEGMENTS,
-    Cell,
-    Direction,
-    Maze,
-    Segment,
-)
+from duobench.objects.mazes import CELLS, CORNERS, MAZES, SEGMENTS, Cell, Direction, Maze, Segment
 
 CELLS_OF_A_BOARD = [(i, j) for i in range(CELLS) for j in range(CELLS)]
 

@@ -15,6 +15,7 @@ from duobench.sim import placement
 from duobench.sim.simulation import Simulation
 from duobench.tasks import get
 from duobench.teleop.messages import Discard, Hands, Instruction, Keep, Message, Restore
+from duobench.web import access
 from duobench.web.geometry import Geometry
 from duobench.web.messages import PageMessage, pack_frame
 from duobench.web.page import assets
@@ -252,8 +253,11 @@ def test_browser_reads_tracks_as_they_were_written(page: Page) -> None:
     np.testing.assert_allclose(np.linalg.norm(between[:, 3:], axis=1), 1, atol=1e-6)
 
 
-def test_lost_connection_is_said_and_made_again(window: Browser, shown: Shown) -> None:
-    other = PageServer(assets(), token="same-token")
+def test_lost_connection_is_said_and_made_again(
+    window: Browser, shown: Shown, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(access.secrets, "token_urlsafe", lambda _bytes: "same-token")
+    other = PageServer(assets())
     port = int(re.search(r":(\d+)/", other.url)[1])  # type: ignore[index]
     other.publish_status(STATUS)
     other.publish_scene(shown.geometry.name, shown.geometry.data)
@@ -262,7 +266,7 @@ def test_lost_connection_is_said_and_made_again(window: Browser, shown: Shown) -
         until(page, "document.querySelector('h1').textContent == 'transfer_cube'")
         other.close()
         until(page, "document.querySelector('.link').dataset.state == 'bad'")
-        again = PageServer(assets(), token="same-token", port=port)
+        again = PageServer(assets(), port=port)
         again.publish_status({**STATUS, "title": "again"})
         until(page, "document.querySelector('h1').textContent == 'again'")
         assert page.locator(".link").text_content() == "Connected"

@@ -35,7 +35,8 @@ class Led:
     def run(self) -> None:
         self.results.append(self.stand.session.run())
         row = {"letter": "A", "policy": "mine", "trained_on": "sim", "episodes": 1}
-        row |= {"successes": 1, "rate": 1.0, "low": 0.2065, "high": 1.0, "progress": 1.0}
+        row |= {"successes": 1, "success_rate": 1.0, "wilson_95": [0.2065, 1.0]}
+        row |= {"mean_final_progress": 1.0}
         self.stand.session.publish(results=[row], files="Report: index.html")
 
     def close(self) -> None:

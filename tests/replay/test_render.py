@@ -11,10 +11,11 @@ from duobench.envs.sim_env import sim_of
 from duobench.errors import EvaluationError, UnknownNameError
 from duobench.replay.render import (
     MOST_REPLAYS as MOST,
+    REPLAY,
+    VIDEO,
     choose,
     choose_few,
-    make_replays,
-    make_videos,
+    make_missing,
 )
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
@@ -65,12 +66,14 @@ def test_other_words_are_refused(word, error, message):
         choose(RUN, RECORDS, [word])
 
 
-def made_anew(folder: RunFolder, make: Any = make_videos, **changes: Any) -> Any:
+def made_anew(folder: RunFolder, what: str = VIDEO, **changes: Any) -> Any:
     """What becomes of all episodes, changed, and what the progress was told."""
     run, records = read_source(folder.path)
     told: list[tuple[int, int]] = []
     records = [replace(record, **changes) for record in records]
-    made = make(folder, run, records, import_tasks=True, progress=lambda *n: told.append(n))
+    made = make_missing(
+        folder, run, records, what, import_tasks=True, progress=lambda *n: told.append(n)
+    )
     return made, told
 
 
@@ -127,7 +130,7 @@ def test_episode_that_failed_with_an_error_is_shown_up_to_it(play):
             assert len(list(container.decode(video=0))) == 1 + record.steps // 2
 
 
-@pytest.mark.parametrize("make", [make_videos, make_replays])
+@pytest.mark.parametrize("what", [VIDEO, REPLAY])
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
@@ -136,9 +139,9 @@ def test_episode_that_failed_with_an_error_is_shown_up_to_it(play):
         ({"stage_changes": ((1, 1),), "final_stage": 1, "success": False}, "comes out differently"),
     ],
 )
-def test_what_cannot_be_shown_is_told_and_leaves_nothing(one, make, changes, why):
+def test_what_cannot_be_shown_is_told_and_leaves_nothing(one, what, changes, why):
     folder, _, record = one
-    ((_, reason),) = made_anew(folder, make, **changes)[0].impossible
+    ((_, reason),) = made_anew(folder, what, **changes)[0].impossible
     assert why in reason
     assert not folder.video(record.key).exists()
     assert folder.replay(record.key) is None
@@ -148,12 +151,12 @@ def test_run_of_another_suite_is_refused(one):
     folder, run, record = one
     other = replace(run, suite=replace(run.suite, version="3"))
     with pytest.raises(EvaluationError, match="of suite 3; this version plays"):
-        make_videos(folder, other, [record])
+        make_missing(folder, other, [record], VIDEO)
 
 
 def test_task_of_somebody_else_is_imported_on_request_alone(one):
     folder, run, record = one
-    ((_, reason),) = make_videos(folder, run, [record]).impossible
+    ((_, reason),) = make_missing(folder, run, [record], VIDEO).impossible
     assert reason == f"The task {toy_tasks.WAVE_NAME!r} is none of the benchmark."
 
 
@@ -168,7 +171,7 @@ def test_few_of_many_are_of_every_task_and_last_stage():
 
 def test_replay_shows_where_everything_was(one):
     folder, _, record = one
-    replays, _ = made_anew(folder, make_replays)
+    replays, _ = made_anew(folder, REPLAY)
     assert (replays.made, replays.there, replays.impossible) == ((record,), (), ())
     path = folder.replay(record.key)
     shown = track.decode(path.read_bytes())
@@ -192,8 +195,8 @@ def test_replays_that_are_there_stay_and_the_page_has_them(play):
     run, records = read_source(folder.path)
     write_report(folder)
     without = folder.page.read_text()
-    make_replays(folder, run, records[:1], import_tasks=True)
-    replays = make_replays(folder, run, records[:2], import_tasks=True)
+    make_missing(folder, run, records[:1], REPLAY, import_tasks=True)
+    replays = make_missing(folder, run, records[:2], REPLAY, import_tasks=True)
     assert (replays.there, replays.made) == (tuple(records[:1]), tuple(records[1:2]))
     write_report(folder)
     page = folder.page.read_text()

@@ -29,8 +29,10 @@ HORIZON = 24
 class Script:
     """An operator who answers in order, and presses keys at control steps of the episodes."""
 
-    def __init__(self, answers: str, presses: dict[int, str] | None = None) -> None:
-        self.answers = list(answers)
+    def __init__(
+        self, answers: str, presses: dict[int, str] | None = None, usual: str = "q"
+    ) -> None:
+        self.answers, self._usual = list(answers), usual
         self.presses = presses or {}
         self.said: list[str] = []
         self.asked: list[str] = []
@@ -41,7 +43,7 @@ class Script:
 
     def ask(self, text: str, keys: str) -> str:
         self.asked.append(text)
-        key = self.answers.pop(0) if self.answers else "q"
+        key = self.answers.pop(0) if self.answers else self._usual
         assert key in keys, f"{key} is no answer to: {text}"
         return key
 
@@ -97,6 +99,17 @@ def outcome_of(recording: Recording) -> Outcome:
 
 def fail(duo: FrankaDuo, text: str, kind: FaultKind = FaultKind.CONTACT) -> None:
     duo.arms[Side.LEFT].fail(text, kind)  # type: ignore[attr-defined]
+
+
+def test_a_policy_that_reads_where_objects_are_is_refused_at_once(tmp_path: Path) -> None:
+    metadata, script = PolicyMetadata(name="sees", cameras=(), object_state=True), Script("")
+    source = PolicySource(metadata=metadata, bind=lambda _env: Sways(script))
+    with (
+        pytest.raises(OptionError, match="need a simulation"),
+        session(tmp_path, script, source),
+    ):
+        pass
+    assert script.asked == []
 
 
 def test_an_operator_records_what_a_policy_does(tmp_path: Path) -> None:

@@ -16,13 +16,7 @@ from duobench.rig_sessions import interruptible
 from duobench.rig_sessions.interruptible import GIVEN_UP
 from duobench.rig_sessions.session import HELD_BY_OPERATOR, NEVER_COUNTS
 from duobench.rig_sessions.trials import ASK_AT_END
-from duobench.rig_sessions.trials_folder import (
-    CUT,
-    LogEntry,
-    LogKind,
-    TrialsFolder,
-    TrialsProgress,
-)
+from duobench.rig_sessions.trials_folder import CUT, LogEntry, LogKind, TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import Side

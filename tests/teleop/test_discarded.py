@@ -13,10 +13,7 @@ from duobench.data.attempts import SKIPPED, of_task
 from duobench.data.recorder import UNDECIDED
 from duobench.errors import LockedError
 from duobench.rig_sessions.takes import NOTHING_DISCARDED, SET_ASIDE
-from duobench.rig_sessions.teleoperation import (
-    DISCARDED,
-    TeleopState,
-)
+from duobench.rig_sessions.teleoperation import DISCARDED, TeleopState
 from tests.teleop.test_session import TASK, Desk
 
 TAPS = 1000

@@ -25,30 +25,12 @@ from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
 from duobench.web.server import PageServer
+from tests.rig_sessions.test_recording import Script
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.web.pages import open_page, wait_until
 
 TASK = "carry_pot"
 PERSON = Actor(kind=ActorKind.PERSON, name="P07", device="headset")
-
-
-class Terminal:
-    """Answers what is asked at the terminal."""
-
-    def __init__(self, answers: str = "") -> None:
-        self.answers = list(answers)
-        self.asked: list[str] = []
-
-    def ask(self, text: str, keys: str) -> str:
-        self.asked.append(text)
-        key = self.answers.pop(0) if self.answers else "h"
-        assert key in keys, f"{key} is no answer to: {text}"
-        return key
-
-    def say(self, text: str) -> None:
-        self.asked.append(text)
-
-    def listen(self, call: Any) -> None: ...
 
 
 class Bench:
@@ -64,7 +46,7 @@ class Bench:
         **options: Any,
     ) -> None:
         self.duo = open_rig(rig, VirtualClock(), guard=False)
-        self.terminal = Terminal(answers)
+        self.terminal = Script(answers, usual="h")
         recorder = make_real_recorder(
             self.duo, task, folder, PERSON, self.terminal, after_success=0.2
         )

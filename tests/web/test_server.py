@@ -106,8 +106,6 @@ def test_a_scene_is_where_its_message_says(server: PageServer) -> None:
         message = page.hear_of("scene")
         assert message["name"] == "table-1"
         assert get(server.url, message["url"])[2] == b"scene"
-    with pytest.raises(ServingError, match="cannot be named"):
-        server.publish_scene("../table", b"")
 
 
 # --- who may connect -----------------------------------------------------------------------------
@@ -138,12 +136,6 @@ def test_the_own_page_connects_by_any_name_of_this_machine(server: PageServer) -
         assert page.hear_of("role")["role"] == "viewer"
     with open_page(server.url, origin=None) as program:
         assert program.hear_of("role")["viewers"] == 1
-
-
-@pytest.mark.parametrize("token", ["", "two words", "ä", "a&b"])
-def test_a_token_can_stand_in_an_address(token: str) -> None:
-    with pytest.raises(ServingError, match="A token consists of"):
-        PageServer(ASSETS, token=token)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "", "192.0.2.7"])

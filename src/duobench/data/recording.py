@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -246,9 +245,10 @@ def to_numpy(column: pa.Array) -> NDArray[Any]:
     if pa.types.is_fixed_size_list(column.type):
         size = column.type.list_size
     else:
-        size, *others = np.unique(pc.list_value_length(column))
-        if others:
-            raise ValueError(f"Rows have {size} to {others[-1]} numbers.")
+        sizes = np.diff(column.offsets.to_numpy())
+        size = int(sizes[0])
+        if (sizes != size).any():
+            raise ValueError(f"Rows have {sizes.min()} to {sizes.max()} numbers.")
     return column.flatten().to_numpy(zero_copy_only=False).reshape(len(column), size)
 
 

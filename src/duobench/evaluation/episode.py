@@ -12,7 +12,7 @@ import msgspec
 
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
-from duobench.envs.config import FIXED, IMAGE_SIZE, EnvConfig
+from duobench.envs.config import FIXED, EnvConfig
 from duobench.envs.execution import Step, optional_method
 from duobench.envs.registration import make
 from duobench.errors import (
@@ -37,7 +37,7 @@ from duobench.policy.registry import PolicyKind
 from duobench.randomness import EVAL, SALTED, episode_seed
 from duobench.results.journal import EpisodeTimes
 from duobench.results.records import EpisodeRecord
-from duobench.results.run import Candidate, Run, TimeLimits
+from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
 from duobench.sim.rendering import describe
 from duobench.versions import package_source, package_versions, record_versions, source_hashes
@@ -194,11 +194,7 @@ class EpisodeRunner:
         self._latest: Latest[_Setting] = Latest()
         metadata = source.metadata
         config = EnvConfig(
-            cameras=metadata.cameras,
-            object_state=metadata.object_state,
-            action_mode=metadata.action_mode,
-            control_rate_hz=metadata.control_rate_hz,
-            image_size=metadata.image_size or IMAGE_SIZE,
+            **needed_options(metadata),
             instructions=job.recording.instructions if job.recording else FIXED,
             split=job.recording.split if job.recording else SALTED if job.suite.salt else EVAL,
             look=job.suite.look,

@@ -25,16 +25,14 @@ class Watcher(Protocol):
     """Something that watches episodes: a recorder, a video, a progress bar.
 
     With an attribute `needs_frames` that is true, images are rendered at every control step, not
-    only at those that the policy sees.
+    only at those that the policy sees. What inherits from it need not have all of its methods.
     """
 
     def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:
         """The environment was reset, and the policy too."""
-        ...
 
     def on_step(self, step: Step) -> None:
         """A control step was executed."""
-        ...
 
     def on_episode_end(self, error: BaseException | None) -> None:
         """The episode is over; called exactly once, also if it never got to its start.
@@ -42,7 +40,6 @@ class Watcher(Protocol):
         Args:
             error: What made it crash, or None if it ended by itself.
         """
-        ...
 
 
 class Observer(Protocol[Played_contra]):

@@ -9,7 +9,7 @@ import math
 from duobench.fabrication.parts import PrintedPart, PrintJob, upright
 from duobench.objects import hexagon_peg, joint_blocks
 from duobench.objects.blocks import PALE, YELLOW
-from duobench.objects.shapes import circle
+from duobench.objects.shapes import polygon
 from duobench.objects.solid import mesh_of
 
 ID = "coupon"
@@ -44,16 +44,10 @@ def fit_coupon() -> PrintJob:
     )
 
 
-def _outline(corners: int, across: float) -> list[list[float]]:
-    """A polygon with two sides along y, so much apart in metres."""
-    phase = math.pi / corners
-    return (across / 2 / math.cos(phase) * circle(corners, phase)).tolist()
-
-
 def _peg(name: str, corners: int, across: float) -> PrintedPart:
     import manifold3d
 
-    section = manifold3d.CrossSection([_outline(corners, across)])
+    section = manifold3d.CrossSection([polygon(corners, across / 2)])
     return upright(name, mesh_of(section.extrude(PEG_HEIGHT)), YELLOW)
 
 
@@ -70,7 +64,7 @@ def _plate(name: str, corners: int, across: float, plays: tuple[float, ...]) -> 
     plate = plate.translate((-step * len(plays) / 2 - WALL / 2, -tall / 2 - WALL - strip, 0.0))
     for number, play in enumerate(plays, 1):
         x = step * (number - (len(plays) + 1) / 2)
-        hole = manifold3d.CrossSection([_outline(corners, across + 2 * play)])
+        hole = manifold3d.CrossSection([polygon(corners, (across + 2 * play) / 2)])
         plate -= hole.extrude(3 * HEIGHT).translate((x, 0.0, -HEIGHT))
         for dimple in range(number):
             at = x + apart * (dimple - (number - 1) / 2)

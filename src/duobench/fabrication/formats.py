@@ -6,15 +6,13 @@ not compressed, and its dates are fixed: the same parts give the same bytes, wha
 zlib there is.
 """
 
-import io
-import stat
-import zipfile
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from duobench.fabrication.parts import PrintedPart, PrintJob, Spot, lay_out
+from duobench.files import zipped
 from duobench.objects.shapes import PRINTER, Colour
 from duobench.objects.solid import Mesh
 
@@ -23,9 +21,6 @@ BED_STEP = 1.2 * PRINTER
 _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _MATERIALS = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
 _MODEL = "3D/3dmodel.model"
-_DATE = (1980, 1, 1, 0, 0, 0)
-_MODE = (stat.S_IFREG | 0o644) << 16
-_UNIX = 3
 _HEADER = 80
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
@@ -61,18 +56,12 @@ def threemf_bytes(job: PrintJob) -> bytes:
 
     Several beds lie side by side along x, `BED_STEP` apart.
     """
-    archive = io.BytesIO()
     texts = {
         "[Content_Types].xml": _TYPES,
         "_rels/.rels": _RELATIONS,
         _MODEL: "\n".join(_lines(job, lay_out(job.parts))) + "\n",
     }
-    with zipfile.ZipFile(archive, "w") as file:
-        for name, text in texts.items():
-            entry = zipfile.ZipInfo(name, _DATE)
-            entry.create_system, entry.external_attr = _UNIX, _MODE
-            file.writestr(entry, text.encode())
-    return archive.getvalue()
+    return zipped({name: text.encode() for name, text in texts.items()})
 
 
 def hex_colour(rgba: Colour) -> str:

@@ -121,7 +121,7 @@ def layout_sheet(
     Raises:
         UnknownNameError: The layout lacks an object, or a value of its choice.
     """
-    marks = tuple(_marks(task, layout))
+    marks = tuple(marks_of(task, layout))
     tiles = _tiles_of(marks, paper)
     pages = [_overview(f"{task.title}: {title}", marks, tiles, paper)]
     pages += [
@@ -131,7 +131,8 @@ def layout_sheet(
     return pdf(pages, f"DuoBench {task.id}: {title}")
 
 
-def _marks(task: Task, layout: Layout) -> Iterator[_Mark]:
+def marks_of(task: Task, layout: Layout) -> Iterator[Mark]:
+    """Where the objects of a task are in a layout, in the order of the task."""
     for prop in task.props:
         check_known("object of the layout", prop.name, layout.poses)
         pose = layout.poses[prop.name]
@@ -145,13 +146,13 @@ def _marks(task: Task, layout: Layout) -> Iterator[_Mark]:
             for solid, at in zip(solids, poses, strict=True)
         )
         if z / 1000 + lowest > CONTACT:
-            yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
+            yield Mark(name=name, x=x, y=y, yaw=yaw, on_table=False)
             continue
         contact, seen = (
             tuple(1000 * outline for outline in outlines_on_table(prop, layout, below))
             for below in (CONTACT, None)
         )
-        yield _Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
+        yield Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
 
 
 def _area(polygon: Array) -> float:
@@ -179,23 +180,28 @@ def tile_size(paper: Paper) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class _Mark:
-    """Where one object is, and its outlines on the table in mm."""
+class Mark:
+    """Where one object is: x and y in mm from the middle of the robot's base, yaw in degrees."""
 
     name: str
+    """With the variant that the layout has of it, such as "board 4"."""
     x: float
     y: float
     yaw: float
     on_table: bool
+    """Whether it stands on the table, and not in or on another object, with which it is placed."""
     contact: tuple[Array, ...] = ()
+    """Outlines (n, 2) in mm of what touches the table."""
     seen: tuple[Array, ...] = ()
+    """The same as seen from above."""
 
     @property
     def words(self) -> str:
+        """Its place, for people."""
         return f"x {self.x:.1f}, y {self.y:.1f} mm, yaw {self.yaw:.1f}°"
 
 
-def _tiles_of(marks: Sequence[_Mark], paper: Paper) -> list[Tile]:
+def _tiles_of(marks: Sequence[Mark], paper: Paper) -> list[Tile]:
     """Rows and columns of the tiles that an outline touches, and of those that lead to them.
 
     The middle column has y = 0. Each tile but the first lies beside an earlier one.
@@ -210,7 +216,8 @@ def _tiles_of(marks: Sequence[_Mark], paper: Paper) -> list[Tile]:
             columns = range(math.floor(low[1] / width + 0.5), math.floor(high[1] / width + 0.5) + 1)
             found |= set(product(rows, columns))
     for row, column in sorted(found, key=_from_jig):
-        nearer = {(row - _sign(row), column), (row, column - _sign(column))} - {(row, column)}
+        down, across = int(np.sign(row)), int(np.sign(column))
+        nearer = {(row - down, column), (row, column - across)} - {(row, column)}
         if nearer and not nearer & found:
             found |= {(0, k) for k in range(min(column, 0), max(column, 0) + 1)}
             found |= {(k, column) for k in range(min(row, 0), max(row, 0) + 1)}
@@ -222,11 +229,7 @@ def _from_jig(tile: Tile) -> tuple[int, int, int]:
     return abs(tile[0]), abs(tile[1]), -tile[1]
 
 
-def _sign(value: int) -> int:
-    return (value > 0) - (value < 0)
-
-
-def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: Paper) -> Sheet:
+def _overview(title: str, marks: Sequence[Mark], tiles: Sequence[Tile], paper: Paper) -> Sheet:
     """All objects in small, with the tiles, and a table of their places."""
     sheet = Sheet(*paper.size)
     width, height = sheet.width - 2 * MARGIN, sheet.height
@@ -271,7 +274,7 @@ def _overview(title: str, marks: Sequence[_Mark], tiles: Sequence[Tile], paper: 
     return sheet
 
 
-def _places(sheet: Sheet, marks: Sequence[_Mark], top: float) -> None:
+def _places(sheet: Sheet, marks: Sequence[Mark], top: float) -> None:
     standing = [mark for mark in marks if mark.on_table]
     lines = [f"{number}  {mark.name}: {mark.words}" for number, mark in enumerate(standing, 1)]
     others = [mark for mark in marks if not mark.on_table]
@@ -283,7 +286,7 @@ def _places(sheet: Sheet, marks: Sequence[_Mark], top: float) -> None:
         sheet.text(MARGIN, top - 5.5 * number, line, 2.8)
 
 
-def _tile_sheet(title: str, place: Tile, marks: Sequence[_Mark], paper: Paper) -> Sheet:
+def _tile_sheet(title: str, place: Tile, marks: Sequence[Mark], paper: Paper) -> Sheet:
     sheet = Sheet(*paper.size)
     width, height = tile_size(paper)
     low_x, high_y = START + place[0] * height, (place[1] + 0.5) * width
@@ -327,7 +330,7 @@ def _mark_of_jig(sheet: Sheet, x: float, y: float) -> None:
     sheet.text(x + 5, y + 2, "this edge against the jig, this mark at its notch", 2.2)
 
 
-def _cross(sheet: Sheet, mark: _Mark, at: tuple[float, float], inside: Box) -> None:
+def _cross(sheet: Sheet, mark: Mark, at: tuple[float, float], inside: Box) -> None:
     """An object's origin, an arrow along its x, and its place in words."""
     x, y = at
     if not (inside[0] <= x <= inside[2] and inside[1] <= y <= inside[3]):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image as Pictures
 
 from duobench.backend import Image
-from duobench.errors import BackendError, OptionError, UnknownNameError, check_known
+from duobench.errors import BackendError, OptionError, check_known
 from duobench.hardware.devices import Camera
 from duobench.hardware.rig import CameraCalibration, CameraConfig
 from duobench.robot.cameras import (
@@ -25,7 +25,7 @@ from duobench.robot.cameras import (
     WRIST_FOCAL,
 )
 from duobench.spatial import SE3
-from duobench.types import HEAD, POLICY_CAMERAS, Array
+from duobench.types import HEAD, Array
 
 NATIVE = (NATIVE_HEIGHT, NATIVE_WIDTH)
 """Height and width of a canonical image in pixels."""
@@ -34,8 +34,6 @@ _Floats = NDArray[np.float32]
 
 def focal_of(camera: str) -> float:
     """Focal length in pixels of a camera's canonical image."""
-    if camera not in POLICY_CAMERAS:
-        raise UnknownNameError("camera", camera, POLICY_CAMERAS)
     return HEAD_FOCAL if camera == HEAD else WRIST_FOCAL
 
 
@@ -44,7 +42,6 @@ def nominal_pose(camera: str) -> SE3:
 
     The parent is the table for the head, and the flange for a wrist.
     """
-    focal_of(camera)
     return (TABLE_FROM_HEAD if camera == HEAD else FLANGE_FROM_WRIST) @ MUJOCO_FROM_OPENCV
 
 

@@ -72,18 +72,14 @@ class RealEnv(DuoEnv):
         super().__init__(backend, task)
         self.rig = backend
         self.prepare = prepare
-        self._layout = Layout(poses={})
-        self._waits = 0
-
-    @property
-    def layout(self) -> Layout:
+        self.layout = Layout(poses={})
         """Where people were asked to put the objects; empty if nothing was said."""
-        return self._layout
+        self._waits = 0
 
     @property
     def subinstructions(self) -> dict[int, str]:
         """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
-        return self.definition.subinstructions(self._layout)
+        return self.definition.subinstructions(self.layout)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
         options = checked_reset_options(options, (*OF_REAL, LOOK))
@@ -91,20 +87,20 @@ class RealEnv(DuoEnv):
         check_known("split", split, SPLITS)
         seed = checked_seed(options.get(LAYOUT_SEED))
         task = self.definition
-        self._layout = _layout_of(task, options.get(LAYOUT), seed or 0, split)
+        self.layout = _layout_of(task, options.get(LAYOUT), seed or 0, split)
         words = checked_instruction(options.get(INSTRUCTION), len(task.instructions))
         number = words if isinstance(words, int) else 0
-        own = task.instruct(self._layout, number)
+        own = task.instruct(self.layout, number)
         self._instruction = words if isinstance(words, str) else own
         if self.prepare is not None:
             self.prepare(options)
         if self.config is not None:
             self.rig.see(self.config.cameras)
         if self.rig.guard is not None:
-            self.rig.guard.set_scene(task.props, self._layout)
+            self.rig.guard.set_scene(task.props, self.layout)
         self.rig.home()
         self._waits = self.rig.waits
-        return {LAYOUT: self._layout.to_json(), "seed": seed, SPLIT: split}
+        return {LAYOUT: self.layout.to_json(), "seed": seed, SPLIT: split}
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None

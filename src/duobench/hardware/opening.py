@@ -1,11 +1,9 @@
 """From a rig's file to a rig: each device by the driver that the file names."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from duobench.hardware.clock import Clock, PacedClock, SystemClock
-from duobench.hardware.devices import Arm, Camera, Gripper
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.guard import Guard
 from duobench.hardware.rig import (
@@ -21,8 +19,7 @@ from duobench.hardware.rig import (
     Rig,
 )
 from duobench.references import load
-from duobench.robot.joints import HOME_JOINTS
-from duobench.types import POLICY_CAMERAS, SIDES, Side
+from duobench.types import POLICY_CAMERAS, SIDES
 
 SIMULATED, REHEARSAL = "simulated", "rehearsal"
 REHEARSAL_SIZE = (180, 320)
@@ -88,47 +85,29 @@ def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool =
         rig = COMPUTED[rig]()
     elif not isinstance(rig, Rig):
         rig = Rig.read(Path(rig))
-    rehearsal, is_rehearsal = None, REHEARSAL in rig.drivers
+    is_rehearsal = REHEARSAL in rig.drivers
     clock = clock or (PacedClock() if is_rehearsal else SystemClock())
-    if is_rehearsal:
-        rehearsal = _driver("rehearsal:Rehearsal")(clock)
+    rehearsal = _driver("rehearsal:Rehearsal")(clock) if is_rehearsal else None
+
+    def made(config: Any, name: str) -> Any:
+        """A device by its driver; the name is a camera's, or the side that it is on."""
+        if config.driver == REHEARSAL and rehearsal is not None:
+            return rehearsal.device(config, name)
+        if config.driver == SIMULATED:
+            return _driver("simulated:simulated_device")(config, clock, name)
+        names = [name] if isinstance(config, CameraConfig) else []
+        return _driver(DRIVERS[config.driver])(config, clock, *names)
+
     return FrankaDuo(
         rig,
         clock,
-        arms={side: _arm(rig, side, clock, rehearsal) for side in SIDES},
-        grippers={side: _gripper(rig, side, clock, rehearsal) for side in SIDES},
-        cameras={name: _camera(rig, name, clock, rehearsal) for name in rig.cameras},
+        arms={side: made(rig.arms[side], side) for side in SIDES},
+        grippers={side: made(rig.grippers[side], side) for side in SIDES},
+        cameras={name: made(config, name) for name, config in rig.cameras.items()},
         guard=Guard(rig.workspace, rig.obstacles) if guard else None,
         world=None if rehearsal is None else rehearsal.world,
     )
 
 
-def _arm(rig: Rig, side: Side, clock: Clock, rehearsal: Any) -> Arm:
-    config = rig.arms[side]
-    if config.driver is ArmDriver.SIMULATED:
-        return _driver("simulated:SimulatedArm")(clock, HOME_JOINTS[side.index])
-    if config.driver is ArmDriver.REHEARSAL:
-        return rehearsal.arm(config)
-    return _driver(DRIVERS[config.driver])(config, clock)
-
-
-def _gripper(rig: Rig, side: Side, clock: Clock, rehearsal: Any) -> Gripper:
-    config = rig.grippers[side]
-    if config.driver is GripperDriver.SIMULATED:
-        return _driver("simulated:SimulatedGripper")(clock)
-    if config.driver is GripperDriver.REHEARSAL:
-        return rehearsal.gripper(config)
-    return _driver(DRIVERS[config.driver])(config, clock)
-
-
-def _camera(rig: Rig, name: str, clock: Clock, rehearsal: Any) -> Camera:
-    config = rig.cameras[name]
-    if config.driver is CameraDriver.SIMULATED:
-        return _driver("simulated:SimulatedCamera")(clock, fps=config.fps)
-    if config.driver is CameraDriver.REHEARSAL:
-        return rehearsal.camera(config, name)
-    return _driver(DRIVERS[config.driver])(config, clock, name)
-
-
-def _driver(path: str) -> Callable[..., Any]:
+def _driver(path: str) -> Any:
     return load(f"duobench.hardware.drivers.{path}", "driver", callable)

@@ -91,13 +91,9 @@ class RehearsalWorld:
     """Both arms, grippers and the objects on the table, on a rig's clock.
 
     Its methods may be called from any thread. Objects lie on the table once `place` has put them.
-
-    Args:
-        clock: The rig's clock.
-        seed: Decides the errors of the hands that place objects.
     """
 
-    def __init__(self, clock: Clock, seed: int = 0) -> None:
+    def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self.lock = threading.RLock()
         """Held by whoever looks at `simulation` while the world runs."""
@@ -108,7 +104,7 @@ class RehearsalWorld:
         """Whether a person has pressed the emergency stop of both arms."""
         self.look_again: Callable[[], None] = lambda: None
         """Has cameras see the objects before `place` returns."""
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng(0)  # of the hands that place objects
         self._users: set[int] = set()
         self._ticker: Ticker | None = None
         self._time, self._steps = 0.0, 0

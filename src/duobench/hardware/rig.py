@@ -21,9 +21,9 @@ from duobench import files
 from duobench.errors import FileError, OptionError, UnknownNameError, check_known
 from duobench.hardware.addresses import is_host, is_simulator
 from duobench.hardware.cell import LONGEST, Obstacle, Workspace
-from duobench.hardware.rig_file import decode, parse
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.robot.fr3_links import LINKS
+from duobench.settings import decode, parse
 from duobench.types import ARM_JOINTS, POLICY_CAMERAS, SIDES, Side
 
 RIG_SCHEMA = 2

@@ -57,15 +57,15 @@ def points(
         yield start + share * way
 
 
-def retreated(joints: Array, distance: float = RETREAT) -> Array:
+def retreated(joints: Array) -> Array:
     """Joint positions (2, 7) in radians with both tools further back along their own axes.
 
-    Orientations stay. It goes as far as the joints' ranges let it, `distance` in metres.
+    Orientations stay. It goes `RETREAT` far, as far as the joints' ranges let it.
     """
     rows = []
     for side in SIDES:
         row = joints[side.index]
-        for _ in range(round(distance / STEP)):
+        for _ in range(round(RETREAT / STEP)):
             row = np.clip(row + _change(side, row), LOWEST, HIGHEST)
         rows.append(row)
     return np.array(rows)

@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.envs.config import IMAGE_SIZE, EnvConfig
+from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import ResetNeededError
 from duobench.envs.execution import Step, execute, optional_method
 from duobench.envs.registration import make
@@ -21,6 +21,7 @@ from duobench.policy.policy import dimensions
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.policy.serving.vla_eval import MODES
 from duobench.randomness import episode_seed
+from duobench.results.run import needed_options
 from duobench.tasks import catalog
 from duobench.types import HEAD
 
@@ -39,12 +40,7 @@ class Episodes:
 
     def __init__(self, message_format: MessageFormat, **options: Any) -> None:
         metadata = message_format.metadata("", "", seeded=False)
-        self._options = {
-            "cameras": metadata.cameras,
-            "image_size": metadata.image_size or IMAGE_SIZE,
-            "action_mode": metadata.action_mode,
-            **options,
-        }
+        self._options = {**needed_options(metadata), **options}
         EnvConfig.from_options(self._options)
         self.message_format = message_format
         """What is shown, and what actions mean."""

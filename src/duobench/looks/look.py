@@ -12,10 +12,11 @@ from typing import Any, Self
 
 import msgspec
 
-from duobench.errors import OptionError, UnknownNameError, check_known
+from duobench.errors import OptionError, check_known
 from duobench.looks.colours import RGB
 from duobench.looks.textures import TEXTURES
 from duobench.robot.cameras import OVERVIEW
+from duobench.settings import decode
 from duobench.types import POLICY_CAMERAS
 
 PARTS = ("table", "floor", "walls", "ceiling", "robot")
@@ -173,24 +174,7 @@ class Look:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """From what `to_json` or `dataclasses.asdict` gave."""
-        try:
-            look = msgspec.convert(dict(data), cls)
-        except msgspec.ValidationError as error:
-            raise OptionError(f"This is no look: {error}.".replace("`$.", "`")) from error
-        _check_known(data, msgspec.to_builtins(look))
-        return look
-
-
-def _check_known(data: Any, look: Any) -> None:
-    """Reject fields that a look has not, at any depth; they would be passed over."""
-    if isinstance(data, Mapping) and isinstance(look, Mapping):
-        for name, value in data.items():
-            if name not in look:
-                raise UnknownNameError("field of a look", name, look)
-            _check_known(value, look[name])
-    elif isinstance(data, (list, tuple)) and isinstance(look, (list, tuple)):
-        for value, part in zip(data, look, strict=True):
-            _check_known(value, part)
+        return decode(dict(data), cls, "look")
 
 
 def _is_vector(numbers: tuple[float, ...]) -> bool:

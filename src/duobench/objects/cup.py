@@ -1,8 +1,6 @@
 """An eight-sided cup, and marbles to fill it."""
 
-import math
-
-from duobench.objects.shapes import Colour, prism, ring_wall, sphere
+from duobench.objects.shapes import Colour, circle, polygon, prism, ring_wall, sphere
 from duobench.objects.solid import Solid, mesh_of
 from duobench.spatial import SE3
 
@@ -26,22 +24,16 @@ GLASS_DENSITY = 2500.0
 """Density of glass in kg/m³."""
 
 
-def _octagon(apothem: float) -> list[list[float]]:
-    corner = apothem / math.cos(math.pi / WALLS)
-    angles = [math.pi / WALLS + 2 * math.pi * k / WALLS for k in range(WALLS)]
-    return [[corner * math.cos(a), corner * math.sin(a)] for a in angles]
-
-
 def cup(rgba: Colour) -> Solid:
     """A cup whose frame is at the middle of its underside, z up, walls facing x and y."""
     import manifold3d
 
-    outer = manifold3d.CrossSection([_octagon(OUTER_RADIUS)]).extrude(HEIGHT)
-    inner = manifold3d.CrossSection([_octagon(INNER_RADIUS)]).extrude(HEIGHT)
+    outer = manifold3d.CrossSection([polygon(WALLS, OUTER_RADIUS)]).extrude(HEIGHT)
+    inner = manifold3d.CrossSection([polygon(WALLS, INNER_RADIUS)]).extrude(HEIGHT)
     hollow = outer - inner.translate((0.0, 0.0, WALL))
     return Solid(
         shapes=(
-            prism(_octagon(OUTER_RADIUS), WALL, at=SE3.at(0, 0, WALL / 2)),
+            prism(polygon(WALLS, OUTER_RADIUS), WALL, at=SE3.at(0, 0, WALL / 2)),
             *ring_wall(WALLS, OUTER_RADIUS, WALL, HEIGHT - WALL, low=WALL),
         ),
         rgba=rgba,
@@ -72,13 +64,9 @@ def marble(rgba: Colour) -> Solid:
 
 
 HEAP = tuple(
-    (
-        radius * math.cos(math.tau * k / count),
-        radius * math.sin(math.tau * k / count),
-        WALL + MARBLE_RADIUS,
-    )
+    (x, y, WALL + MARBLE_RADIUS)
     for radius, count in ((0.0, 1), (2.08 * MARBLE_RADIUS, 6), (4.32 * MARBLE_RADIUS, 13))
-    for k in range(count)
+    for x, y in (radius * circle(count)).tolist()
 )
 """Where twenty marbles lie in a full cup, without touching, in its frame and metres: rings of one,
 six and thirteen."""

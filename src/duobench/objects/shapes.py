@@ -88,6 +88,12 @@ def circle(segments: int, phase: float = 0.0) -> Array:
     return np.array([(math.cos(angle), math.sin(angle)) for angle in angles])
 
 
+def polygon(corners: int, apothem: float) -> list[list[float]]:
+    """Corners of a regular polygon with a side that faces x, so far from its middle in metres."""
+    phase = math.pi / corners
+    return (apothem / math.cos(phase) * circle(corners, phase)).tolist()
+
+
 def at_height(points: Array, z: float) -> Array:
     """Points (n, 3) above points (n, 2) of the plane."""
     return np.column_stack([points, np.full(len(points), z)])

@@ -168,7 +168,7 @@ class RecordPlayer(Player):
         )
 
 
-class _Sendable:
+class _Sendable(Watcher):
     """Watches a replay, and rejects targets that the policy cannot have sent."""
 
     def __init__(self, record: EpisodeRecord, targets: Array) -> None:
@@ -184,9 +184,6 @@ class _Sendable:
     def on_step(self, step: Step) -> None:
         if not (step.info["sent"] == step.action).all():
             raise EvaluationError(f"The joint targets of step {step.number} exceed a limit.")
-
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """Do nothing."""
 
 
 def command_config(config: EnvConfig) -> EnvConfig:
@@ -327,7 +324,7 @@ def _divergence(player: Player, env: gym.Env, recording: Recording) -> Divergenc
     )
 
 
-class _Comparison:
+class _Comparison(Watcher):
     """Watches a replay, and compares each of its rows with the recorded one."""
 
     _simulation: Simulation
@@ -344,9 +341,6 @@ class _Comparison:
 
     def on_step(self, step: Step) -> None:
         self._compare(step.observation, step.info)
-
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """Do nothing: what there was is compared."""
 
     def _compare(self, observation: Observation, info: Info) -> None:
         row, recorded = len(self.stages), self._recording

@@ -28,6 +28,7 @@ from duobench.results.folder import RunFolder
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
 
+VIDEO, REPLAY = "video", "replay"
 FAILURES, ALL = "failures", "all"
 """Words that choose episodes: those without success, and every one."""
 MOST_REPLAYS = 20
@@ -101,53 +102,45 @@ class RenderResult:
     """Episodes of which it cannot be made, and why."""
 
 
-def make_videos(
+def make_missing(
     folder: RunFolder,
     run: Run,
     records: Sequence[EpisodeRecord],
+    what: str,
     *,
     import_tasks: bool = False,
     progress: Progress = lambda _done, _total: None,
 ) -> RenderResult:
-    """Make the missing videos of episodes of a run, where its report looks for them.
+    """Make the missing videos or replays of episodes of a run, where its report looks for them.
 
     A video shows what a video of the evaluation itself shows: the table with stage and time, and
     beside it the images that the policy saw. Where the length of its chunks is not known, and so
-    not when it looked, the images are those of the moment.
+    not when it looked, the images are those of the moment. Nothing is rendered for replays, and
+    those of another suite are impossible.
 
     Args:
         folder: The folder of the run.
         run: The run.
         records: Of which episodes.
+        what: `VIDEO` or `REPLAY`.
         import_tasks: Whether to import tasks that are not of the benchmark, which runs the code of
             the modules that the run names. Their episodes have no video without.
         progress: Told about the progress.
     """
-    if run.suite.version != SUITE_VERSION:
+    if what == VIDEO and run.suite.version != SUITE_VERSION:
         raise EvaluationError(
             f"The run is of suite {run.suite.version}; this version plays suite {SUITE_VERSION}, "
             "in which what was sent leads elsewhere. Make videos with the version that played it."
         )
     with closing(_Renderer(folder, run, import_tasks=import_tasks)) as renderer:
-        is_there = [folder.video(each.key).exists() for each in records]
-        return renderer.make_missing(records, is_there, renderer.make_video, progress)
-
-
-def make_replays(
-    folder: RunFolder,
-    run: Run,
-    records: Sequence[EpisodeRecord],
-    *,
-    import_tasks: bool = False,
-    progress: Progress = lambda _done, _total: None,
-) -> RenderResult:
-    """Make the missing replays of episodes of a run, where its report looks for them.
-
-    See `make_videos`; nothing is rendered for them, and those of another suite are impossible.
-    """
-    with closing(_Renderer(folder, run, import_tasks=import_tasks)) as renderer:
-        is_there = [folder.replay(each.key) is not None for each in records]
-        return renderer.make_missing(records, is_there, renderer.make_replay, progress)
+        make = renderer.make_video if what == VIDEO else renderer.make_replay
+        is_there = [
+            folder.video(each.key).exists()
+            if what == VIDEO
+            else folder.replay(each.key) is not None
+            for each in records
+        ]
+        return renderer.make_missing(records, is_there, make, progress)
 
 
 class _Renderer:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from duobench.envs.execution import Step
 from duobench.envs.sim_env import sim_of
-from duobench.evaluation.rollout import Info, Observation
+from duobench.evaluation.rollout import Info, Observation, Watcher
 from duobench.looks.look import Look
 from duobench.sim.simulation import Simulation
 from duobench.tasks.task import Task
@@ -64,7 +64,7 @@ class SceneCache:
         return self._geometry
 
 
-class TrajectoryRecorder:
+class TrajectoryRecorder(Watcher):
     """Watches an episode, and keeps its trajectory, with geometry of a cache in a look."""
 
     _simulation: Simulation
@@ -101,9 +101,6 @@ class TrajectoryRecorder:
     def on_step(self, step: Step) -> None:
         """Keep what there is after a step."""
         self.add(step.number, step.info["stage"])
-
-    def on_episode_end(self, error: BaseException | None) -> None:
-        """Do nothing: what there was is shown."""
 
     def trajectory(self, note: str = "") -> Trajectory:
         """All of it so far."""

@@ -12,13 +12,13 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from duobench.errors import EvaluationError, FileError, OutputError
-from duobench.files import decode, encode, write
+from duobench.files import decode, encode, write, zipped
 from duobench.results.folder import DESCRIPTION, RunFolder, RunReader, record_name
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
@@ -34,8 +34,6 @@ MAX_BYTES = 512 * 2**20
 
 _MANIFEST = "manifest.json"
 _NAMES = re.compile(rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/\w[\w.-]*/[0-9]{{5,9}}\.json")
-_DATE = (1980, 1, 1, 0, 0, 0)
-_FILE_MODE = stat.S_IFREG | 0o644
 _ENTRY = b"PK\x01\x02"  # what each entry of an archive's list of contents begins with
 _DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, struct.error),
@@ -83,18 +81,9 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
         attempts=dict(sorted(run.attempts().items())),
         parts={name: hashlib.sha256(content).hexdigest() for name, content in parts.items()},
     )
-    write(path, _packed({_MANIFEST: encode(manifest, BUNDLE_SCHEMA).encode(), **parts}))
+    parts = {_MANIFEST: encode(manifest, BUNDLE_SCHEMA).encode(), **parts}
+    write(path, zipped(parts, zipfile.ZIP_DEFLATED))
     return manifest
-
-
-def _packed(parts: Mapping[str, bytes]) -> bytes:
-    file = io.BytesIO()
-    with zipfile.ZipFile(file, "w") as archive:
-        for name, content in parts.items():
-            entry = zipfile.ZipInfo(name, _DATE)
-            entry.create_system, entry.external_attr = 3, _FILE_MODE << 16  # as on Unix, anywhere
-            archive.writestr(entry, content, zipfile.ZIP_DEFLATED, compresslevel=9)
-    return file.getvalue()
 
 
 def open_source(path: Path) -> RunReader:

@@ -186,13 +186,17 @@ class Entrant:
         """What it reached in a task; None if it has no finished episode of it."""
         return self.part.results.played(task_id) if self.part else None
 
+    def score(self, tasks: Sequence[TaskInfo]) -> Score | None:
+        """What it reached on tasks together; None if it did not play all of them here."""
+        played = [self.records(task.id) for task in tasks]
+        return score("", list(chain.from_iterable(played))) if all(played) else None
+
     def cell(self, tasks: Sequence[TaskInfo]) -> Cell | None:
-        """What it reached on tasks together; None if it did not play all of them."""
-        ids = [task.id for task in tasks]
+        """The same, or what was published of it; None where neither is known."""
         if self.part is None:
-            return Cell.quoted(self.quoted, ids)
-        played = [self.records(task_id) for task_id in ids]
-        return Cell.of(score("", list(chain.from_iterable(played)))) if all(played) else None
+            return Cell.quoted(self.quoted, [task.id for task in tasks])
+        found = self.score(tasks)
+        return found and Cell.of(found)
 
 
 def read_entrants(sources: Sequence[str]) -> tuple[Entrant, ...]:

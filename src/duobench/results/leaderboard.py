@@ -18,14 +18,7 @@ from duobench.randomness import EVAL, SALTED
 from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
 from duobench.results.entrants import PAPER, WARNING, published
-from duobench.results.pages import (
-    PAGE,
-    check_free,
-    json_text,
-    page,
-    part_page,
-    write_files,
-)
+from duobench.results.pages import PAGE, check_free, json_text, page, part_page, write_files
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
 from duobench.results.salt import Round

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,7 +29,7 @@ from duobench.results.pages import PAGE, check_free, json_text, page, write_file
 from duobench.results.pairs import Pair
 from duobench.results.records import DOMAINS, REAL, SIM
 from duobench.results.run import TRAININGS
-from duobench.results.scores import RunPart, Score, interval_percent, score, summarize
+from duobench.results.scores import RunPart, Score, interval_percent, summarize
 
 DOCUMENT = "mixed.json"
 """The table for programs; a folder that has it holds one."""
@@ -111,10 +110,8 @@ class MixedTable:
 
     def score(self, row: TableRow, place: Place) -> Score | None:
         """What was reached in a row; None where a task of it was not played."""
-        if (entrant := self.entrants.get(place)) is None:
-            return None
-        played = [entrant.records(task.id) for task in row.tasks]
-        return score("", list(chain.from_iterable(played))) if all(played) else None
+        entrant = self.entrants.get(place)
+        return entrant and entrant.score(row.tasks)
 
     def heading(self, policy: str, domain: str) -> str:
         """Title of a column."""

@@ -286,7 +286,6 @@ def page_replays(
                     stage_changes=record.stage_changes,
                     stages=one.task.stages,
                     instruction=record.instruction,
-                    rate_hz=CONTROL_HZ,
                 )
     scenes = sorted({replay.scene for replay in replays.values()})
     contents = {name: folder.scene(name).read_bytes() for name in scenes}

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 
+import numpy as np
+
 from duobench.looks.look import Look
 from duobench.results.entrants import Entrant, Group, RowKind, TableRow
 from duobench.results.records import EpisodeRecord, SampledLayout
@@ -81,7 +83,7 @@ class Test:
     @property
     def better(self) -> int:
         """1 if the first run solves more, -1 if the second does, 0 if nobody can tell."""
-        return _sign(self.difference) if self.adjusted <= LEVEL else 0
+        return int(np.sign(self.difference)) if self.adjusted <= LEVEL else 0
 
     @property
     def is_any_time(self) -> bool:
@@ -91,7 +93,7 @@ class Test:
     @property
     def further(self) -> int:
         """1 if the first run has more progress, -1 if the second has, 0 if nobody can tell."""
-        return _sign(self.progress) if self.progress_adjusted <= LEVEL else 0
+        return int(np.sign(self.progress)) if self.progress_adjusted <= LEVEL else 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -258,10 +260,6 @@ def _scale(row: TableRow) -> int:
 
 def _stages(record: EpisodeRecord, row: TableRow) -> int:
     return record.final_stage * _scale(row) // record.max_stage
-
-
-def _sign(value: float) -> int:
-    return (value > 0) - (value < 0)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -8,26 +8,14 @@ from duobench.errors import EvaluationError
 from duobench.results import figures
 from duobench.results.pages import PAGE, check_free, json_text, page, with_figures, write_files
 from duobench.results.scores import RunPart, Score
-from duobench.shifts.shift import (
-    ALL_AXES,
-    AXES,
-    CAMERA,
-    LATENCY,
-    LAYOUT,
-    LEVELS,
-    LOOK,
-    NO_SHIFT,
-    PHYSICS,
-    SENSING,
-    Shift,
-)
+from duobench.shifts import shift as shifts
 
 DOCUMENT = "robustness.json"
 """The results for programs; a folder that has it holds a report."""
 ROBUSTNESS_SCHEMA = 2
-BOUNDED = (LAYOUT, PHYSICS, LATENCY)
+BOUNDED = (shifts.LAYOUT, shifts.PHYSICS, shifts.LATENCY)
 """Axes whose levels scripted experts still solve."""
-UNPROVEN = (LOOK, CAMERA, SENSING)
+UNPROVEN = (shifts.LOOK, shifts.CAMERA, shifts.SENSING)
 """Axes that change only what a policy sees, of which its joint targets prove nothing."""
 
 
@@ -49,7 +37,7 @@ class Robustness:
     def axes(self) -> list[str]:
         """The axes that were played."""
         played = {part.condition.shift.axis for part in self.parts}
-        return [axis for axis in AXES if axis in played]
+        return [axis for axis in shifts.AXES if axis in played]
 
     @property
     def missing(self) -> int:
@@ -58,19 +46,19 @@ class Robustness:
 
     def at(self, axis: str, level: int) -> RunPart | None:
         """What was played along an axis at a level from 0 to 5; None if nothing was."""
-        shift = Shift(axis=axis, level=level) if level else NO_SHIFT
+        shift = shifts.Shift(axis=axis, level=level) if level else shifts.NO_SHIFT
         found = (part for part in self.parts if part.condition.shift == shift)
         return next((part for part in found if part.results.overall.episodes), None)
 
     def levels(self, axis: str) -> dict[int, Score]:
         """What was reached at the levels of an axis that were played, 0 included."""
-        each = {level: self.at(axis, level) for level in range(LEVELS + 1)}
+        each = {level: self.at(axis, level) for level in range(shifts.LEVELS + 1)}
         return {level: part.results.overall for level, part in each.items() if part}
 
 
 def robustness_of(parts: Sequence[RunPart], title: str = "") -> list[Robustness]:
     """What each policy of a run reached under shifts; a run of one may give it another title."""
-    if all(part.condition.shift == NO_SHIFT for part in parts):
+    if all(part.condition.shift == shifts.NO_SHIFT for part in parts):
         raise EvaluationError("Nothing was played under a shift.")
     by_policy: dict[str, list[RunPart]] = {}
     for part in parts:
@@ -89,7 +77,7 @@ def write_robustness(policies: Sequence[Robustness], out: Path) -> Path:
 
 def robustness_files(policies: Sequence[Robustness], pages: str = "") -> dict[str, str]:
     """The same files as text by name, with links to a folder of pages of each condition, if any."""
-    axes = [axis for axis in AXES if any(axis in one.axes for one in policies)]
+    axes = [axis for axis in shifts.AXES if any(axis in one.axes for one in policies)]
     runs = [(one.title, {axis: one.levels(axis) for axis in one.axes}) for one in policies]
     svgs = {"levels": figures.as_svg("levels", figures.levels, axes, runs)}
     text = page(
@@ -97,11 +85,11 @@ def robustness_files(policies: Sequence[Robustness], pages: str = "") -> dict[st
         svgs,
         policies=policies,
         axes=axes,
-        levels=range(LEVELS + 1),
+        levels=range(shifts.LEVELS + 1),
         pages=pages,
         bounded=BOUNDED,
         unproven=UNPROVEN,
-        all_axes=ALL_AXES,
+        all_axes=shifts.ALL_AXES,
     )
     return with_figures({DOCUMENT: _document(policies), PAGE: text}, svgs)
 

@@ -8,11 +8,11 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import msgspec
 
-from duobench.envs.config import EnvConfig
+from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.errors import EvaluationError
 from duobench.files import checksum, differences
 from duobench.policy import Batching, PolicyMetadata
@@ -129,6 +129,17 @@ RUN_SCHEMA = 9
 _SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
 """What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
+
+
+def needed_options(policy: PolicyMetadata) -> dict[str, Any]:
+    """What a policy needs its environments to be like: fields of `EnvConfig` by their names."""
+    return {
+        "cameras": policy.cameras,
+        "object_state": policy.object_state,
+        "action_mode": policy.action_mode,
+        "control_rate_hz": policy.control_rate_hz,
+        "image_size": policy.image_size or IMAGE_SIZE,
+    }
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

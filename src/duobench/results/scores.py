@@ -35,14 +35,7 @@ def wilson_interval(
     trials nothing is known, and it is 0..1.
     Source: E. B. Wilson, "Probable inference, the law of succession, and statistical inference",
     J. Am. Stat. Assoc. 22 (1927).
-
-    Raises:
-        ValueError: If the counts or the confidence, between 0 and 1, are impossible.
     """
-    if not 0 <= successes <= trials:
-        raise ValueError(f"Successes lie in 0..trials, got {successes} of {trials}.")
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"A confidence lies between 0 and 1, got {confidence}.")
     if trials == 0:
         return 0.0, 1.0
     z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)

@@ -21,20 +21,18 @@ from duobench.backend import Image
 from duobench.data.images import View
 from duobench.errors import BackendError, DataError, RenderingError, VideoError
 from duobench.evaluation.rollout import Info, Observation, Step
-from duobench.hardware.canonical import CanonicalView
+from duobench.hardware.canonical import NATIVE, CanonicalView
+from duobench.hardware.clock import SystemClock
 from duobench.hardware.devices import Frame, image_ages
 from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig
-from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.types import CONTROL_HZ, HEAD
 from duobench.video import VP9, VideoWriter
 from duobench.web.server import PageServer
 
 _log = logging.getLogger(__name__)
 
-NATIVE = NATIVE_HEIGHT, NATIVE_WIDTH
-"""Height and width of the head camera's own images."""
 FILM_EVERY = 3
 """Control steps from one frame to the next."""
 FILM_SIZE = (360, 640)
@@ -149,14 +147,11 @@ class CameraFeed:
     def __init__(self, duo: FrankaDuo, server: PageServer) -> None:
         self._duo, self._server = duo, server
         self._shown: dict[str, tuple[Frame, str]] = {}  # what each camera's address shows
-        self._is_over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="cameras of the page", daemon=True)
-        self._thread.start()
+        self._ticker = SystemClock().every(PERIOD_S, self._tick, "cameras of the page")
 
     def close(self) -> None:
         """Look no more; closing twice is harmless."""
-        self._is_over.set()
-        self._thread.join()
+        self._ticker.stop()
 
     def look(self) -> None:
         """Publish what is new, and say how old each image is."""
@@ -179,15 +174,13 @@ class CameraFeed:
             "stale_s": round(age_s, 1) if is_stale and math.isfinite(age_s) else None,
         }
 
-    def _run(self) -> None:
-        while not self._is_over.wait(PERIOD_S):
-            if not self._server.has_viewers:
-                continue
-            try:
+    def _tick(self) -> None:
+        try:
+            if self._server.has_viewers:
                 self.look()
-            except Exception:  # noqa: BLE001 - pictures for people end no session
-                _log.exception("What the cameras see cannot be shown.")
-                return
+        except Exception:  # noqa: BLE001 - pictures for people end no session
+            _log.exception("What the cameras see cannot be shown.")
+            self._ticker.stop()
 
 
 def jpeg(image: Image, width: int | None = None) -> bytes:

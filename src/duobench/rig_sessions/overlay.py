@@ -8,21 +8,15 @@ calibration is wrong, and so is the layout.
 from __future__ import annotations
 
 import io
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.path import Path
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 
 from duobench.backend import Image
 from duobench.errors import RenderingError
-from duobench.fabrication.sheet import CONTACT, outlines_on_table
 from duobench.hardware.rig import Rig
-from duobench.objects.prop import Prop
 from duobench.rig_sessions.cameras import jpeg
 from duobench.robot.cameras import (
     HEAD_FOCAL,
@@ -45,56 +39,6 @@ GHOST_OPACITY = 0.55
 """Opacity of the robot's ghost."""
 _NEAREST_M = 0.05
 """What is nearer to the camera's plane than this is not projected."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Footprint:
-    """Where one object stands: its origin in millimetres from the middle of the robot's base."""
-
-    number: int
-    """Number beside its outline, from 1 on."""
-    name: str
-    x_mm: float
-    """Forwards."""
-    y_mm: float
-    """To the left."""
-    z_mm: float
-    """Above the table."""
-    yaw_deg: float
-    """Turn about the vertical in degrees, counter-clockwise from above, from -180 to 180."""
-    seen: tuple[Array, ...]
-    """Outlines (n, 2) as seen from above, in metres in the table frame."""
-    contact: tuple[Array, ...]
-    """Outlines (n, 2) of what touches the table."""
-
-
-def footprints(props: Sequence[Prop], layout: Layout) -> list[Footprint]:
-    """The footprints of a layout's objects, in the order of the task.
-
-    Objects that stand in others, such as marbles in a cup, are left out: they are placed with them.
-    """
-    found: list[Footprint] = []
-    for prop in props:
-        pose = layout.poses[prop.name]
-        x_mm, y_mm, z_mm = (1e3 * pose.translation).tolist()
-        x, y, _ = pose.translation.tolist()
-        below = (outline for other in found if z_mm > other.z_mm for outline in other.seen)
-        if any(Path(outline).contains_point((x, y)) for outline in below):
-            continue
-        seen, contact = (outlines_on_table(prop, layout, below) for below in (None, CONTACT))
-        found.append(
-            Footprint(
-                number=len(found) + 1,
-                name=prop.name,
-                x_mm=round(x_mm, 1) + 0.0,
-                y_mm=round(y_mm, 1) + 0.0,
-                z_mm=round(z_mm, 1) + 0.0,
-                yaw_deg=round(math.degrees(pose.yaw), 1) + 0.0,
-                seen=seen,
-                contact=contact,
-            )
-        )
-    return found
 
 
 def project(points: Array, table_from_camera: SE3 = TABLE_FROM_HEAD) -> Array:

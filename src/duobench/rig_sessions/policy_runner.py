@@ -13,7 +13,7 @@ from duobench.data.rig import RigRecorder
 from duobench.envs.duo_env import TRUNCATION_REASON, DuoWrapper, ResetOptions, Start, base_of
 from duobench.errors import DuoBenchError, PolicyError
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
-from duobench.evaluation.rollout import Info, Observation, Step, Watcher, rollout
+from duobench.evaluation.rollout import Step, Watcher, rollout
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
@@ -189,7 +189,7 @@ class PolicyRunner:
                 recorder.discard()
 
 
-class _LastStep:
+class _LastStep(Watcher):
     """A watcher that keeps what the last step said."""
 
     def __init__(self) -> None:
@@ -197,9 +197,5 @@ class _LastStep:
         self.number = 0
         self.terminated = False
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None: ...
-
     def on_step(self, step: Step) -> None:
         self.info, self.number, self.terminated = step.info, step.number, step.terminated
-
-    def on_episode_end(self, error: BaseException | None) -> None: ...

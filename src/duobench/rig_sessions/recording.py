@@ -15,13 +15,14 @@ from duobench.data import Actor, ActorKind, DataSet, Recording
 from duobench.data.rig import placement
 from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import IMAGE_SIZE, INSTRUCTION, LAYOUT, SPLIT
+from duobench.envs.config import INSTRUCTION, LAYOUT, SPLIT
 from duobench.errors import OptionError, OutputError, PolicyError
 from duobench.evaluation.policies import PolicySource
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.policy import PolicyMetadata
 from duobench.randomness import TRAIN, episode_seed
+from duobench.results.run import needed_options
 from duobench.results.suite import find_tasks
 from duobench.rig_sessions.operator import Operator, TerminalView
 from duobench.rig_sessions.policy_runner import PolicyRunner, find_rig_policy, make_rig_recorder
@@ -102,7 +103,6 @@ class RigRecording(RigSession):
         data: Where episodes are added.
         source: The policy.
         operator: Who places, watches and decides.
-        actor: What the policy is called in recordings; by default as its metadata says.
         episodes: How many are to be kept, those of earlier sessions in the data set counted.
         instruction: What the policy is told; empty for the task's own words.
         horizon: Control steps of an episode at most; the task's own where none is given.
@@ -117,7 +117,6 @@ class RigRecording(RigSession):
         source: PolicySource,
         operator: Operator,
         *,
-        actor: str = "",
         episodes: int = 10,
         instruction: str = "",
         horizon: int | None = None,
@@ -128,16 +127,10 @@ class RigRecording(RigSession):
         self._operator, self._source, self._data, self._wanted = operator, source, data, episodes
         metadata = source.metadata
         (info,) = find_tasks([task])
-        env = make_real_env(
-            duo,
-            task,
-            cameras=metadata.cameras,
-            image_size=metadata.image_size or IMAGE_SIZE,
-            action_mode=metadata.action_mode,
-            horizon=horizon or info.horizon,
-        )
+        horizon = horizon or info.horizon
+        env = make_real_env(duo, task, **needed_options(metadata), horizon=horizon)
         super().__init__(duo, env.get_wrapper_attr("judge"))
-        who = Actor(kind=ActorKind.POLICY, name=actor or metadata.name, version=metadata.version)
+        who = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
         self.env = make_rig_recorder(env, duo, data, who, after_success=after_success)
         """The environment, which records."""
         self._runner = PolicyRunner(self.env, source)

@@ -54,7 +54,6 @@ def make_real_recorder(
     operator: Operator,
     *,
     action_mode: str = CARTESIAN.name,
-    time_limit_s: float = TIME_LIMIT_S,
     after_success: float = AFTER_SUCCESS_S,
 ) -> Recorder:
     """An environment on a rig, recorded with clutches, videos and review.
@@ -78,7 +77,7 @@ def make_real_recorder(
         prepare=confirm_homing,
         cameras=(),
         action_mode=action_mode,
-        horizon=round(time_limit_s * CONTROL_HZ),
+        horizon=round(TIME_LIMIT_S * CONTROL_HZ),
     )
     return make_rig_recorder(env, duo, data, actor, after_success=after_success, has_clutch=True)
 

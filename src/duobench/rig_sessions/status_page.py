@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from duobench.fabrication.sheet import Mark, marks_of
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.cameras import head_image, jpeg
-from duobench.rig_sessions.overlay import Footprint, Overlay, footprints, project
+from duobench.rig_sessions.overlay import Overlay, project
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.layout import Layout
@@ -72,8 +73,9 @@ class StatusPage:
     def begin(self, layout: Layout, episode: Mapping[str, Any]) -> None:
         """Show another episode, and where its objects shall lie."""
         self._layout, self._images, self._film, self._ghost_joints = layout, {}, "", None
-        places = footprints(self._overlay.task.props, layout)
-        self._episode = {**episode, "footprints": [self._footprint(each) for each in places]}
+        places = [each for each in marks_of(self._overlay.task, layout) if each.on_table]
+        shown = [self._footprint(number, each) for number, each in enumerate(places, 1)]
+        self._episode = {**episode, "footprints": shown}
         self.publish()
 
     def offer_sheet(self, name: str, pdf: bytes) -> None:
@@ -175,18 +177,19 @@ class StatusPage:
             self._image_count += 1
             self._images[name] = self._server.publish_image(f"{name}-{self._image_count}", made)
 
-    def _footprint(self, each: Footprint) -> dict[str, Any]:
+    def _footprint(self, number: int, mark: Mark) -> dict[str, Any]:
+        x, y, yaw = (round(value, 1) + 0.0 for value in (mark.x, mark.y, mark.yaw))
         return {
-            "number": each.number,
-            "name": each.name.replace("_", " "),
-            "x_mm": each.x_mm,
-            "y_mm": each.y_mm,
-            "yaw_deg": each.yaw_deg,
-            "outlines": [self._in_image(outline) for outline in each.contact or each.seen],
+            "number": number,
+            "name": mark.name.replace("_", " "),
+            "x_mm": x,
+            "y_mm": y,
+            "yaw_deg": yaw,
+            "outlines": [self._in_image(outline) for outline in mark.contact or mark.seen],
         }
 
     def _in_image(self, outline: Array) -> list[list[float]]:
         """An outline on the table in pixels of the head camera; empty where it is behind that."""
-        on_table = np.column_stack([outline, np.zeros(len(outline))])
+        on_table = np.column_stack([outline / 1000.0, np.zeros(len(outline))])
         corners = project(on_table, self._overlay.table_from_head)
         return [] if np.isnan(corners).any() else corners.round(1).tolist()

@@ -388,7 +388,6 @@ def make_recorder(
     *,
     action_mode: str = CARTESIAN.name,
     time_limit_s: float = TIME_LIMIT_S,
-    after_success: float = AFTER_SUCCESS_S,
     look: str | Look = DEFAULT,
 ) -> Recorder:
     """An environment on layouts of the split `train`, recorded with clutches and reviewed.
@@ -401,7 +400,6 @@ def make_recorder(
         actor: Who leads, and with which device.
         action_mode: That of the device.
         time_limit_s: Simulated seconds after which an episode is truncated.
-        after_success: Seconds that a recording goes on after success.
         look: How images of the episodes look, unless they are rendered with another one.
 
     Raises:
@@ -416,5 +414,5 @@ def make_recorder(
         task, cameras=False, split=TRAIN, action_mode=action_mode, horizon=horizon, look=look
     )
     return Recorder(
-        env, data, actor, after_success=after_success, is_reviewed=True, has_clutch=True
+        env, data, actor, after_success=AFTER_SUCCESS_S, is_reviewed=True, has_clutch=True
     )

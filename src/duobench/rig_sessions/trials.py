@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from typing import Any, cast
 
 from duobench.data import Actor, ActorKind, DataSet
-from duobench.envs.config import IMAGE_SIZE, LAYOUT, EnvConfig
+from duobench.envs.config import LAYOUT, EnvConfig
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Step
@@ -21,7 +21,7 @@ from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.judge import HumanJudge
 from duobench.results.records import REAL, EpisodeRecord, Judged
-from duobench.results.run import Candidate, Run, TimeLimits
+from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Suite, TaskInfo
 from duobench.rig_sessions.cameras import Film, head_image, jpeg
 from duobench.rig_sessions.overlay import Overlay
@@ -33,12 +33,7 @@ from duobench.rig_sessions.policy_runner import (
 )
 from duobench.rig_sessions.session import Phase, RigSession, Stopped
 from duobench.rig_sessions.status_page import SILENCE_S, StatusPage
-from duobench.rig_sessions.trials_folder import (
-    LogEntry,
-    LogKind,
-    TrialsFolder,
-    TrialsProgress,
-)
+from duobench.rig_sessions.trials_folder import LogEntry, LogKind, TrialsFolder, TrialsProgress
 from duobench.rig_sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.sim.layout import Layout
 from duobench.tasks import catalog
@@ -264,15 +259,13 @@ class TrialsSession(RigSession):
     def _runner(
         self, candidate: Candidate, source: PolicySource, data: DataSet | None
     ) -> PolicyRunner:
-        config, metadata = candidate.config, source.metadata
+        metadata = source.metadata
         env = make_real_env(
             self.duo,
             self._plan.task.reference,
             judge=self.judge,
-            cameras=config.cameras,
-            image_size=config.image_size,
-            action_mode=config.action_mode,
-            horizon=config.horizon,
+            horizon=candidate.config.horizon,
+            **needed_options(metadata),
         )
         if data is not None:
             actor = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
@@ -287,11 +280,7 @@ def _candidate(name: str, trained_on: str, source: PolicySource, task: TaskInfo)
         policy=name,
         metadata=metadata,
         config=EnvConfig(
-            cameras=metadata.cameras,
-            object_state=metadata.object_state,
-            action_mode=metadata.action_mode,
-            control_rate_hz=metadata.control_rate_hz,
-            image_size=metadata.image_size or IMAGE_SIZE,
+            **needed_options(metadata),
             horizon=None if task.horizon == usual else task.horizon,
         ),
         batching=source.batching,

@@ -16,16 +16,8 @@ from pathlib import Path
 
 import msgspec
 
+from duobench import files
 from duobench.errors import EvaluationError, FileError, OtherRunError
-from duobench.files import (
-    begin_or_continue,
-    differences,
-    encode,
-    make_folder,
-    read,
-    write,
-    writing,
-)
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.hardware.judge import StageLabel, StageLabels
@@ -144,8 +136,8 @@ class TrialLog:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()
-        make_folder(path.parent)
-        with writing(path):
+        files.make_folder(path.parent)
+        with files.writing(path):
             self._file = path.open("ab")
             content = path.read_bytes()
             whole = content.rfind(b"\n") + 1
@@ -165,7 +157,7 @@ class TrialLog:
         if entry.kind is LogKind.PRESS:
             said["stage"] = entry.stage  # null takes a press back
         line = msgspec.json.encode(said) + b"\n"
-        with self._lock, writing(self.path):
+        with self._lock, files.writing(self.path):
             self._file.write(line)
             self._file.flush()
             if entry.kind in _CLOSING:  # a press shall not wait for a disk
@@ -213,7 +205,7 @@ class TrialsFolder:
             return
         now, before = rig.chosen, Rig.read(self.rig).chosen
         places = {**before, **now}
-        found = differences(
+        found = files.differences(
             *({place: each.get(place) for place in places} for each in (now, before))
         )
         if found:
@@ -236,7 +228,7 @@ class TrialsFolder:
         """
         if self.description.exists():
             plan = plan.ordered_as(self.read_plan())
-        begin_or_continue(
+        files.begin_or_continue(
             self.path,
             self.description,
             plan,
@@ -244,7 +236,7 @@ class TrialsFolder:
             what="evaluation on real arms",
             kept=(DOCTOR_FILE,),
         )
-        write(self.description, encode(plan, PLAN_SCHEMA))
+        files.write(self.description, files.encode(plan, PLAN_SCHEMA))
         return plan
 
     def read_plan(self) -> TrialsPlan:
@@ -253,7 +245,7 @@ class TrialsFolder:
             raise EvaluationError(
                 f"{self.path} holds no evaluation on real arms: {DESCRIPTION} is missing."
             )
-        return read(self.description, TrialsPlan, PLAN_SCHEMA)
+        return files.read(self.description, TrialsPlan, PLAN_SCHEMA)
 
     def open_log(self, at: str) -> TrialLog:
         """The log to write on; a trial that was cut is closed as invalid first.

@@ -35,18 +35,8 @@ class PolicyResult:
 
     def row(self) -> dict[str, Any]:
         """As JSON data, for the operator's page."""
-        low, high = self.score.interval
-        return {
-            "letter": self.letter,
-            "policy": self.policy,
-            "trained_on": self.trained_on,
-            "episodes": self.score.episodes,
-            "successes": self.score.successes,
-            "rate": self.score.success_rate or 0.0,
-            "low": low,
-            "high": high,
-            "progress": self.score.mean_final_progress or 0.0,
-        }
+        about = {"letter": self.letter, "policy": self.policy, "trained_on": self.trained_on}
+        return about | self.score.numbers()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -32,7 +32,6 @@ class Launcher(Protocol):
 
     def open(self) -> None:
         """Get ready to start processes."""
-        ...
 
     def start_policy(self) -> Transport:
         """Start a process that makes a policy."""
@@ -52,19 +51,12 @@ class Launcher(Protocol):
 
     def close(self) -> None:
         """Let go of what `open` has got, after all processes have ended."""
-        ...
 
 
-class LocalLauncher:
-    """Starts processes on this machine."""
+class LocalLauncher(Launcher):
+    """Starts processes on this machine, for which nothing has to be got ready."""
 
     max_failed_starts = MAX_FAILED_STARTS
-
-    def open(self) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
 
     def start_policy(self) -> Transport:
         """Start a process that makes a policy."""

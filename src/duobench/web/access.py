@@ -10,17 +10,15 @@ import hmac
 import secrets
 import socket
 import ssl
-import string
 from collections.abc import Collection
 from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import parse_qs, urlsplit
 
 from duobench.errors import ServingError
-from duobench.machine import install_extra, is_loopback
+from duobench.machine import is_loopback, load_extra
 
 _TOKEN_BYTES = 16
-_UNRESERVED = frozenset(string.ascii_letters + string.digits + "-._~")
 _ELSEWHERE = "192.0.2.1"
 """An address for documentation [RFC 5737]; nothing is sent to it."""
 _MAX_FIELDS = 16
@@ -56,13 +54,8 @@ def make_certificate(hosts: Collection[str] = ()) -> Certificate:
     Args:
         hosts: Names and addresses that it holds for; none means those of `own_hosts`.
     """
-    try:
-        import trustme  # pyright: ignore[reportMissingImports] - an extra
-    except ImportError as error:
-        raise ServingError(
-            "A page for other machines needs a certificate, which trustme makes; it is not "
-            f"installed. {install_extra('teleop')}"
-        ) from error
+    needed = "A page for other machines needs a certificate, which trustme makes"
+    trustme = load_extra("trustme", "teleop", needed, ServingError)
     names = tuple(hosts) or own_hosts()
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
@@ -91,18 +84,12 @@ def check_address(host: str, certificate: Certificate | None) -> None:
 class Admission:
     """Decides about requests: a token in the address, and pages of this server alone.
 
-    Args:
-        token: What the address must hold; None makes one up.
-        hosts: Names and addresses by which other machines may know the server.
+    Other machines may know the server by the names and addresses that are its hosts.
     """
 
-    def __init__(self, token: str | None, hosts: Collection[str]) -> None:
-        self.token = secrets.token_urlsafe(_TOKEN_BYTES) if token is None else token
+    def __init__(self, hosts: Collection[str]) -> None:
+        self.token = secrets.token_urlsafe(_TOKEN_BYTES)
         """What the address must hold."""
-        if not self.token or set(self.token) - _UNRESERVED:
-            raise ServingError(
-                "A token consists of ASCII letters, digits, '-', '.', '_' and '~'; got another one."
-            )
         self._hosts = frozenset(hosts)
 
     def has_token(self, query: str) -> bool:

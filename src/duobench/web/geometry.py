@@ -27,14 +27,7 @@ from duobench.scene.surfaces import COLLISION_GEOM_GROUP, SHADOWLESS_GEOM_GROUP
 from duobench.sim.appearance import Appearance
 from duobench.spatial import SE3, matrix_from_wxyz
 from duobench.types import Array
-from duobench.web.shading import (
-    camera_of,
-    cells_for,
-    colours_of,
-    emission_of,
-    lights_of,
-    texels_of,
-)
+from duobench.web.shading import camera_of, cells_for, colours_of, emission_of, lights_of, texels_of
 
 MAX_BODIES = 255
 """Most bodies that move; their poses have to fit into a block that every browser has."""

@@ -41,23 +41,9 @@ class EpisodeReplay:
     """The task's stages in words, from the first on."""
     instruction: str = ""
     """What was to be done."""
-    rate_hz: float = CONTROL_HZ
-    """Poses a second."""
     id: str = ""
-    """What an element of the page names in `data-replay` to open it; empty for its place in the
-    list, as in `replay-1`."""
-
-    def __post_init__(self) -> None:
-        length(self.track)
-        if not self.rate_hz > 0:
-            raise OptionError(f"A replay has a positive rate in Hz, got {self.rate_hz}.")
-        steps = [step for step, _ in self.stage_changes]
-        if steps != sorted(steps) or any(step < 0 for step in steps):
-            raise OptionError(f"Changes of the stage come in time's order, got steps {steps}.")
-        if not re.fullmatch(r"[\w.-]*", self.id):
-            raise OptionError(
-                f"An id is letters, digits, dots, dashes and underscores, got {self.id!r}."
-            )
+    """What an element of the page names in `data-replay` to open it, another one for each episode;
+    empty for its place in the list, as in `replay-1`."""
 
 
 @cache
@@ -105,9 +91,6 @@ def replay_fragment(
     if not replays:
         raise OptionError("A page of replays needs at least one episode.")
     ids = [replay.id or f"replay-{number}" for number, replay in enumerate(replays, start=1)]
-    if len(set(ids)) < len(ids):
-        twice = sorted({id for id in ids if ids.count(id) > 1})
-        raise OptionError(f"Episodes have different ids; {', '.join(twice)} is there twice.")
     for replay in replays:
         check_known("scene", replay.scene, scenes)
     needed = list(dict.fromkeys(replay.scene for replay in replays))
@@ -124,7 +107,7 @@ def replay_fragment(
             "stage_changes": replay.stage_changes,
             "stages": replay.stages,
             "instruction": replay.instruction,
-            "rate_hz": replay.rate_hz,
+            "rate_hz": CONTROL_HZ,
         }
         for id, replay, track in zip(ids, replays, tracks, strict=True)
     ]
@@ -148,7 +131,7 @@ def bundle(modules: Iterable[str]) -> str:
 
 def _row(id: str, replay: EpisodeReplay) -> dict[str, object]:
     stage = max((stage for _, stage in replay.stage_changes), default=0)
-    seconds = max(0, length(replay.track) - 1) / replay.rate_hz
+    seconds = max(0, length(replay.track) - 1) / CONTROL_HZ
     reached = f"stage {stage} of {len(replay.stages)} · " if replay.stages else ""
     return {"id": id, "title": replay.title, "detail": f"{reached}{seconds:.1f} s"}
 

@@ -18,7 +18,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from duobench.errors import DuoBenchError, ServingError
+from duobench.errors import DuoBenchError
 from duobench.serving_thread import ServingThread
 from duobench.web.access import Admission, Certificate, check_address
 from duobench.web.messages import (
@@ -57,7 +57,6 @@ SEND_BUFFER = 16 << 10
 """Bytes that the system keeps for a peer that does not read: a dozen frames, and not seconds."""
 FRAME = "frame"
 """Where the newest frame waits; all else that waits is text."""
-_NAME = r"[\w.-]{1,100}"
 _SECURITY = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
@@ -120,7 +119,6 @@ class PageServer:
         assets: Content type and content by path; "/" is the page.
         host: Address to listen at.
         port: Port to listen at; 0 takes a free one.
-        token: What the address of the page must hold; None makes one up.
         certificate: Encrypts; any host but this machine's own needs one.
     """
 
@@ -130,12 +128,11 @@ class PageServer:
         *,
         host: str = "127.0.0.1",
         port: int = 0,
-        token: str | None = None,
         certificate: Certificate | None = None,
     ) -> None:
         check_address(host, certificate)
         names = () if certificate is None else certificate.hosts
-        self._admission = Admission(token, names)
+        self._admission = Admission(names)
         self._files: _Shelf = {
             path: (kind, (gzip.compress(body, mtime=0), "gzip"))
             for path, (kind, body) in assets.items()
@@ -204,8 +201,6 @@ class PageServer:
 
         The name is letters, digits, '_', '-' and '.'; the same name is the same scene.
         """
-        if not re.fullmatch(_NAME, name, re.ASCII):
-            raise ServingError(f"A scene cannot be named {name!r}: letters, digits, '_', '-', '.'.")
         path = f"/scene/{name}.bin"
         self._scenes = _with(self._scenes, path, "application/octet-stream", data)
         url = f"{path}?token={self._admission.token}"
@@ -217,11 +212,7 @@ class PageServer:
         Returns:
             Its address on this server, with the token.
         """
-        kind = next((kind for sign, kind in IMAGE_KINDS.items() if data.startswith(sign)), None)
-        if kind is None or not re.fullmatch(_NAME, name, re.ASCII):
-            raise ServingError(
-                f"A page shows JPEG, PNG, WebM or PDF by a plain name, got {name!r}."
-            )
+        kind = next(kind for sign, kind in IMAGE_KINDS.items() if data.startswith(sign))
         path = f"/image/{name}"
         self._images = _with(self._images, path, kind, data)
         return f"{path}?token={self._admission.token}"

@@ -35,14 +35,9 @@ def encode(poses: ArrayLike) -> bytes:
 
     Args:
         poses: Poses (steps, bodies, 7), x y z in metres and w x y z, as `Geometry.poses` returns
-            them; both signs of a quaternion mean the same.
+            them, of one step and body at least; both signs of a quaternion mean the same.
     """
     array = np.asarray(poses, dtype=np.float64)
-    if array.ndim != 3 or array.shape[2] != len(_STEPS) or not array.size:  # noqa: PLR2004
-        raise DataError(
-            f"Poses have the shape (steps, bodies, 7), of one step and body at least; got "
-            f"{array.shape}."
-        )
     if not np.isfinite(array).all():
         raise DataError("Poses must be finite, and one of them is not.")
     array = _without_flips(array)

@@ -21,6 +21,7 @@ from duobench.hardware.calibration.places import (
 from duobench.hardware.canonical import distorted, nominal_pose
 from duobench.hardware.rig import CameraCalibration
 from duobench.robot.joints import HOME_JOINTS
+from duobench.sheets import Paper
 from duobench.spatial import SE3
 from duobench.types import HEAD, Side
 from tests.hardware.lenses import D405, ZED
@@ -108,8 +109,8 @@ def test_a_lens_is_found() -> None:
         calibrate_lens(images[:6], BOARD)
 
 
-@pytest.mark.parametrize("paper", ["a4", "a3"])
-def test_the_head_is_located_by_one_pose(paper: str) -> None:
+@pytest.mark.parametrize("paper", Paper)
+def test_the_head_is_located_by_one_pose(paper: Paper) -> None:
     board = Board(paper=paper)
     where = SE3.at(0.40, board.size[0] / 2, 0.0, yaw=-math.pi / 2)
     pose = HEAD_POSE.inverse() @ where

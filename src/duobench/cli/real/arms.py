@@ -25,7 +25,6 @@ from duobench.results.suite import find_tasks
 from duobench.types import Side
 
 if TYPE_CHECKING:
-    from duobench.data import DataSet
     from duobench.hardware.duo import FrankaDuo
     from duobench.rig_sessions.trials import TrialsSession
     from duobench.rig_sessions.trials_folder import TrialsFolder
@@ -223,6 +222,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("real eval", evaluate, locals())
     load_engine()
+    from duobench.data import DataSet
     from duobench.rig_sessions.trials import TrialsSession
 
     policies, (info,) = _pairs(policy, trained_on), find_tasks([task])
@@ -240,17 +240,11 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             first_episode=first_episode,
             order_seed=secrets.randbelow(2**31) if order_seed is None else order_seed,
             blind=blind,
-            data=None if record is None else _data(record),
+            data=None if record is None else DataSet.open(record),
             command=command,
         )
         _tell_of_doctor(folder, rig, duo, out)
         _judge(session, folder, server, out)
-
-
-def _data(path: Path) -> DataSet:
-    from duobench.data import DataSet
-
-    return DataSet.open(path)
 
 
 def _pairs(policies: tuple[str, ...], trained_on: tuple[str, ...]) -> list[tuple[str, str]]:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from duobench.hardware.calibration.places import Measured
     from duobench.hardware.calibration.views import ViewFolder
 
-PaperName = Literal["a4", "a3"]
 _AT_REST = 0.01
 """Speed of a joint in rad/s under which an arm is at rest."""
 
@@ -35,7 +34,7 @@ def calibrate() -> None:
     """Measure lenses and places of cameras with a printed board; not yet tried on a camera."""
 
 
-def board(out: Path, paper: PaperName = "a4") -> None:
+def board(out: Path, paper: Paper = Paper.A4) -> None:
     """Write the board as a PDF, to print at 100 %.
 
     Args:
@@ -45,7 +44,7 @@ def board(out: Path, paper: PaperName = "a4") -> None:
     write_board(Board(paper=paper), out)
     say(
         f"{out}: print it at 100 %, glue it flat onto a plate, and measure its ruler, which should "
-        f"be {RULER_MM[Paper(paper)]:g} mm long."
+        f"be {RULER_MM[paper]:g} mm long."
     )
 
 
@@ -53,7 +52,7 @@ def lens(
     camera: tyro.conf.Positional[Literal["head", "left_wrist", "right_wrist"]],
     rig: Path,
     views: Path,
-    paper: PaperName = "a4",
+    paper: Paper = Paper.A4,
 ) -> None:
     """Measure the lens of a camera from 20 or more images of the board, held by hand.
 
@@ -82,7 +81,7 @@ def head(
     views: Path,
     ruler: float | None = None,
     at: tuple[float, float, float] = (400.0, 120.0, -90.0),
-    paper: PaperName = "a4",
+    paper: Paper = Paper.A4,
 ) -> None:
     """Measure where the head camera is, from a board that lies at a known place on the table.
 
@@ -110,7 +109,7 @@ def wrist(
     rig: Path,
     views: Path,
     ruler: float | None = None,
-    paper: PaperName = "a4",
+    paper: Paper = Paper.A4,
 ) -> None:
     """Measure where a wrist camera is, from 15 to 25 poses of its arm over a board that lies still.
 
@@ -158,9 +157,9 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
     say(f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}.")
 
 
-def _measured(paper: str, ruler: float | None) -> Board:
+def _measured(paper: Paper, ruler: float | None) -> Board:
     if ruler is None:
-        wanted = RULER_MM[Paper(paper)]
+        wanted = RULER_MM[paper]
         raise AdvisedError(
             f"Measure the ruler on the printed board, and say --ruler MM: it should be "
             f"{wanted:g} mm long, and prints that are not move cameras by centimetres."
@@ -211,10 +210,9 @@ def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet
     duo = open_rig(rig, SystemClock(), guard=False)
     device, arm = duo.cameras[camera], None if side is None else duo.arms[side]
     with ExitStack() as ending:
-        for each in (device, arm):
-            if each is not None:
-                ending.callback(each.close)
-                each.connect()
+        for each in filter(None, (device, arm)):
+            ending.callback(each.close)
+            each.connect()
         say("Enter takes an image, d and Enter ends. The arm has to be at rest.")
         while (line := sys.stdin.readline()) and line.strip() != "d":
             frame = device.latest()

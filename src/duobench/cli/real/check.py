@@ -7,11 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 import tyro
 
-from duobench.cli.real.rigs import rig_file
+from duobench.cli.real.rigs import known_rig
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
 from duobench.hardware.guard import Guard
-from duobench.hardware.opening import COMPUTED
 from duobench.hardware.rig import ArmConfig, CameraConfig, GripperConfig, Rig
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.types import ARM_JOINTS, Side
@@ -27,7 +26,7 @@ def check(file: tyro.conf.Positional[str]) -> None:
     Args:
         file: The rig's file, rig.json, or simulated or rehearsal.
     """
-    known = COMPUTED[file]() if file in COMPUTED else Rig.read(rig_file(file))
+    known = known_rig(file)
     if problem := Guard(known.workspace, known.obstacles).problem(HOME_JOINTS):
         raise AdvisedError(
             f"The arms cannot be at home beside what {file} says is in the way: {problem} Put its "

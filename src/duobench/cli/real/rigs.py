@@ -11,13 +11,13 @@ import tty
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from duobench.cli.shared.advice import AdvisedError
 from duobench.hardware.clock import VirtualClock
-
-if TYPE_CHECKING:
-    from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.duo import FrankaDuo
+from duobench.hardware.opening import COMPUTED, open_rig
+from duobench.hardware.rig import Rig
 
 
 def rig_file(path: str | Path, also: str = "") -> Path:
@@ -25,6 +25,13 @@ def rig_file(path: str | Path, also: str = "") -> Path:
     if not Path(path).is_file():
         raise AdvisedError(f"There is no file {path}. --rig takes a rig.json{also}.")
     return Path(path)
+
+
+def known_rig(name: str) -> Rig:
+    """A rig without hardware by its name, or that of a file."""
+    if name in COMPUTED:
+        return COMPUTED[name]()
+    return Rig.read(rig_file(name, f", or {' or '.join(COMPUTED)}"))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -41,14 +48,10 @@ class RigOptions:
 
     def open(self) -> FrankaDuo:
         """The rig, not connected yet."""
-        from duobench.hardware.opening import COMPUTED, open_rig
-
-        if self.rig not in COMPUTED:
-            rig_file(self.rig, f", or {' or '.join(COMPUTED)}")
-        duo = open_rig(self.rig, VirtualClock() if self.fast else None, guard=self.guard)
-        if self.fast and not duo.rig.is_computed:
+        rig = known_rig(self.rig)
+        if self.fast and not rig.is_computed:
             raise AdvisedError("Hardware has a clock of its own: leave out --fast.")
-        return duo
+        return open_rig(rig, VirtualClock() if self.fast else None, guard=self.guard)
 
 
 class KeyTerminal:

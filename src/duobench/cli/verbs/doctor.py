@@ -15,7 +15,7 @@ from PIL import Image as Pictures
 from rich.text import Text
 
 from duobench.backend import Image
-from duobench.cli.real.rigs import rig_file
+from duobench.cli.real.rigs import known_rig
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import counted, say, table
 from duobench.cli.shared.process import load_engine
@@ -23,7 +23,6 @@ from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import BackendError, DuoBenchError
 from duobench.hardware.canonical import NATIVE
 from duobench.hardware.clock import SystemClock, VirtualClock
-from duobench.hardware.rig import Rig
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.types import HEAD, POLICY_CAMERAS
@@ -121,11 +120,10 @@ def examine_rig(
     from duobench.hardware.doctor.examine import examine
     from duobench.hardware.opening import COMPUTED, open_rig
 
-    path = None if rig in COMPUTED else rig_file(rig, f", or {' or '.join(COMPUTED)}")
-    reference = path and path.with_suffix(".head.png")
+    known = known_rig(rig)
+    reference = None if rig in COMPUTED else Path(rig).with_suffix(".head.png")
     if store_reference and reference is None:
         raise AdvisedError(f"The rig {rig} has no file beside which a reference could be kept.")
-    known = COMPUTED[rig]() if path is None else Rig.read(path)
     # Where nothing is hardware, time is computed as well: nobody has to wait.
     clock = VirtualClock() if known.is_computed else SystemClock()
     with closing(open_rig(known, clock, guard=False)) as duo:

@@ -99,26 +99,22 @@ def _make_chosen(
 ) -> int:
     """Make videos and replays of the episodes that words choose; how many cannot be made."""
     load_engine()
-    from duobench.replay.render import choose, choose_few, make_replays, make_videos
+    from duobench.replay.render import REPLAY, VIDEO, choose, choose_few, make_missing
 
     run, records = parts[0].run, [record for part in parts for record in part.records]
     impossible = 0
-    for what, words, pick, make in (
-        ("video", videos, choose, make_videos),
-        ("replay", replays, choose_few, make_replays),
-    ):
+    for what, words, pick in ((VIDEO, videos, choose), (REPLAY, replays, choose_few)):
         if words:
             chosen = pick(run, records, words)
             if not chosen:
                 say(f"No {what} is made: {' '.join(words)} chooses none of the episodes.")
                 continue
-            todo = partial(make, folder, run, chosen, import_tasks=import_tasks)
+            todo = partial(make_missing, folder, run, chosen, what, import_tasks=import_tasks)
             impossible += _make(what, todo, import_tasks)
     return impossible
 
 
 def _make(what: str, make: Callable[..., RenderResult], import_tasks: bool) -> int:
-
     with display(what) as shown:
         found = make(progress=shown.tell)
     for record, reason in found.impossible:

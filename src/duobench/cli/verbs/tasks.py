@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import tyro
 
@@ -19,6 +19,7 @@ from duobench.looks.catalog import DEFAULT, LOOKS, RANDOM
 from duobench.results.folder import RunFolder
 from duobench.results.suite import find_tasks
 from duobench.robot.cameras import OVERVIEW
+from duobench.sheets import Paper
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import POLICY_CAMERAS
@@ -168,7 +169,7 @@ def print_(
     out: Path = Path("prints"),
     variants: tuple[str, ...] = (),
     seed: int | None = None,
-    paper: Literal["a4", "a3"] = "a4",
+    paper: Paper = Paper.A4,
     foot: tuple[float, float] | None = None,
 ) -> None:
     """Write what is needed to print a task's objects: STL, 3MF, recipes, layout sheet, coupon.
@@ -187,7 +188,7 @@ def print_(
         foot: Front edge and width in mm of the foot of your mount, and the jig for it is written
             too; see docs/real_setup.md. By default that of the simulated mount.
     """
-    from duobench.fabrication import Foot, Paper, write_prints
+    from duobench.fabrication import Foot, write_prints
 
     of = Foot() if task == JIG and foot is None else None
     if foot is not None:
@@ -211,7 +212,7 @@ def print_(
             variants=variants,
             layouts=layouts,
             seed=seed,
-            paper=Paper(paper),
+            paper=paper,
             foot=of,
             progress=tell,
         )

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from duobench import files
 from duobench.backend import Image
-from duobench.errors import CalibrationError, OptionError
+from duobench.errors import CalibrationError
 from duobench.hardware.canonical import distorted
 from duobench.hardware.rig import CameraCalibration
-from duobench.machine import install_extra
+from duobench.machine import load_extra
 from duobench.sheets import CAPITAL, Paper, Sheet, pdf
 from duobench.spatial import SE3
 from duobench.types import Array
@@ -53,19 +53,13 @@ RULER_MM = {Paper.A4: 200.0, Paper.A3: 300.0}
 class Board:
     """A printed board."""
 
-    paper: str = "a4"
+    paper: Paper = Paper.A4
     scale: float = 1.0
     """Size of the print as a multiple of what it should be."""
 
-    def __post_init__(self) -> None:
-        if self.paper not in set(Paper):
-            raise OptionError(f"Boards are on {' or '.join(Paper)}, got {self.paper!r}.")
-        if not 1 - LARGEST_DEVIATION <= self.scale <= 1 + LARGEST_DEVIATION:
-            raise OptionError(f"A board's scale is about 1, got {self.scale}.")
-
     def measured(self, ruler_mm: float) -> Board:
         """The board as it was printed, with a ruler of that many mm by another ruler."""
-        wanted = RULER_MM[Paper(self.paper)]
+        wanted = RULER_MM[self.paper]
         if not abs(ruler_mm / wanted - 1.0) <= LARGEST_DEVIATION:
             raise CalibrationError(
                 f"The ruler on the {self.paper} board is {wanted:g} mm long if it was printed to "
@@ -77,7 +71,7 @@ class Board:
     @property
     def square(self) -> float:
         """Edge of a square in metres, as printed."""
-        return SQUARE_MM[Paper(self.paper)] * self.scale / 1000.0
+        return SQUARE_MM[self.paper] * self.scale / 1000.0
 
     @property
     def size(self) -> tuple[float, float]:
@@ -136,12 +130,7 @@ def rectangles() -> list[tuple[float, float, float, float]]:
 
 def opencv() -> Any:
     """OpenCV, with what calibration needs of it."""
-    try:
-        import cv2  # pyright: ignore[reportMissingImports]
-    except ImportError as error:
-        raise CalibrationError(
-            f"Calibration needs OpenCV ({error}). {install_extra('hardware')}"
-        ) from error
+    cv2 = load_extra("cv2", "hardware", "Calibration needs OpenCV", CalibrationError)
     if not hasattr(cv2, "calibrateHandEye"):
         raise CalibrationError(
             f"OpenCV {cv2.__version__} cannot calibrate arms with cameras; 4.10 to 4.13 can."
@@ -154,10 +143,9 @@ def opencv() -> Any:
 
 def write_board(board: Board, path: Path) -> None:
     """Write a sheet to print as PDF; the same board always gives the same bytes."""
-    paper = Paper(board.paper)
-    height, width = paper.size
+    height, width = board.paper.size
     sheet = Sheet(width, height)
-    square, ruler = SQUARE_MM[paper], RULER_MM[paper]
+    square, ruler = SQUARE_MM[board.paper], RULER_MM[board.paper]
     left, beside = (width - COLUMNS * square) / 2.0, (width - ruler) / 2.0
     sheet.rectangles(
         (left + square * x, _BOARD_Y + square * y, square * across, square * up)

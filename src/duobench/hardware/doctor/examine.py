@@ -6,7 +6,7 @@ from statistics import median
 import numpy as np
 
 from duobench.backend import Image
-from duobench.errors import BackendError, OptionError
+from duobench.errors import BackendError
 from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.devices import ArmReading
 from duobench.hardware.doctor.checks import Check, Outcome
@@ -197,8 +197,6 @@ def shift_between(image: Image, reference: Image) -> tuple[float, float] | None:
     """
     import cv2  # pyright: ignore[reportMissingImports]
 
-    if image.shape != reference.shape:
-        raise OptionError(f"Images of {image.shape} and {reference.shape} cannot be compared.")
     now, before = (each.astype(np.float64).mean(axis=-1) for each in (image, reference))
     window = cv2.createHanningWindow((TILE, TILE), cv2.CV_64F)
     shifts: list[tuple[float, float]] = []

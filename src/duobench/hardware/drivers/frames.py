@@ -88,8 +88,8 @@ class TickedCamera(LatestFrame, ABC):
         self._index = 0
 
     @abstractmethod
-    def _take(self) -> None:
-        """Publish the next image; BackendError where there is none."""
+    def _image(self, index: int) -> Image | None:
+        """The next image, of a number; None where it is lost, BackendError where there is none."""
 
     def connect(self) -> None:
         """Begin to take images; the first one decides whether they are as the rig says."""
@@ -110,6 +110,12 @@ class TickedCamera(LatestFrame, ABC):
         if self._ticker is not None:
             self._ticker.stop()
             self._ticker = None
+
+    def _take(self) -> None:
+        image, index = self._image(self._index), self._index
+        self._index += 1
+        if image is not None:
+            self.publish(image, self.clock.now(), index)
 
     def _tick(self) -> None:
         try:

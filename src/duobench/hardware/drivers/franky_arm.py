@@ -16,13 +16,9 @@ import numpy as np
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import ArmReading, Fault
-from duobench.hardware.drivers.franka_errors import (
-    errors_in,
-    fault_of_errors,
-    fault_of_exception,
-)
+from duobench.hardware.drivers.franka_errors import errors_in, fault_of_errors, fault_of_exception
 from duobench.hardware.rig import ArmConfig
-from duobench.machine import install_extra
+from duobench.machine import load_extra
 from duobench.types import Array
 
 READ_HZ = 200.0
@@ -64,7 +60,8 @@ class FrankyArm:
         """Reach the arm, and begin to ask it; nothing moves."""
         if self._ticker is not None:
             return
-        self._library = _library()
+        needed = "Arms need the library franky"
+        self._library = load_extra("franky", "hardware", needed, BackendError)
         self._reach()
         self._poll()
         self._ticker = self._clock.every(1.0 / READ_HZ, self._poll, "franky")
@@ -225,16 +222,6 @@ class FrankyArm:
 
     def _errors(self) -> tuple[type[Exception], ...]:
         return (self._known().Exception, RuntimeError, OSError)
-
-
-def _library() -> ModuleType:
-    try:
-        import franky  # pyright: ignore[reportMissingImports]
-    except ImportError as error:
-        raise BackendError(
-            f"Arms need the library franky, which is not installed. {install_extra('hardware')}"
-        ) from error
-    return franky
 
 
 def state_of(state: Any) -> Mapping[str, Array]:

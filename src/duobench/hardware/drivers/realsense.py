@@ -17,7 +17,7 @@ from duobench.errors import BackendError
 from duobench.hardware.clock import Clock
 from duobench.hardware.drivers.frames import ThreadedCamera
 from duobench.hardware.rig import UNPOSED, CameraCalibration, CameraConfig
-from duobench.machine import install_extra
+from duobench.machine import load_extra
 
 RECORDINGS = frozenset({".db3", ".bag"})
 """Endings of recordings, which are played in a camera's place."""
@@ -28,6 +28,7 @@ ATTEMPTS = 3
 RESET_S = 15.0
 """Seconds in which a camera that was reset has to be back."""
 WAIT_S = 0.5
+NEEDED = "RealSense cameras need pyrealsense2 and the system's libusb-1.0-0"
 
 
 class RealSenseCamera(ThreadedCamera):
@@ -43,7 +44,7 @@ class RealSenseCamera(ThreadedCamera):
         self._is_recording = Path(config.device).suffix in RECORDINGS
 
     def _open(self) -> None:
-        self._library = rs = _library()
+        self._library = rs = load_extra("pyrealsense2", "hardware", NEEDED, BackendError)
         device = self.config.device
         if self._is_recording and not Path(device).is_file():
             raise BackendError(f"There is no recording {device}.")
@@ -145,17 +146,6 @@ class RealSenseCamera(ThreadedCamera):
         time.sleep(2.0)  # until then it is still listed
         while time.monotonic() < end and serial not in _devices(rs):
             time.sleep(0.5)
-
-
-def _library() -> Any:
-    try:
-        import pyrealsense2  # pyright: ignore[reportMissingImports]
-    except ImportError as error:
-        raise BackendError(
-            f"RealSense cameras need pyrealsense2, which cannot be imported ({error}). "
-            f"{install_extra('hardware')}; they also need the system's libusb-1.0-0."
-        ) from error
-    return pyrealsense2
 
 
 def _devices(rs: Any) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from duobench.backend import Image
 from duobench.errors import BackendError, check_known
 from duobench.hardware.clock import Clock, SystemClock, Ticker, VirtualClock
-from duobench.hardware.devices import ArmReading
+from duobench.hardware.devices import ArmReading, Device
 from duobench.hardware.drivers.frames import TickedCamera
 from duobench.hardware.drivers.rendering_process import RenderingProcess
 from duobench.hardware.drivers.robotiq import RobotiqGripper
@@ -206,9 +206,8 @@ class RehearsalCamera(TickedCamera):
         super().close()
         self._views.remove(self.name)
 
-    def _take(self) -> None:
-        image, self._index = self._views.image(self.name), self._index + 1
-        self.publish(image, self.clock.now(), self._index - 1)
+    def _image(self, index: int) -> Image:  # noqa: ARG002 - whatever its number
+        return self._views.image(self.name)
 
 
 class Rehearsal:
@@ -220,17 +219,16 @@ class Rehearsal:
         """What they act on."""
         self._views = RehearsalViews(clock, self.world)
 
-    def arm(self, config: ArmConfig) -> RehearsalArm:
-        """The arm on the mount that an address names."""
-        return RehearsalArm(config, self._clock, self.world)
+    def device(self, config: ArmConfig | GripperConfig | CameraConfig, name: str) -> Device:
+        """The arm on the mount that an address names, a gripper, or the camera of a name.
 
-    def gripper(self, config: GripperConfig) -> RobotiqGripper:
-        """The driver of real grippers, at the registers of the one that a port names."""
-        port = RehearsalPort(self.world, _side(config.port, "port"))
-        return RobotiqGripper(config, self._clock, port=port)
-
-    def camera(self, config: CameraConfig, name: str) -> RehearsalCamera:
-        """The camera of a name."""
+        A gripper is the driver of real ones, at the registers of the one that a port names.
+        """
+        if isinstance(config, ArmConfig):
+            return RehearsalArm(config, self._clock, self.world)
+        if isinstance(config, GripperConfig):
+            port = RehearsalPort(self.world, _side(config.port, "port"))
+            return RobotiqGripper(config, self._clock, port=port)
         return RehearsalCamera(config, self._clock, name, self._views)
 
 

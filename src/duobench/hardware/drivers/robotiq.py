@@ -22,7 +22,7 @@ from duobench.hardware.clock import Clock, Ticker
 from duobench.hardware.devices import Fault, FaultKind, GripperReading
 from duobench.hardware.registers import ACTIVATE, ACTIVE, AT_GOAL, GO, MOVING
 from duobench.hardware.rig import SHORTEST_WAY, GripperConfig
-from duobench.machine import install_extra
+from duobench.machine import load_extra
 
 DEVICE_ID = 9
 """The gripper's address on its bus, as it is sold."""
@@ -112,18 +112,15 @@ class SerialPort:
     """Modbus RTU on a serial port; an answer has to come in `answer_s` seconds."""
 
     def __init__(self, name: str, answer_s: float) -> None:
-        try:
-            from pymodbus import ModbusException
-            from pymodbus.client import ModbusSerialClient
-            from serial import serial_for_url  # noqa: F401 - pymodbus looks whether it was loaded
-        except ImportError as error:
-            raise BackendError(
-                f"Grippers need pymodbus and pyserial. {install_extra('hardware')}"
-            ) from error
+        modbus, clients, _ = (  # pymodbus looks whether serial was loaded
+            load_extra(each, "hardware", "Grippers need pymodbus and pyserial", BackendError)
+            for each in ("pymodbus", "pymodbus.client", "serial")
+        )
         # What goes wrong is part of a reading; without this each lost answer would be printed.
         logging.getLogger("pymodbus").addHandler(logging.NullHandler())
-        self._errors = (OSError, ModbusException)
-        self.client: Any = ModbusSerialClient(name, baudrate=BAUD, timeout=answer_s, retries=0)
+        self._errors = (OSError, modbus.ModbusException)
+        client = clients.ModbusSerialClient
+        self.client: Any = client(name, baudrate=BAUD, timeout=answer_s, retries=0)
         self.trouble = ""
 
     @property

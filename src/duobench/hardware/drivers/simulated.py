@@ -12,11 +12,12 @@ import numpy as np
 from duobench.backend import Image
 from duobench.errors import BackendError
 from duobench.hardware.clock import Clock
-from duobench.hardware.devices import ArmReading, Fault, FaultKind, GripperReading
+from duobench.hardware.devices import ArmReading, Device, Fault, FaultKind, GripperReading
 from duobench.hardware.drivers.frames import TickedCamera
-from duobench.hardware.rig import CameraConfig, CameraDriver
+from duobench.hardware.rig import ArmConfig, CameraConfig, CameraDriver, GripperConfig
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
-from duobench.types import ARM_JOINTS, Array
+from duobench.robot.joints import HOME_JOINTS
+from duobench.types import ARM_JOINTS, Array, Side
 
 ARM_RATE = 60.0
 """Natural frequency of a simulated arm in rad/s, critically damped."""
@@ -222,11 +223,19 @@ class SimulatedCamera(TickedCamera):
         """Report a fault from now on; None clears it."""
         self._fault = fault
 
-    def _take(self) -> None:
-        index, self._index = self._index, self._index + 1
-        if not self.is_silent:
-            now = self.clock.now()
-            self.publish(self._source(index, now), now, index)
+    def _image(self, index: int) -> Image | None:
+        return None if self.is_silent else self._source(index, self.clock.now())
+
+
+def simulated_device(
+    config: ArmConfig | GripperConfig | CameraConfig, clock: Clock, name: str
+) -> Device:
+    """The device of a rig that has no more of it than this, an arm at home of the named side."""
+    if isinstance(config, ArmConfig):
+        return SimulatedArm(clock, HOME_JOINTS[Side(name).index])
+    if isinstance(config, GripperConfig):
+        return SimulatedGripper(clock)
+    return SimulatedCamera(clock, fps=config.fps)
 
 
 def numbered_image(index: int, _time_s: float = 0.0) -> Image:
@@ -235,12 +244,6 @@ def numbered_image(index: int, _time_s: float = 0.0) -> Image:
     digits = index >> np.arange(MARKS) & 1
     image[:MARK, : MARKS * MARK] = np.repeat(255 * digits, MARK)[:, None]
     return image
-
-
-def number_of(image: Image) -> int:
-    """The number that `numbered_image` wrote into an image of native size, encoded or not."""
-    middles = image[MARK // 2, MARK // 2 : MARKS * MARK : MARK]
-    return int((middles.sum(axis=-1) > 3 * 127) @ (1 << np.arange(MARKS)))
 
 
 def _background() -> Image:

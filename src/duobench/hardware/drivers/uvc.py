@@ -93,14 +93,12 @@ class FileCamera(TickedCamera):
         self._images.close()
         self._images = self._play()
 
-    def _take(self) -> None:
+    def _image(self, index: int) -> Image:  # noqa: ARG002 - a film has an order of its own
         try:
-            image = next(self._images)
+            return next(self._images)
         except BackendError:
             self._images = self._play()  # try again
             raise
-        index, self._index = self._index, self._index + 1
-        self.publish(image, self.clock.now(), index)
 
     def _play(self) -> Generator[Image, None, None]:
         """All images, again and again; one that is alone is decoded once."""

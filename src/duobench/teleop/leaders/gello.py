@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-import msgspec
 import numpy as np
 
-from duobench.errors import LeaderError, check_known
-from duobench.machine import install_extra
+from duobench.errors import LeaderError
+from duobench.machine import load_extra
 from duobench.robot.joints import JOINT_RANGES
+from duobench.settings import decode
 from duobench.teleop.hands import MAX_AGE_S
 from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
 
@@ -99,17 +99,9 @@ class GelloConfig:
     def read(cls, path: Path) -> Self:
         """Read a TOML file: `[left]` and `[right]` with the fields of `GelloArm`, and `baud`."""
         try:
-            document = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            return decode(tomllib.loads(path.read_text(encoding="utf-8")), cls)
+        except (OSError, ValueError) as error:
             raise LeaderError(f"Cannot read {path}: {error}") from error
-        for name, arm in document.items():
-            check_known("key of a GELLO file", name, cls.__dataclass_fields__)
-            for key in arm if isinstance(arm, dict) else ():
-                check_known(f"key of the {name} GELLO arm", key, GelloArm.__dataclass_fields__)
-        try:
-            return msgspec.convert(document, cls)
-        except msgspec.ValidationError as error:
-            raise LeaderError(f"{path} is invalid: {error}.".replace("`$.", "`")) from error
 
 
 class _Bus:
@@ -188,12 +180,7 @@ class GelloSource:
 
     def connect(self) -> None:
         """Open both ports, and begin to read."""
-        try:
-            import dynamixel_sdk  # noqa: F401  # pyright: ignore[reportMissingImports]
-        except ImportError as error:
-            raise LeaderError(
-                f"GELLO arms need dynamixel-sdk. {install_extra('teleop')}"
-            ) from error
+        load_extra("dynamixel_sdk", "teleop", "GELLO arms need dynamixel-sdk", LeaderError)
         try:
             for arm in (self._config.left, self._config.right)[len(self._buses) :]:
                 self._buses.append(_Bus(arm, self._config.baud))

@@ -13,8 +13,10 @@ import numpy as np
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import LeaderError, UnknownNameError
 from duobench.lerobot_keys import POSITION
-from duobench.machine import install_extra
+from duobench.machine import load_extra
 from duobench.types import Array
+
+NEEDED = "Teleoperators of LeRobot need LeRobot"
 
 
 class LeRobotSource:
@@ -52,27 +54,19 @@ class LeRobotSource:
             LeaderError: LeRobot is not installed, an option is wrong, or the actions are not ours.
             UnknownNameError: There is no such teleoperator.
         """
-        try:
-            from lerobot.teleoperators import (  # pyright: ignore[reportMissingImports]
-                TeleoperatorConfig,
-                make_teleoperator_from_config,
-            )
-            from lerobot.utils.import_utils import (  # pyright: ignore[reportMissingImports]
-                register_third_party_plugins,
-            )
-        except ImportError as error:
-            raise LeaderError(
-                f"Teleoperators of LeRobot need LeRobot. {install_extra('lerobot')}"
-            ) from error
-        register_third_party_plugins()
-        kinds = TeleoperatorConfig.get_known_choices()
+        teleoperators, plugins = (
+            load_extra(f"lerobot.{name}", "lerobot", NEEDED, LeaderError)
+            for name in ("teleoperators", "utils.import_utils")
+        )
+        plugins.register_third_party_plugins()
+        kinds = teleoperators.TeleoperatorConfig.get_known_choices()
         if kind not in kinds:
             raise UnknownNameError("teleoperator of LeRobot", kind, kinds)
         try:
             config = kinds[kind](**options)
         except (TypeError, ValueError) as error:
             raise LeaderError(f"The teleoperator {kind!r} cannot be made: {error}") from error
-        return cls(make_teleoperator_from_config(config), f"lerobot {kind}")
+        return cls(teleoperators.make_teleoperator_from_config(config), f"lerobot {kind}")
 
     def connect(self) -> None:
         """Reach the leaders, or raise a `LeaderError`."""

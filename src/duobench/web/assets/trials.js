@@ -241,7 +241,7 @@ class Trials {
     part("#over").hidden = phase !== "over" || !results;
     if (!results) return;
     const rows = results.map((each) => {
-      const right = [`${each.successes} of ${each.episodes}`, percent(each.rate)];
+      const right = [`${each.successes} of ${each.episodes}`, percent(each.success_rate)];
       return make(
         "tr",
         {},
@@ -249,8 +249,8 @@ class Trials {
         make("td", {}, each.policy),
         make("td", {}, each.trained_on || "–"),
         ...right.map((value) => make("td", { class: "right" }, value)),
-        make("td", {}, `${percent(each.low)}–${percent(each.high)}`),
-        make("td", { class: "right" }, each.progress.toFixed(2)),
+        make("td", {}, each.wilson_95.map(percent).join("–")),
+        make("td", { class: "right" }, each.mean_final_progress.toFixed(2)),
       );
     });
     part("#over tbody").replaceChildren(...rows);

@@ -1,4 +1,4 @@
-"""Reads a file of settings without letting a mistake pass: known keys alone, each of them once."""
+"""Reads settings without letting a mistake pass: known keys alone, each of them once."""
 
 import json
 import math
@@ -33,7 +33,7 @@ def decode(document: Any, kind: type[T], where: str = "") -> T:
     Args:
         document: What `parse` gave.
         kind: The data class.
-        where: Where in the file the object stands, such as "arms.left".
+        where: Where in the file the object stands, such as "arms.left"; or what it is.
 
     Raises:
         OptionError: A value has the wrong type, or is none that the class takes.
@@ -63,7 +63,11 @@ def _decoded(value: Any, hint: Any, where: str) -> Any:
         }
     if isinstance(hint, EnumType):
         check_known(where, value, [str(each) for each in hint])
-    if is_dataclass(kinds[0]) and value is not None:
+    row = next((each for each in (hint, *kinds) if get_origin(each) is tuple), None)
+    if row is not None and isinstance(value, list | tuple):
+        kind = get_args(row)[0]
+        return [_decoded(one, kind, f"{where}[{number}]") for number, one in enumerate(value)]
+    if row is None and is_dataclass(kinds[0]) and value is not None:
         return decode(value, kinds[0], where)  # type: ignore[arg-type] - a class, no instance
     return value
 
