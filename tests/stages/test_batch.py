@@ -21,7 +21,7 @@ from duobench.stages.progress import Progress, Stage
 from duobench.tasks import catalog
 from tests.experts.baseline_episodes import baseline
 from tests.stages.batched import Judged, mismatches
-from tests.task_harness import TaskHarness, marked
+from tests.task_harness import TaskHarness
 from tests.ways.play import control_steps, ways_of
 from tests.ways.way import Way, WayFailedError
 
@@ -59,7 +59,13 @@ def check_ways(task: str, ways: Iterable[Way]) -> None:
     assert mismatches(bench.task, [judged(bench, way) for way in ways]) == []
 
 
-@pytest.mark.parametrize("task", [marked(task) for task in catalog.names()])
+@pytest.mark.parametrize(
+    "task",
+    [
+        pytest.param(name, marks=[pytest.mark.long] * (name != "bin_sort"))
+        for name in catalog.names()
+    ],
+)
 def test_adversaries_are_judged_the_same(task: str) -> None:
     check_ways(task, ways_of(task).ADVERSARIES.values())
 
