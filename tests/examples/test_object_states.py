@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -312,7 +313,8 @@ def test_the_table_goes_on_where_it_was_stopped(
     import network  # pyright: ignore[reportMissingImports]
     import table  # pyright: ignore[reportMissingImports]
 
-    monkeypatch.setattr(network, "Training", lambda device: brief(2 + (device != "cpu")))
+    short = brief(2)
+    monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
     monkeypatch.chdir(EXAMPLES)
     asked = SimpleNamespace(
         export=exports, out=tmp_path / "runs", results=tmp_path / "results", demonstrations=2
