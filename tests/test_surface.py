@@ -19,7 +19,8 @@ SURFACE = {
         export_lerobot find_problems merge split summarize write_page
     """,
     "duobench.envs": """
-        ACTION_MODES ActionChunks BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper EnvConfig
+        ACTION_MODES ActionChunks BatchEnv BinaryGripper Cameras CartesianActions DuoEnv DuoWrapper
+        EnvConfig
         EpisodeState FlatObservations ObjectStates RandomizedReset RelativeCartesianActions
         RelativeJointActions ResetNeededError SimEnv StateError TaskStages TimeLimit base_of env_id
         make make_env register sim_of
@@ -129,7 +130,7 @@ OFFERED = """
     duobench.experts.motion duobench.hardware.calibration.views duobench.hardware.clock
     duobench.hardware.duo duobench.hardware.env duobench.hardware.opening
     duobench.hardware.rig duobench.kinematics.inverse duobench.lerobot_keys
-    duobench.looks.look duobench.randomness duobench.results.bundle duobench.results.folder
+    duobench.looks.look duobench.randomness duobench.results.folder
     duobench.results.scores duobench.results.suite duobench.rig_sessions.teleop_page
     duobench.rig_sessions.teleoperation
     duobench.robot.frames duobench.robot.joints duobench.sim.simulation duobench.spatial

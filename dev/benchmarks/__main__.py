@@ -14,6 +14,7 @@ from rich.progress import track
 from rich.table import Table
 
 from dev.benchmarks import (
+    batches,
     environments,
     images,
     imports,
@@ -30,6 +31,8 @@ PER_TASK: Mapping[str, Callable[[str], Iterator[Measurement]]] = {
     "creation": environments.measure_creation,
     "resets": environments.measure_resets,
     "steps": environments.measure_steps,
+    "judging": batches.measure_judging,
+    "batches": batches.measure_steps,
     "images": images.measure,
     "recording": recording.measure,
 }

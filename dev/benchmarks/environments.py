@@ -18,7 +18,7 @@ from dev.benchmarks.steps import Steps
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import rollout
-from duobench.scene.compose import SUBSTEPS
+from duobench.sim.duo import ramp
 from duobench.sim.simulation import STATE
 
 SEED = 0
@@ -108,6 +108,20 @@ def wrapped_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
     return Work(pieces=in_pieces(env.step, list(actions)), prepare=lambda: begin(env))
 
 
+def controls(
+    env: gym.Env, actions: NDArray[np.float32]
+) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+    """Return the state at the start of an episode, and the controls (substeps, n) of each step."""
+    simulation = sim_of(env).simulation
+    begin(env)
+    state, ramps = simulation.get_state(), []
+    for action in actions:
+        start = simulation.data.ctrl.copy()
+        env.step(action)
+        ramps.append(ramp(start, simulation.data.ctrl))
+    return state, ramps
+
+
 def bare_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
     """Return the same motion as `mj_step` alone, on the same model and from the same state.
 
@@ -117,14 +131,7 @@ def bare_physics(env: gym.Env, actions: NDArray[np.float32]) -> Work:
     simulation = sim_of(env).simulation
     model, data = simulation.model, mujoco.MjData(simulation.model)
     target = data.ctrl
-    begin(env)
-    state, ramps = simulation.get_state(), []
-    fractions = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
-    for action in actions:
-        start = simulation.data.ctrl.copy()
-        env.step(action)
-        ramps.append(start + fractions * (simulation.data.ctrl - start))
-        ramps[-1][-1] = simulation.data.ctrl
+    state, ramps = controls(env, actions)
 
     def step(ramp: NDArray[np.float64]) -> None:
         for controls in ramp:

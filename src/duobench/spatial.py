@@ -10,7 +10,9 @@ picks its kernel by the type of the processor, and kernels differ in the last bi
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,15 +39,32 @@ def product(a: Array, b: Array) -> Array:
 
 def dot(a: ArrayLike, b: ArrayLike) -> float:
     """Dot product of two short vectors (n,); the same bits on every processor."""
-    total = 0.0  # `sum` of some Pythons compensates
-    for x, y in zip(np.asarray(a).tolist(), np.asarray(b).tolist(), strict=True):
-        total += x * y
-    return total
+    return sum_of_products(np.asarray(a).tolist(), np.asarray(b).tolist())
 
 
 def length(vector: ArrayLike) -> float:
     """Euclidean length of a short vector (n,); the same bits on every processor."""
     return math.sqrt(dot(vector, vector))
+
+
+def sum_of_products(a: Iterable[Any], b: Iterable[Any]) -> Any:
+    """Dot product of two vectors whose parts are floats, or arrays: one entry for each vector."""
+    total = 0.0  # `sum` of some Pythons compensates
+    for x, y in zip(a, b, strict=True):
+        total = total + x * y
+    return total
+
+
+def root(squares: Any) -> Any:
+    """Square root of a float, or of each number of an array."""
+    return math.sqrt(squares) if isinstance(squares, float) else np.sqrt(squares)
+
+
+def hypot(*parts: Any) -> Any:
+    """Length of a vector whose parts are floats, or arrays: one entry for each vector."""
+    if isinstance(parts[0], float):
+        return math.hypot(*parts)
+    return np.sqrt(sum_of_products(parts, parts))
 
 
 def matrix_from_wxyz(wxyz: ArrayLike) -> Array:

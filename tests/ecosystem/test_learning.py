@@ -9,12 +9,14 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecVideoRecorder
 from torchrl.envs import GymEnv, GymWrapper
 from torchrl.envs.utils import check_env_specs
 
+import duobench
 from tests.ecosystem.tools import HORIZON, IMAGES, RENDERED, STATES, flat, nested, states
 from tests.envs.tools import TASK, equal
 
@@ -98,3 +100,28 @@ def test_torchrl_finds_what_the_specs_promise(make: Callable[[], Any]) -> None:
     check_env_specs(env)
     assert env.rollout(2 * HORIZON).batch_size[0] <= HORIZON
     env.close()
+
+
+def threads(**options: Any) -> gym.vector.VectorEnv:
+    return duobench.make_vec(TASK, 2, threads=2, **{**STATES, **options})
+
+
+@pytest.mark.parametrize("options", [{}, {**IMAGES, "flat_obs": True}], ids=["states", "images"])
+def test_torchrl_takes_episodes_on_threads(options: dict[str, Any]) -> None:
+    mode = {"autoreset_mode": AutoresetMode.DISABLED}
+    env = GymWrapper(threads(vector_kwargs=mode, **options))
+    check_env_specs(env)
+    done = env.rollout(2 * HORIZON, break_when_any_done=False)["next", "done"]
+    assert done.shape == (2, 2 * HORIZON, 1)
+    assert done.squeeze(-1).nonzero()[:, 1].tolist() == [HORIZON - 1, 2 * HORIZON - 1] * 2
+    env.close()
+
+
+def test_wrappers_for_vectors_take_episodes_on_threads() -> None:
+    lowest, highest = np.float32(-1), np.float32(1)
+    envs = gym.wrappers.vector.RescaleAction(threads(), lowest, highest)
+    envs = gym.wrappers.vector.RecordEpisodeStatistics(gym.wrappers.vector.FlattenObservation(envs))
+    envs.reset(seed=0)
+    infos = [envs.step(envs.action_space.sample())[-1] for _ in range(HORIZON)]
+    assert infos[-1]["episode"]["l"].tolist() == [HORIZON] * 2
+    envs.close()

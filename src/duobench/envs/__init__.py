@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         RelativeCartesianActions as RelativeCartesianActions,
         RelativeJointActions as RelativeJointActions,
     )
+    from duobench.envs.batch_env import BatchEnv as BatchEnv
     from duobench.envs.config import EnvConfig as EnvConfig
     from duobench.envs.duo_env import (
         DuoEnv as DuoEnv,

@@ -127,14 +127,14 @@ class FlatObservations(ObservingWrapper):
     def __init__(self, env: gym.Env) -> None:
         super().__init__(env, {})
         nested = cast("gym.spaces.Dict", env.observation_space)
-        self.observation_space = gym.spaces.Dict(_flat(nested.spaces))
+        self.observation_space = gym.spaces.Dict(flat_entries(nested.spaces))
 
     def observation(self, observation: Observation) -> Observation:
         """The same observation, with images beside the numbers."""
-        return _flat(observation)
+        return flat_entries(observation)
 
 
-def _flat(entries: Mapping[str, Any]) -> dict[str, Any]:
+def flat_entries(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of an observation, or their spaces, with each image at the top."""
     images = {f"{camera}_image": image for camera, image in entries.get(PIXELS, {}).items()}
     return {key: value for key, value in entries.items() if key != PIXELS} | images

@@ -122,9 +122,15 @@ def make_vec(
     num_envs: int = 1,
     vectorization_mode: Literal["sync", "async"] = "sync",
     vector_kwargs: dict[str, Any] | None = None,
+    *,
+    threads: int | None = None,
+    layouts: int | None = None,
     **options: Unpack[EnvOptions],
 ) -> gym.vector.VectorEnv:
     """Several environments of a task side by side, as `gymnasium.make_vec` makes them.
+
+    With `threads`, all episodes are stepped in this process on MuJoCo's own threads, with the same
+    episodes to the last bit; see `duobench.envs.BatchEnv`.
 
     Args:
         task: As for `make`.
@@ -132,10 +138,29 @@ def make_vec(
         vectorization_mode: "sync" steps one after the other, "async" in processes of their own.
         vector_kwargs: Arguments of Gymnasium's vector environment, such as `context`; where images
             were rendered before, processes begin anew with {"context": "spawn"}.
+        threads: Threads of the processor that physics runs on, in place of a `vectorization_mode`;
+            then there are no images unless `cameras` asks for them.
+        layouts: With threads, how many layouts episodes without a seed are taken from, those of the
+            seeds from 0 on; each is settled once. None takes a new one for each episode.
         options: As for `make`. Errors are the same.
     """
     if as_count(num_envs) is None:
         raise OptionError(f"num_envs is a whole number from 1 on, got {num_envs!r}.")
+    for name, value in (("threads", threads), ("layouts", layouts)):
+        if value is not None and as_count(value) is None:
+            raise OptionError(f"{name} is a whole number from 1 on, got {value!r}.")
+    if threads is not None:
+        from duobench.envs.batch_env import BatchEnv
+
+        given = vector_kwargs or {}
+        if vectorization_mode != "sync" or given.keys() - {"autoreset_mode"}:
+            raise OptionError(
+                "With threads, leave vectorization_mode out, and vector_kwargs but autoreset_mode."
+            )
+        env = make(task, **{"cameras": False, **options})
+        return BatchEnv(env, num_envs, threads, layouts, **given)
+    if layouts is not None:
+        raise OptionError("layouts belongs to threads: add threads=1, or leave it out.")
     return gym.make_vec(
         _spec_with(task, options), num_envs, vectorization_mode, vector_kwargs, **options
     )

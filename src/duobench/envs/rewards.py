@@ -1,12 +1,20 @@
 """What a control step pays: the forms of the reward, and the one place that computes them."""
 
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
 STAGE, PROGRESS = "stage", "progress"
 REWARDS = (STAGE, PROGRESS)
 """Forms of the reward, by the names that `EnvConfig.reward` takes."""
 
 
-def reward_of(form: str, before: int, stage: int, last: int) -> float:
-    """The reward of one control step.
+N = TypeVar("N", int, NDArray[np.int64])
+
+
+def reward_of(form: str, before: N, stage: N, last: int) -> Any:
+    """The reward of one control step, of one episode or of many.
 
     "stage" is that of the paper, stage / last stage in every step: who waits at a stage is paid
     again and again, and who finishes is not, since the episode is over. "progress" is what the step
@@ -16,7 +24,7 @@ def reward_of(form: str, before: int, stage: int, last: int) -> float:
 
     Args:
         form: One of `REWARDS`.
-        before: The stage before the step, 0 to `last`.
+        before: The stage before the step, 0 to `last`: a number, or an array of them.
         stage: The stage after it.
         last: Number of the task's last stage.
     """

@@ -110,6 +110,10 @@ class SimEnv(DuoEnv):
         """How images of the current episode look."""
         return self._arms.look
 
+    def set_look(self, look: Look) -> None:
+        """Give images in another look until the next reset."""
+        self._arms.set_look(look)
+
     @property
     def subinstructions(self) -> dict[int, str]:
         """What to do at each stage 0 to n-1 to reach the next one, in this layout."""

@@ -5,9 +5,10 @@ rest of an arm, or the body that carries it.
 """
 
 import math
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -22,7 +23,7 @@ MAX_PRESS_ANGLE = math.radians(60.0)
 which the finger presses towards it [task definitions]."""
 HAND_SIZE = 0.25
 """No point of a gripper is further from its pads, in metres: 0.186 (measured, open and closed)."""
-_MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
+MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
 MIN_LEVER = 0.020
 """Lever in metres about a hinge from which on a contact pushes a lid open or shut: nearer to the
 axis, along it or towards it, it turns nothing [task definitions]."""
@@ -35,12 +36,12 @@ _MIN_BACKING_COSINE = math.cos(MAX_BACKING_ANGLE)
 class HingeAxis(NamedTuple):
     """The axis of a hinge as it is now, in the table frame."""
 
-    anchor: list[float]
+    anchor: Any
     """A point (3,) of the axis, in metres."""
-    axis: list[float]
+    axis: Any
     """Its direction (3,): turning about it opens."""
 
-    def opening_at(self, point: list[float]) -> tuple[float, float, float]:
+    def opening_at(self, point: Iterable[Any]) -> tuple[Any, Any, Any]:
         """Velocity (3,) of a point (3,) of the hinged part while it opens by 1 rad/s, in m/s.
 
         It is as long as the point's distance from the axis in metres; its product with a direction
@@ -78,20 +79,64 @@ def _owner_of_body(name: str) -> str:
     return name
 
 
-class Contacts:
-    """Contact questions about one model and its data.
+class ContactOwners(ABC):
+    """Who owns each geom of a model, and who touches whom, in one simulation or in many.
 
     All raise `UnknownNameError` where there is no such owner.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        self._data = data
+    def __init__(self, model: mujoco.MjModel) -> None:
         self._index: dict[str, int] = {}
         bodies = (model.body(body).name for body in model.geom_bodyid)
         self._owners = [
             self._index.setdefault(_owner_of_body(body), len(self._index)) for body in bodies
         ]
         """Row of each geom's owner."""
+        self._limbs = {
+            side: [self._index[limb_owner(side, limb)] for limb in Limb] for side in SIDES
+        }
+        self._pad_bodies = {
+            side: [model.body(name).id for name in pad_names(side)] for side in SIDES
+        }
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """Names of all owners of geoms."""
+        return tuple(self._index)
+
+    def _row(self, owner: str) -> int:
+        check_known("contact owner", owner, self._index)
+        return self._index[owner]
+
+    @abstractmethod
+    def _touch(self, one: int, other: int) -> Any:
+        """Whether two owners, by row, are in contact: a bool, or booleans (n,)."""
+
+    def between(self, one: str, other: str) -> Any:
+        """Whether two owners are in contact."""
+        return self._touch(self._row(one), self._row(other))
+
+    def gripper(self, side: Side, owner: str) -> Any:
+        """Whether a finger or the palm of a gripper is in contact with an owner."""
+        row = self._row(owner)
+        left, right, palm, _ = self._limbs[side]
+        return self._touch(left, row) | self._touch(right, row) | self._touch(palm, row)
+
+    def arm(self, side: Side, owner: str) -> Any:
+        """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
+        return self._touch(self._limbs[side][-1], self._row(owner)) | self.gripper(side, owner)
+
+    def released(self, owner: str) -> Any:
+        """Whether neither gripper is in contact with an owner."""
+        return (self.gripper(Side.LEFT, owner) | self.gripper(Side.RIGHT, owner)) ^ True
+
+
+class Contacts(ContactOwners):
+    """Contact questions about one model and its data."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        super().__init__(model)
+        self._data = data
         # A pair of owners is one number, lower row first, so that one set holds all contacts.
         self._stride = len(self._index)
         self._touching: set[int] = set()
@@ -99,12 +144,6 @@ class Contacts:
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
         """Answers of `grasped` since the last update; several questions ask the same."""
-        self._limbs = {
-            side: [self._index[limb_owner(side, limb)] for limb in Limb] for side in SIDES
-        }
-        self._pad_bodies = {
-            side: [model.body(name).id for name in pad_names(side)] for side in SIDES
-        }
         self._pad_centres = data.xipos
         self._model = model
         self._solids: dict[int, list[int]] = {}
@@ -117,11 +156,6 @@ class Contacts:
             for side, limbs in self._limbs.items()
         }
         """Geoms of each gripper that collide."""
-
-    @property
-    def owners(self) -> tuple[str, ...]:
-        """Names of all owners of geoms."""
-        return tuple(self._index)
 
     def update(self) -> None:
         """Read the engine's contact list; a geom margin alone is no contact."""
@@ -137,20 +171,10 @@ class Contacts:
         self._touching = touching
         self._grasped.clear()
 
-    def between(self, one: str, other: str) -> bool:
-        """Whether two owners are in contact."""
-        return self._touch(self._row(one), self._row(other))
-
     def partners(self, owner: str) -> frozenset[str]:
         """All owners in contact with one."""
         row = self._row(owner)
         return frozenset(name for name, other in self._index.items() if self._touch(row, other))
-
-    def gripper(self, side: Side, owner: str) -> bool:
-        """Whether a finger or the palm of a gripper is in contact with an owner."""
-        row = self._row(owner)
-        left, right, palm, _ = self._limbs[side]
-        return self._touch(left, row) or self._touch(right, row) or self._touch(palm, row)
 
     def pushes(self, side: Side, owner: str, hinge: HingeAxis) -> bool:
         """Whether a contact of any part of an arm turns an owner towards the open end of its hinge.
@@ -158,7 +182,7 @@ class Contacts:
         The engine's normal tells where a contact pushes, and `MIN_LEVER` what turns nothing.
         """
         contact = self._data.contact
-        return any(
+        return self.arm(side, owner) and any(
             sign * dot(contact.frame[number, :3], hinge.opening_at(contact.pos[number].tolist()))
             >= MIN_LEVER
             for number, sign in self._normals(self._limbs[side], self._row(owner))
@@ -199,10 +223,6 @@ class Contacts:
                     return True
         return False
 
-    def arm(self, side: Side, owner: str) -> bool:
-        """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
-        return self._touch(self._limbs[side][-1], self._row(owner)) or self.gripper(side, owner)
-
     def grasped(self, side: Side, owner: str) -> bool:
         """Whether both fingers of a gripper press on an owner, towards each other.
 
@@ -226,7 +246,7 @@ class Contacts:
         frames = self._data.contact.frame
         return all(
             any(
-                inwards * sign * dot(frames[number, :3], across) > _MIN_PRESS_COSINE
+                inwards * sign * dot(frames[number, :3], across) > MIN_PRESS_COSINE
                 for number, sign in self._normals([finger], row)
             )
             for finger, inwards in ((one, 1.0), (other, -1.0))
@@ -240,10 +260,6 @@ class Contacts:
             for (one, other), distance in zip(self._pairs, self._distances, strict=True)
             if distance < -limit and owners[one] != owners[other]
         ]
-
-    def _row(self, owner: str) -> int:
-        check_known("contact owner", owner, self._index)
-        return self._index[owner]
 
     def _touch(self, one: int, other: int) -> bool:
         low, high = (one, other) if one < other else (other, one)

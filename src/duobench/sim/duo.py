@@ -53,11 +53,14 @@ class Duo:
         self.joints = model.jnt_qposadr[joints].astype(np.int64)
         """Addresses of the arm joints in qpos (2, 7)."""
         self._dofs = model.jnt_dofadr[joints].astype(np.int64)
-        self._drivers = model.jnt_qposadr[drivers].astype(np.int64)
-        self._sites = [resolve(model, site, tcp_name(side)) for side in SIDES]
+        self.drivers = model.jnt_qposadr[drivers].astype(np.int64)
+        """Addresses of the fingers' joints in qpos (4,), two a gripper."""
+        self.sites = [resolve(model, site, tcp_name(side)) for side in SIDES]
         self._data = data
         # Views of the engine's memory; they live as long as its data.
-        self._qpos, self._ctrl = data.qpos, data.ctrl[_actuators(model)]
+        self.actuators = _actuators(model)
+        """Where the robot's actuators are in ctrl."""
+        self._qpos, self._ctrl = data.qpos, data.ctrl[self.actuators]
         self._site_xpos, self._site_xmat = data.site_xpos, data.site_xmat
         self._quat = np.empty(4)
         self.limits = duo_limits()
@@ -70,11 +73,8 @@ class Duo:
             Once for each of the substeps, when its controls are in place. The last ones are
             exactly the command's, so that it can be read back and repeated.
         """
-        start, end = self._ctrl, self._controls(command)
-        rows = start + _FRACTIONS * (end - start)
-        rows[-1] = end
-        for row in rows:
-            start[:] = row
+        for row in ramp(self._ctrl, controls_of(command.flat)):
+            self._ctrl[:] = row
             yield
 
     def set_configuration(self, command: DuoCommand) -> None:
@@ -85,25 +85,23 @@ class Duo:
         if not np.all(command.openings == 1.0):
             raise ValueError("The arms can be placed with open grippers only.")
         self._qpos[self.joints] = command.joints
-        self._ctrl[:] = self._controls(command)
+        self._ctrl[:] = controls_of(command.flat)
 
     def command(self) -> DuoCommand:
         """The last command, as the actuators hold it."""
-        flat = self._ctrl.copy()
-        flat[_OPENINGS] = 1.0 - flat[_OPENINGS] / CTRL_CLOSED
-        return DuoCommand.from_flat(flat)
+        return DuoCommand.from_flat(commands_of(self._ctrl))
 
     def read(self) -> DuoState:
         """Joint positions, openings and tool poses, as of the last physics step."""
         tools = []
-        for site in self._sites:
+        for site in self.sites:
             mujoco.mju_mat2Quat(self._quat, self._site_xmat[site])
             w, x, y, z = self._quat.tolist()
             # Of the two equal quaternions the one with qx >= 0: it does not flip its sign while
             # a tool points down, whatever its yaw.
             tools += self._site_xpos[site].tolist()
             tools += [-x, -y, -z, -w] if x < 0.0 else [x, y, z, w]
-        left, other_left, right, other_right = self._qpos[self._drivers].tolist()
+        left, other_left, right, other_right = self._qpos[self.drivers].tolist()
         openings = [
             1.0 - (left + other_left) * (0.5 / DRIVER_CLOSED),
             1.0 - (right + other_right) * (0.5 / DRIVER_CLOSED),
@@ -118,11 +116,26 @@ class Duo:
         """Joint velocities (2, 7) in rad/s, as of the last physics step."""
         return self._data.qvel[self._dofs]
 
-    @staticmethod
-    def _controls(command: DuoCommand) -> Array:
-        controls = command.flat
-        controls[_OPENINGS] = CTRL_CLOSED * (1.0 - command.openings)
-        return controls
+
+def ramp(start: Array, end: Array) -> Array:
+    """Controls (..., 16 substeps, n) that lead linearly from some (..., n) to others, exactly."""
+    rows = start[..., None, :] + _FRACTIONS * (end - start)[..., None, :]
+    rows[..., -1, :] = end
+    return rows
+
+
+def controls_of(commands: Array) -> Array:
+    """What the actuators get for flat commands (..., 16), as a copy."""
+    controls = commands.copy()
+    controls[..., _OPENINGS] = CTRL_CLOSED * (1.0 - commands[..., _OPENINGS])
+    return controls
+
+
+def commands_of(controls: Array) -> Array:
+    """The flat commands (..., 16) that actuators hold, as a copy."""
+    commands = controls.copy()
+    commands[..., _OPENINGS] = 1.0 - commands[..., _OPENINGS] / CTRL_CLOSED
+    return commands
 
 
 def _actuators(model: mujoco.MjModel) -> slice:

@@ -1,20 +1,19 @@
 """One compiled model and its state: stepping, saving, restoring, placing, and asking."""
 
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NoReturn
 
 import mujoco
 import numpy as np
 
-from duobench.errors import DuoBenchError, LayoutError, SimulationError, check_known
+from duobench.errors import DuoBenchError, LayoutError, SimulationError
 from duobench.objects.prop import Prop
-from duobench.objects.solid import corner_points
 from duobench.robot.cameras import OVERVIEW_VIEW, View
 from duobench.scene.compose import compose
-from duobench.sim.contacts import Contacts, HingeAxis
+from duobench.sim.contacts import Contacts
 from duobench.sim.duo import HOME, Duo, resolve
 from duobench.sim.layout import Layout
+from duobench.sim.questions import Questions
 from duobench.spatial import SE3
 from duobench.types import Array, DuoCommand, DuoState
 
@@ -82,13 +81,31 @@ SOLVED = 0.1
 shaking hands 21 missed more than 0.4, and all others less than 0.01."""
 
 
-class Simulation:
+def raise_on_warning(counts: Iterable[int], where: str) -> None:
+    """Raise where the engine warned.
+
+    Args:
+        counts: How often it did, for each kind of warning.
+        where: When or where that was, for people.
+    """
+    names = [
+        f"{mujoco.mjtWarning(kind).name.removeprefix('mjWARN_').lower()} x{count}"
+        for kind, count in enumerate(counts)
+        if count
+    ]
+    if names:
+        raise SimulationError(
+            f"The physics engine warned {where}: {', '.join(names)}. The episode is not valid; "
+            "reset the environment."
+        )
+
+
+class Simulation(Questions):
     """The FR3 Duo and a task's props, stepping at the control rate."""
 
     def __init__(self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> None:
         props = tuple(props)
         self.model: mujoco.MjModel = compose(props, overview).compile()
-        self.props = {prop.name: prop for prop in props}
         self.data = mujoco.MjData(self.model)
         self.variants: Mapping[str, str] = {}
         """The variants of the layout that was applied last."""
@@ -97,24 +114,10 @@ class Simulation:
         self._compiled = [array.copy() for array in self._switches]
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
-        # Views of the engine's memory; they live as long as its data.
-        self._xpos, self._xmat = self.data.xpos, self.data.xmat
-        self._bodies = {self.model.body(number).name: number for number in range(self.model.nbody)}
-        corners = {name: corner_points(prop.solid) for name, prop in self.props.items()}
-        self._few = {name: c.tolist() for name, c in corners.items() if len(c) <= FEW_CORNERS}
-        self._many = {name: np.ascontiguousarray(c.T) for name, c in corners.items()}
+        super().__init__({prop.name: prop for prop in props}, self.model, self.data)
+        corners = self._corners.items()
+        self._few = {name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS}
         self._state_size = mujoco.mj_stateSize(self.model, STATE)
-        self._dofs = {
-            name: int(self.model.joint(name).dofadr[0])
-            for name, prop in self.props.items()
-            if not prop.fixed
-        }
-        # Id of each hinge, and where its angle is in `qpos`.
-        self._hinges = {
-            joint.name: (joint.id, int(joint.qposadr[0]))
-            for joint in map(self.model.joint, range(self.model.njnt))
-            if joint.type[0] == mujoco.mjtJoint.mjJNT_HINGE
-        }
         # Degrees of freedom of the props, hinges included, and what counts as rest for each.
         roots = [self._bodies[name] for name in self.props]
         self._loose = np.flatnonzero(np.isin(self.model.body_rootid[self.model.dof_bodyid], roots))
@@ -200,7 +203,7 @@ class Simulation:
             self._run(command, checked=False)
             options.jacobian = usual
             mujoco.mj_step1(self.model, self.data)
-        self._raise_on_warning()
+        raise_on_warning(self.data.warning.number.tolist(), f"at t = {self.data.time:.3f} s")
         self.contacts.update()
 
     def _run(self, command: DuoCommand, *, checked: bool) -> bool:
@@ -234,18 +237,6 @@ class Simulation:
         self.data.time = 0.0
         return steps
 
-    def _raise_on_warning(self) -> None:
-        names = [
-            f"{mujoco.mjtWarning(kind).name.removeprefix('mjWARN_').lower()} x{count}"
-            for kind, count in enumerate(self.data.warning.number.tolist())
-            if count
-        ]
-        if names:
-            raise SimulationError(
-                f"The physics engine warned at t = {self.data.time:.3f} s: {', '.join(names)}. The "
-                "episode is not valid; reset the environment."
-            )
-
     # --- props ---------------------------------------------------------------------------------
 
     def apply(self, layout: Layout) -> None:
@@ -256,13 +247,17 @@ class Simulation:
                 f"The layout must place exactly {sorted(needed)}: missing "
                 f"{sorted(needed - given)}, unknown {sorted(given - needed)}."
             )
-        for prop in self.props.values():
-            if prop.choice is not None:
-                self._choose(prop, layout.variants.get(prop.choice))
-        self.variants = dict(layout.variants)
+        self.choose(layout.variants)
         for name, pose in layout.poses.items():
             self.place(name, pose)
         self.forward()
+
+    def choose(self, variants: Mapping[str, str]) -> None:
+        """Switch the shapes of all props to what a layout chose; no pose changes."""
+        for prop in self.props.values():
+            if prop.choice is not None:
+                self._choose(prop, variants.get(prop.choice))
+        self.variants = dict(variants)
 
     def _choose(self, prop: Prop, value: str | None) -> None:
         """Leave out of a prop what one of its variants leaves out, and nothing else."""
@@ -295,15 +290,6 @@ class Simulation:
             self.data.qpos[start + 3 : start + 7] = pose.wxyz
             self.data.qvel[joint.dofadr[0] : joint.dofadr[0] + 6] = 0.0
 
-    def _prop(self, name: str) -> Prop:
-        check_known("object", name, self.props)
-        return self.props[name]
-
-    def body_id(self, name: str) -> int:
-        """Id of a body."""
-        check_known("body", name, self._bodies)
-        return self._bodies[name]
-
     def position(self, body: str) -> Array:
         """Origin (3,) of a body in the table frame; a view that the next step overwrites."""
         return self._xpos[self.body_id(body)]
@@ -311,15 +297,6 @@ class Simulation:
     def rotation(self, body: str) -> Array:
         """Rotation matrix (3, 3) of a body in the table frame; a view."""
         return self._xmat[self.body_id(body)].reshape(3, 3)
-
-    def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
-        """Origin of a body in the frame of another body, in metres."""
-        origin = self.body_id(frame)
-        x, y, z = self._xpos[self.body_id(body)].tolist()
-        ox, oy, oz = self._xpos[origin].tolist()
-        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[origin].tolist()
-        x, y, z = x - ox, y - oy, z - oz
-        return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
 
     def pose(self, body: str) -> SE3:
         """Pose of a body in the table frame."""
@@ -330,54 +307,15 @@ class Simulation:
         number = resolve(self.model, mujoco.mjtObj.mjOBJ_SITE, site)
         return SE3(self.data.site_xmat[number].reshape(3, 3), self.data.site_xpos[number])
 
-    def speed(self, prop: str) -> tuple[float, float]:
-        """Linear (m/s) and angular (rad/s) speed of a free prop; zero for a fixed one."""
-        x, y, z, wx, wy, wz = self._velocity(prop)
-        return math.hypot(x, y, z), math.hypot(wx, wy, wz)
+    def _numbers(self, array: Array, row: int | slice) -> list[float]:
+        return array[row].tolist()
 
-    def velocity(self, prop: str) -> list[float]:
-        """Velocity (3,) in m/s of a prop's origin in the table frame."""
-        return self._velocity(prop)[:3]
+    def chosen(self, choice: str, rows: Mapping[str, Sequence[float]]) -> Sequence[float]:
+        """The row of numbers that belongs to what the layout chose."""
+        return rows[self.variants[choice]]
 
-    def relative_speed(self, prop: str, frame: str) -> float:
-        """Speed in m/s of a prop's origin, in the frame of another prop that may move."""
-        px, py, pz = self.relative_position(prop, frame)
-        x, y, z = self._velocity(prop)[:3]
-        ox, oy, oz, wx, wy, wz = self._velocity(frame)
-        x, y, z = x - ox, y - oy, z - oz
-        xx, xy, xz, yx, yy, yz, zx, zy, zz = self._xmat[self.body_id(frame)].tolist()
-        return math.hypot(
-            xx * x + yx * y + zx * z - (wy * pz - wz * py),
-            xy * x + yy * y + zy * z - (wz * px - wx * pz),
-            xz * x + yz * y + zz * z - (wx * py - wy * px),
-        )
-
-    def _velocity(self, prop: str) -> list[float]:
-        """Linear velocity in the table frame and angular velocity in the prop's own, 3 each."""
-        if self._prop(prop).fixed:
-            return [0.0] * 6
-        start = self._dofs[prop]
-        return self.data.qvel[start : start + 6].tolist()
-
-    def angle(self, hinge: str) -> float:
-        """Angle of a hinge in radians."""
-        check_known("hinge", hinge, self._hinges)
-        return float(self.data.qpos[self._hinges[hinge][1]])
-
-    def hinge_axis(self, hinge: str) -> HingeAxis:
-        """Where a hinge is now, in the table frame."""
-        check_known("hinge", hinge, self._hinges)
-        joint, _ = self._hinges[hinge]
-        return HingeAxis(self.data.xanchor[joint].tolist(), self.data.xaxis[joint].tolist())
-
-    def min_height(self, prop: str) -> float:
-        """Height of the lowest point of a prop's root part above the table top, in metres."""
-        check_known("object", prop, self.props)
-        body = self._bodies[prop]
-        x, y, z = self._xmat[body, 6:].tolist()  # the vertical in the prop's frame
+    def _lowest(self, prop: str, x: float, y: float, z: float) -> float:
         if prop in self._few:
-            lowest = min([a * x + b * y + c * z for a, b, c in self._few[prop]])
-        else:
-            a, b, c = self._many[prop]
-            lowest = float((a * x + b * y + c * z).min())
-        return lowest + float(self._xpos[body, 2])
+            return min([a * x + b * y + c * z for a, b, c in self._few[prop]])
+        a, b, c = self._corners[prop]
+        return float((a * x + b * y + c * z).min())

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from duobench.stages.insertion import Port, in_any_way, inserted, led_in, tip_in_words
-from duobench.stages.logic import Predicate, held_for, since
+from duobench.stages.logic import Predicate, held_for, leaf, since
 from duobench.stages.predicates import grasped_apart
 
 SOCKET_REACH = 0.010
@@ -32,7 +32,7 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
         depth: How far inside the mouth the tip is at least, in metres; below 0, it is at most so
             far above the mouth.
     """
-    return Predicate(
+    return leaf(
         f"peg of {peg.body} is in a socket of {socket.body}",
         lambda state: led_in(state.simulation, peg, socket, depth, SOCKET_REACH),
         otherwise=lambda state: tip_in_words(state.simulation, peg, socket),

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar, cast
 
 from duobench.types import CONTROL_HZ
@@ -95,6 +95,9 @@ class Predicate:
     otherwise: Callable[[StateView], str] | None = field(default=None, repr=False)
     """What is the case where it does not hold, as a short sentence with the number that was missed:
     "cube is raised by 4 mm, not by 10 mm"."""
+    vectorized: bool = field(default=False, repr=False)
+    """Whether `test` also takes the view of n simulations at once, whose numbers are arrays (n,),
+    and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """The same as a call, as a plain function, which Python calls in half the time."""
 
@@ -166,6 +169,10 @@ class Predicate:
             inner[self] = None
 
 
+leaf = partial(Predicate, vectorized=True)
+"""A predicate about one step that takes many simulations at once."""
+
+
 def shared(word: Callable[P, R]) -> Callable[P, R]:
     """Make a word give one and the same predicate for the same arguments.
 
@@ -174,7 +181,7 @@ def shared(word: Callable[P, R]) -> Callable[P, R]:
     return cast("Callable[P, R]", cache(word))
 
 
-class _Not(Predicate):
+class Not(Predicate):
     """What holds makes it fail, and the other way round."""
 
     __slots__ = ()
@@ -185,24 +192,26 @@ class _Not(Predicate):
     _met = _unmet
 
 
-class _AllOf(Predicate):
+class AllOf(Predicate):
     """Each part that does not hold speaks for itself."""
 
     __slots__ = ()
 
     def possible(self, state: StateView) -> bool:
+        """Whether all of them can hold."""
         return all(part.possible(state) for part in self.parts)
 
     def _unmet(self, state: StateView) -> Words:
         return _each_once(part.unmet(state) for part in self.parts)
 
 
-class _AnyOf(Predicate):
+class AnyOf(Predicate):
     """Says what all alternatives lack, and that none of them holds."""
 
     __slots__ = ()
 
     def possible(self, state: StateView) -> bool:
+        """Whether one of them can hold."""
         return any(part.possible(state) for part in self.parts)
 
     def _unmet(self, state: StateView) -> Words:
@@ -227,7 +236,7 @@ class _AnyOf(Predicate):
 
     def _alternatives(self) -> Iterator[Predicate]:
         for part in self.parts:
-            if isinstance(part, _AnyOf):
+            if isinstance(part, AnyOf):
                 yield from part._alternatives()
             else:
                 yield part
@@ -305,6 +314,11 @@ class HeldFor(Predicate):
     seconds: float
     """For how long at least, in seconds."""
 
+    @property
+    def steps(self) -> int:
+        """The same in control steps."""
+        return round(self.seconds * CONTROL_HZ)
+
     def _unmet(self, state: StateView) -> Words:
         part = self.clock.of
         lasted = state.lasted.get(self.clock, 0) / CONTROL_HZ
@@ -337,7 +351,7 @@ def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = 
 @shared
 def _not(predicate: Predicate) -> Predicate:
     ask = predicate.ask
-    return _Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
+    return Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
 
 
 @shared
@@ -352,7 +366,7 @@ def all_of(*predicates: Predicate) -> Predicate:
                 return False
         return True
 
-    return _AllOf(f"({name})", test, predicates)
+    return AllOf(f"({name})", test, predicates)
 
 
 @shared
@@ -367,7 +381,7 @@ def any_of(*predicates: Predicate) -> Predicate:
                 return True
         return False
 
-    return _AnyOf(f"({name})", test, predicates)
+    return AnyOf(f"({name})", test, predicates)
 
 
 def _each_once(words: Iterable[Words]) -> Words:

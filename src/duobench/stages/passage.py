@@ -5,10 +5,10 @@ sides is in front of the hole or beside it: that tells the ways apart. What was 
 and backwards through the hole has not come through when it is pulled out again.
 """
 
-import math
 from dataclasses import dataclass
 
-from duobench.stages.logic import Predicate, StateView, all_of, since
+from duobench.spatial import hypot
+from duobench.stages.logic import Predicate, StateView, all_of, leaf, since
 from duobench.stages.predicates import mm
 
 EXIT_DEPTH = 0.05
@@ -54,26 +54,26 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
     def where(state: StateView) -> tuple[float, float]:
         """Distance beyond the plane, and from the hole's axis, in metres."""
         x, y, z = state.relative_position(prop, hole.body)
-        return y, math.hypot(x, z - hole.height)
+        return y, hypot(x, z - hole.height)
 
     def in_front(radius: float, depth: float = EXIT_DEPTH) -> Predicate:
         def test(state: StateView) -> bool:
             beyond, off_axis = where(state)
-            return abs(beyond) <= depth and off_axis <= radius
+            return (abs(beyond) <= depth) & (off_axis <= radius)
 
         def otherwise(state: StateView) -> str:
             beyond, off_axis = where(state)
             side = "behind" if beyond >= 0 else "before"
             return f"{prop} is {mm(abs(beyond))} {side} {hole.body} and {mm(off_axis)} off its axis"
 
-        return Predicate(
+        return leaf(
             f"{prop} is within {radius * 1000:.0f} mm of the axis of {hole.body}, "
             f"{depth * 1000:.0f} mm before or behind it",
             test,
             otherwise=otherwise,
         )
 
-    near = Predicate(
+    near = leaf(
         f"{prop} is on the near side of {hole.body}",
         lambda state: where(state)[0] < 0,
         otherwise=lambda _state: f"{prop} is on the far side of {hole.body}",

@@ -6,7 +6,16 @@ place is higher. And what is let go has to stay: half a second of rest without a
 stands from what topples, rolls off or drops through.
 """
 
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, shared, since
+from duobench.stages.logic import (
+    Predicate,
+    StateView,
+    all_of,
+    any_of,
+    held_for,
+    leaf,
+    shared,
+    since,
+)
 from duobench.stages.predicates import (
     LIFTED_HEIGHT,
     arm_touches,
@@ -43,11 +52,11 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
     def gap(state: StateView) -> float:
         sim = state.simulation
         x, y, _ = state.relative_position(prop, body)
-        up_x, up_y, up_z = sim.rotation(body)[2].tolist()
-        level = float(sim.position(body)[2]) + up_x * x + up_y * y + up_z * top
+        up_x, up_y, up_z = sim.axes(body)[6:]
+        level = sim.origin(body)[2] + up_x * x + up_y * y + up_z * top
         return sim.min_height(prop) - level
 
-    return Predicate(
+    return leaf(
         f"{prop} is at most {height * 1000:.0f} mm above {body}",
         lambda state: gap(state) <= height,
         otherwise=lambda state: (

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from duobench.scene.naming import TABLE
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, since
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, leaf, since
 from duobench.stages.predicates import CylinderRegion, inside, touching, upright
 
 LYING_SPEED = 0.25
@@ -67,7 +67,7 @@ def pouring(
 
 
 def _slow(thing: str, vessel: str) -> Predicate:
-    return Predicate(
+    return leaf(
         f"{thing} is slow in {vessel}",
         lambda state: state.simulation.relative_speed(thing, vessel) < LYING_SPEED,
         otherwise=lambda _state: f"{thing} still moves in {vessel}",

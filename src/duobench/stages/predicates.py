@@ -7,7 +7,8 @@ import math
 from dataclasses import dataclass
 
 from duobench.scene.naming import TABLE
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, shared
+from duobench.spatial import hypot
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, leaf, shared
 from duobench.types import SIDES, Side
 
 Point = tuple[float, float, float]
@@ -37,7 +38,7 @@ def mm(metres: float) -> str:
 @shared
 def touches(arm: Side, body: str) -> Predicate:
     """A finger or the palm of that gripper is in contact with the body."""
-    return Predicate(
+    return leaf(
         f"{arm} touches {body}",
         lambda state: state.simulation.contacts.gripper(arm, body),
         otherwise=lambda _state: f"{arm} does not touch {body}",
@@ -47,7 +48,7 @@ def touches(arm: Side, body: str) -> Predicate:
 @shared
 def arm_touches(arm: Side, body: str) -> Predicate:
     """Any part of that arm is in contact with the body: links and wrist camera too."""
-    return Predicate(
+    return leaf(
         f"{arm} arm touches {body}",
         lambda state: state.simulation.contacts.arm(arm, body),
         otherwise=lambda _state: f"{arm} arm does not touch {body}",
@@ -57,7 +58,7 @@ def arm_touches(arm: Side, body: str) -> Predicate:
 @shared
 def grasped(arm: Side, body: str) -> Predicate:
     """Both fingers of that gripper press on the body, towards each other."""
-    return Predicate(
+    return leaf(
         f"{arm} grasps {body}",
         lambda state: state.simulation.contacts.grasped(arm, body),
         otherwise=lambda _state: f"{arm} does not grasp {body}",
@@ -78,10 +79,9 @@ def supports(arm: Side, lid: str) -> Predicate:
 
     def pushes(state: StateView) -> bool:
         sim = state.simulation
-        touched = sim.contacts.arm(arm, lid)
-        return touched and sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
+        return sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
 
-    whole = grasped(arm, lid) | Predicate(f"{arm} pushes {lid} open", pushes)
+    whole = grasped(arm, lid) | leaf(f"{arm} pushes {lid} open", pushes)
     return whole.called(
         f"{arm} supports {lid}",
         lambda _state: f"{arm} neither pushes {lid} towards open nor grasps it",
@@ -138,7 +138,7 @@ def raised(prop: str, height: float) -> Predicate:
         so_far = state.simulation.min_height(prop) - state.start_heights[prop]
         return f"{prop} is raised by {mm(so_far)}, not by {mm(height)}"
 
-    return Predicate(
+    return leaf(
         f"{prop} is raised by {height * 1000:.0f} mm",
         lambda state: state.simulation.min_height(prop) >= state.start_heights[prop] + height,
         otherwise=otherwise,
@@ -171,9 +171,9 @@ def released(body: str) -> Predicate:
     def touching_it(state: StateView) -> list[Side]:
         return [side for side in SIDES if state.simulation.contacts.gripper(side, body)]
 
-    return Predicate(
+    return leaf(
         f"{body} is released",
-        lambda state: not any(state.simulation.contacts.gripper(side, body) for side in SIDES),
+        lambda state: state.simulation.contacts.released(body),
         otherwise=lambda state: f"{' and '.join(touching_it(state))} still touches {body}",
     )
 
@@ -184,13 +184,13 @@ def still(prop: str) -> Predicate:
 
     def test(state: StateView) -> bool:
         linear, angular = state.simulation.speed(prop)
-        return linear < STILL_SPEED and angular < STILL_ANGULAR_SPEED
+        return (linear < STILL_SPEED) & (angular < STILL_ANGULAR_SPEED)
 
     def otherwise(state: StateView) -> str:
         linear, angular = state.simulation.speed(prop)
         return f"{prop} moves at {linear:.2f} m/s and {angular:.1f} rad/s"
 
-    return Predicate(f"{prop} is still", test, otherwise=otherwise)
+    return leaf(f"{prop} is still", test, otherwise=otherwise)
 
 
 @shared
@@ -199,12 +199,12 @@ def upright(prop: str, angle: float) -> Predicate:
     limit = math.cos(angle)
 
     def otherwise(state: StateView) -> str:
-        tilt = math.degrees(math.acos(max(-1.0, float(state.simulation.rotation(prop)[2, 2]))))
+        tilt = math.degrees(math.acos(max(-1.0, state.simulation.axes(prop)[8])))
         return f"{prop} is tilted by {tilt:.1f} degrees, not at most {math.degrees(angle):.0f}"
 
-    return Predicate(
+    return leaf(
         f"{prop} is upright within {math.degrees(angle):.0f} degrees",
-        lambda state: float(state.simulation.rotation(prop)[2, 2]) >= limit,
+        lambda state: state.simulation.axes(prop)[8] >= limit,
         otherwise=otherwise,
     )
 
@@ -222,10 +222,10 @@ class BoxRegion:
 
     def contains(self, point: Point) -> bool:
         """Whether a point of the body's frame, in metres, lies inside."""
-        return all(
-            low <= value <= high
-            for low, value, high in zip(self.low, point, self.high, strict=True)
-        )
+        x, y, z = point
+        (west, south, bottom), (east, north, top) = self.low, self.high
+        in_outline = (west <= x) & (x <= east) & (south <= y) & (y <= north)
+        return in_outline & (bottom <= z) & (z <= top)
 
     def distance(self, point: Point) -> float:
         """How far outside a point of the body's frame lies, in metres; 0 inside."""
@@ -255,8 +255,8 @@ class CylinderRegion:
     def contains(self, point: Point) -> bool:
         """Whether a point of the body's frame, in metres, lies inside."""
         x, y, z = point
-        offset = math.dist((x, y), self.centre)
-        return offset <= self.radius and self.low <= z <= self.high
+        offset = hypot(x - self.centre[0], y - self.centre[1])
+        return (offset <= self.radius) & (self.low <= z) & (z <= self.high)
 
     def distance(self, point: Point) -> float:
         """How far outside a point of the body's frame lies, in metres; 0 inside."""
@@ -276,7 +276,7 @@ def inside(prop: str, region: Region) -> Predicate:
         away = region.distance(state.relative_position(prop, region.body))
         return f"the centre of {prop} is {mm(away)} outside its place at {region.body}"
 
-    return Predicate(
+    return leaf(
         f"{prop} is inside {region.body}",
         lambda state: region.contains(state.relative_position(prop, region.body)),
         otherwise=otherwise,
@@ -286,7 +286,7 @@ def inside(prop: str, region: Region) -> Predicate:
 @shared
 def touching(body: str, other: str) -> Predicate:
     """Two bodies are in contact."""
-    return Predicate(
+    return leaf(
         f"{body} touches {other}",
         lambda state: state.simulation.contacts.between(body, other),
         otherwise=lambda _state: f"{body} does not touch {other}",
@@ -303,7 +303,7 @@ def rests_on(prop: str, support: str) -> Predicate:
 @shared
 def hinge_open(hinge: str, angle: float) -> Predicate:
     """A hinge is open by at least `angle` radians; its name is `<prop>/<part>`."""
-    return Predicate(
+    return leaf(
         f"{hinge} is open by {angle:.2f} rad",
         lambda state: state.simulation.angle(hinge) >= angle,
         otherwise=lambda state: (
@@ -331,9 +331,18 @@ def variant(name: str, value: str) -> Predicate:
         f"{name} is {value}",
         lambda state: state.variants.get(name) == value,
         otherwise=lambda state: f"{name} is {state.variants.get(name)}, not {value}",
+        vectorized=True,
         choice=name,
         value=value,
     )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)
+class AtLeast(Predicate):
+    """Some of its parts hold."""
+
+    count: int
+    """How many at least."""
 
 
 @shared
@@ -341,8 +350,9 @@ def at_least(count: int, *predicates: Predicate) -> Predicate:
     """At least `count` of them hold."""
     names = ", ".join(p.name for p in predicates)
     asks = tuple(p.ask for p in predicates)
-    return Predicate(
+    return AtLeast(
         f"at least {count} of ({names})",
         lambda state: sum([ask(state) for ask in asks]) >= count,
         predicates,
+        count=count,
     )

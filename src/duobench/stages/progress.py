@@ -37,6 +37,8 @@ class Stage:
 LOST_SECONDS = 0.5
 """How long what stays of a stage is gone before it counts as lost, in seconds: hands that change
 and contacts that flicker take less."""
+LOST_STEPS = round(LOST_SECONDS * CONTROL_HZ)
+"""The same in control steps."""
 
 
 def sinces_in(predicates: Iterable[Predicate]) -> list[Since]:
@@ -108,7 +110,7 @@ def check_names(
     state = StateView(
         simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
     )
-    for part in (part for predicate in _constraints_of(stages) for part in predicate.walk()):
+    for part in (part for predicate in constraints_of(stages) for part in predicate.walk()):
         part.test(state)
         if isinstance(part, VariantIs):
             if part.choice not in variants:
@@ -118,7 +120,7 @@ def check_names(
                 raise UnknownNameError(f"value of variant {part.choice!r}", part.value, values)
 
 
-def _constraints_of(stages: Iterable[Stage]) -> list[Predicate]:
+def constraints_of(stages: Iterable[Stage]) -> list[Predicate]:
     """What must hold at some stage, and what must stay."""
     both = (predicate for stage in stages for predicate in (stage.holds, stage.stays))
     return [predicate for predicate in both if predicate is not None]
@@ -134,7 +136,7 @@ class Progress:
             stages: Stages 1 to n in order.
         """
         self._stages = stages
-        constraints = _constraints_of(stages)
+        constraints = constraints_of(stages)
         self._memories = memories_in(constraints)
         self._remembered: frozenset[Memory] = frozenset()
         self._clocks = clocks_in(constraints)
@@ -182,8 +184,7 @@ class Progress:
     @property
     def standing(self) -> int:
         """The stage from which to go on: the last one before the lowest that was lost since."""
-        steps = round(LOST_SECONDS * CONTROL_HZ)
-        return next((n for n, lost in enumerate(self._lost) if lost >= steps), self.stage)
+        return next((n for n, lost in enumerate(self._lost) if lost >= LOST_STEPS), self.stage)
 
     def reset(self, simulation: Simulation, variants: Mapping[str, str]) -> None:
         """Begin an episode at the simulation's current state.

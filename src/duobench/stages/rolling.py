@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, since
+from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, leaf, since
 from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import (
     BoxRegion,
@@ -79,7 +79,7 @@ def rolling(
         in_air: The board is where both hands must hold it.
     """
     board = room.body
-    rolls = Predicate(
+    rolls = leaf(
         f"{ball} rolls on {board}",
         lambda state: state.simulation.relative_speed(ball, board) >= MIN_SPEED,
         otherwise=lambda _state: f"{ball} does not roll on {board}",
@@ -125,9 +125,10 @@ def _in_another_cell(ball: str, room: BoxRegion, cells: int, lifted: Predicate) 
 
         def test(state: StateView) -> bool:
             at = state.relative_position(ball, room.body)[axis]
-            return edge <= at < edge + pitch
+            return (edge <= at) & (at < edge + pitch)
 
-        return Predicate(f"{ball} is in {'column' if axis == 0 else 'row'} {number}", test)
+        name = f"{ball} is in {'column' if axis == 0 else 'row'} {number}"
+        return leaf(name, test)
 
     bands = [band(axis, number) for axis in (0, 1) for number in range(cells)]
     left = (~here & since(lifted & here, reset=lifted & ~here) for here in bands)

@@ -8,10 +8,10 @@ choices, one number 0 or 1 for each value. A task may have numbers of its own in
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from duobench.randomness import Choice
 from duobench.stages.predicates import CylinderRegion
 
 if TYPE_CHECKING:
-    from duobench.sim.simulation import Simulation
+    from duobench.sim.questions import Questions
 
 ENVIRONMENT_STATE = "environment_state"
 """Key of the object state in an observation, as LeRobot names it."""
@@ -40,8 +40,13 @@ class Numbers:
 
     names: tuple[str, ...]
     """What each is: "cube_x", "cube_z_axis_x", "chest/lid_angle"."""
-    read: Callable[[Simulation], Sequence[float]]
-    """As many, in the order of the names, in metres, radians and seconds."""
+    read: Callable[[Any], Sequence[float]]
+    """As many, in the order of the names, in metres, radians and seconds, of a `Simulation`."""
+    vectorized: bool = False
+    """Whether `read` also takes n simulations at once, and gives an array (n,) for each number."""
+
+
+_numbers = partial(Numbers, vectorized=True)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -55,10 +60,14 @@ class ObjectState:
         """Name of each number; unique."""
         return tuple(name for part in self.parts for name in part.names)
 
-    def read(self, simulation: Simulation) -> NDArray[np.float32]:
-        """The numbers (n,) of the simulation's current state, from -10 to 10 (`LARGEST`)."""
-        values = [number for part in self.parts for number in part.read(simulation)]
-        return np.array(values, dtype=np.float32).clip(-LARGEST, LARGEST)
+    def read(self, simulation: Questions) -> NDArray[np.float32]:
+        """The numbers (n,) of the simulation's current state, from -10 to 10 (`LARGEST`).
+
+        Of many simulations at once they are (simulations, n).
+        """
+        parts = [simulation.ask(part.read, vectorized=part.vectorized) for part in self.parts]
+        values = [number for part in parts for number in part]
+        return np.array(values, dtype=np.float32).T.clip(-LARGEST, LARGEST)
 
 
 def usual_numbers(props: Iterable[Prop], choices: Mapping[str, Choice]) -> tuple[Numbers, ...]:
@@ -81,32 +90,35 @@ def usual_numbers(props: Iterable[Prop], choices: Mapping[str, Choice]) -> tuple
 
 def position(body: str) -> Numbers:
     """Origin of a body in the table frame, in metres: x, y, z."""
-    return Numbers(
+    return _numbers(
         names=tuple(f"{body}_{axis}" for axis in "xyz"),
-        read=lambda simulation: simulation.position(body).tolist(),
+        read=lambda simulation: simulation.origin(body),
     )
 
 
 def pose(body: str) -> Numbers:
     """Origin of a body in the table frame, and the directions of its x and z axes there."""
     axes = [f"{body}_{name}_axis_{along}" for name, _ in AXES for along in "xyz"]
-    columns = [column for _, column in AXES]
+    places = [3 * row + column for _, column in AXES for row in range(3)]
 
-    def read(simulation: Simulation) -> list[float]:
-        turned = simulation.rotation(body)[:, columns].T.ravel().tolist()
-        return [*simulation.position(body).tolist(), *turned]
+    def read(simulation: Questions) -> list[float]:
+        turned = simulation.axes(body)
+        return [*simulation.origin(body), *(turned[place] for place in places)]
 
-    return Numbers(names=(*position(body).names, *axes), read=read)
+    return _numbers(names=(*position(body).names, *axes), read=read)
 
 
 def hinge_angle(hinge: str) -> Numbers:
     """Angle of a hinge, in radians."""
-    return Numbers(names=(f"{hinge}_angle",), read=lambda simulation: [simulation.angle(hinge)])
+    return _numbers(
+        names=(f"{hinge}_angle",),
+        read=lambda simulation: [simulation.angle(hinge)],
+    )
 
 
 def velocity(prop: str) -> Numbers:
     """Velocity of a free prop's origin in the table frame, in m/s: x, y, z."""
-    return Numbers(
+    return _numbers(
         names=tuple(f"{prop}_velocity_{axis}" for axis in "xyz"),
         read=lambda simulation: simulation.velocity(prop),
     )
@@ -116,9 +128,9 @@ def chosen(choice: str, options: Collection[str]) -> Numbers:
     """Which value the layout chose: 1 for that value, 0 for every other."""
     values = tuple(options)
     rows = {one: [float(one == other) for other in values] for one in values}
-    return Numbers(
+    return _numbers(
         names=tuple(f"{choice}_is_{value}" for value in values),
-        read=lambda simulation: rows[simulation.variants[choice]],
+        read=lambda simulation: simulation.chosen(choice, rows),
     )
 
 
@@ -130,7 +142,10 @@ def known_of(choice: str, names: Sequence[str], values: Mapping[str, Sequence[fl
         names: What each number is.
         values: The numbers for each value of the variant.
     """
-    return Numbers(names=tuple(names), read=lambda simulation: values[simulation.variants[choice]])
+    return _numbers(
+        names=tuple(names),
+        read=lambda simulation: simulation.chosen(choice, values),
+    )
 
 
 def heap(
@@ -153,20 +168,20 @@ def heap(
         for vessel in vessels
     }
 
-    def read(simulation: Simulation) -> list[float]:
-        at = np.array([simulation.position(body) for body in bodies])
+    def read(simulation: Questions) -> list[float]:
+        at = np.array([simulation.origin(body) for body in bodies])
         centre = at.mean(axis=0)
-        spread = math.sqrt(float(((at - centre) ** 2).sum(axis=1).mean()))
+        spread = np.sqrt(((at - centre) ** 2).sum(axis=1).mean(axis=0))
         shares = [
             sum(hollow.contains(simulation.relative_position(body, vessel)) for body in bodies)
             / len(bodies)
             for vessel, hollow in hollows.items()
         ]
-        return [*centre.tolist(), spread, *shares]
+        return [*centre, spread, *shares]
 
     centre = [f"{name}_{axis}" for axis in "xyz"]
     inside = [f"{name}_in_{vessel}" for vessel in hollows]
-    return Numbers(names=(*centre, f"{name}_spread", *inside), read=read)
+    return _numbers(names=(*centre, f"{name}_spread", *inside), read=read)
 
 
 def maze_of(choice: str) -> Numbers:

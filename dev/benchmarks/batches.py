@@ -1,0 +1,143 @@
+"""What many episodes side by side cost: judging them, and stepping them on several threads."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+import duobench
+from dev.benchmarks.environments import (
+    PIECE,
+    bare_physics,
+    controls,
+    expert_actions,
+    in_pieces,
+)
+from dev.benchmarks.measure import Measurement, Work, seconds
+from duobench.envs.batch_env import BatchEnv
+from duobench.envs.sim_env import sim_of
+
+JUDGED = 1024
+"""Episodes that are judged at once."""
+JUDGEMENT, LONG_JUDGEMENT = 6.0, 12.0
+"""Bars of a judgement, in microseconds."""
+LONG = ("hinge_chest", "spring_door", "pour_marbles", "join_blocks", "bin_sort")
+"""Tasks whose stages ask the most."""
+EPISODES, PROCESSES = 64, 16
+"""Episodes that are stepped side by side, on threads and in processes."""
+STEPS = 15 * PIECE
+"""Control steps of each, less than any expert's episode has."""
+START = {"layout_seed": 0}
+CONTROLS = int(mujoco.mjtState.mjSTATE_CTRL)
+
+
+def measure_judging(name: str, repeats: int = 20) -> Iterator[Measurement]:
+    """Measure a judgement of many episodes at once, and apart from it the copy of contacts.
+
+    Each episode is at another control step of an expert's, so that all of that is in the mean.
+    """
+    env = duobench.make(name, cameras=False)
+    actions = expert_actions(env)
+    env.reset(options=START)
+    sim = sim_of(env).simulation
+    variants, states = dict(sim.variants), []
+    for action in actions:
+        env.step(action)
+        states.append(sim.get_state())
+    vector = BatchEnv(duobench.make(name, cameras=False), JUDGED, 1)
+    simulations, judge = vector.simulations, vector.judge
+    vector.reset(options=START)
+    numbers, everywhere = np.arange(JUDGED), np.ones(JUDGED, dtype=bool)
+    simulations.load(
+        numbers, [variants] * JUDGED, [states[number % len(states)] for number in numbers]
+    )
+
+    def judgement() -> None:
+        simulations.contacts.update(simulations.centres)
+        simulations.forget()
+        judge.update(everywhere)
+
+    copied = _shortest(lambda: simulations.copy_contacts(numbers), repeats)
+    judged = _shortest(judgement, repeats)
+    env.close()
+    vector.close()
+    yield Measurement(
+        what=f"{name}: a judgement, {JUDGED} at once",
+        value=judged / JUDGED * 1e6,
+        unit="us",
+        at_most=LONG_JUDGEMENT if name in LONG else JUDGEMENT,
+    )
+    yield Measurement(what=f"{name}: its contacts", value=copied / JUDGED * 1e6, unit="us")
+
+
+def _shortest(work: Callable[[], object], repeats: int) -> float:
+    """Seconds of the processor that work takes undisturbed, in this thread."""
+    times = []
+    for _ in range(repeats):
+        start = time.thread_time()
+        work()
+        times.append(time.thread_time() - start)
+    return min(times)
+
+
+def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
+    """Measure an expert's episode, many times side by side, against the bare engine and processes.
+
+    Bare is `mj_step` in one thread, and MuJoCo's own threads that do nothing else: where other work
+    keeps the processor busy, only the latter tells what two threads could do. Processes, of which
+    there are more, then get a larger share of it than threads.
+    """
+    env = duobench.make(name, cameras=False)
+    actions = expert_actions(env)[:STEPS]
+    vectors = [
+        duobench.make_vec(name, EPISODES, threads=1),
+        duobench.make_vec(name, EPISODES, threads=2),
+        duobench.make_vec(name, PROCESSES, "async", {"context": "spawn"}, cameras=False),
+    ]
+    works = [
+        bare_physics(env, actions),
+        _engine(env, actions, threads=2),
+        *(_work(vector, actions) for vector in vectors),
+    ]
+    counts = 1, EPISODES, EPISODES, EPISODES, PROCESSES
+    taken = seconds(*works, repeats=repeats)
+    bare, engine, one, two, processes = (t / n for t, n in zip(taken, counts, strict=True))
+    for vector in (*vectors, env):
+        vector.close()
+    for what, value, least in (
+        ("1 thread / bare mj_step", bare / one, 0.85),
+        ("2 threads / (2 x bare mj_step)", bare / two / 2, 0.85),
+        ("2 threads / engine on 2 threads", engine / two, 0.85),
+        ("2 threads / AsyncVectorEnv", processes / two, 1.4),
+    ):
+        yield Measurement(what=f"{name}: {what}", value=value, at_least=least)
+    speed = len(actions) / two
+    yield Measurement(what=f"{name}: control steps, 2 threads", value=speed, unit="/s")
+
+
+def _engine(env: gym.Env, actions: NDArray[np.float32], threads: int) -> Work:
+    """The motion of all episodes as steps of MuJoCo's threads alone."""
+    state, ramps = controls(env, actions)
+    batch = Batch(sim_of(env).simulation.model, EPISODES, threads, persistent=True)
+
+    def begin() -> None:
+        batch.state[:] = state
+        batch.forward(stage=int(mujoco.mjtStage.mjSTAGE_VEL))
+
+    def step(ramp: NDArray[np.float64]) -> None:
+        batch.rollout(len(ramp), np.tile(ramp, (EPISODES, 1, 1)), control_spec=CONTROLS, record=())
+
+    return Work(pieces=in_pieces(step, ramps), prepare=begin)
+
+
+def _work(vector: gym.vector.VectorEnv, actions: NDArray[np.float32]) -> Work:
+    several = [np.tile(action, (vector.num_envs, 1)) for action in actions]
+    return Work(
+        pieces=in_pieces(vector.step, several), prepare=lambda: vector.reset(options=dict(START))
+    )

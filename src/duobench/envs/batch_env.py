@@ -1,0 +1,323 @@
+"""Many episodes of a task side by side in one process, on MuJoCo's own threads.
+
+They are those of `duobench.make` to the last bit: layouts, states, stages, observations and images.
+Resets and images are made one after the other in a single environment; physics, stages and numbers
+of all episodes at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+
+from duobench.envs import spaces
+from duobench.envs.action_modes import JOINT, JOINT_RELATIVE
+from duobench.envs.action_wrappers import THRESHOLD
+from duobench.envs.config import (
+    LAYOUT,
+    LAYOUT_SEED,
+    OF_SIMULATION,
+    SPLIT,
+    EnvConfig,
+    checked_reset_options,
+    checked_seed,
+)
+from duobench.envs.duo_env import ROUNDING, Info, Observation, ResetNeededError
+from duobench.envs.episode_state import EpisodeState, required
+from duobench.envs.episode_wrappers import SEEDS
+from duobench.envs.observation_wrappers import PIXELS, flat_entries
+from duobench.envs.rewards import reward_of
+from duobench.envs.sim_env import sim_of
+from duobench.errors import ActionError, OptionError, SimulationError
+from duobench.looks.catalog import as_look
+from duobench.robot.joints import RANGE_MARGIN, duo_limits
+from duobench.shifts.levels import level_for
+from duobench.shifts.shift import PHYSICS, SENSING
+from duobench.sim.batch import SimulationBatch
+from duobench.stages.batch import Booleans, ProgressBatch
+from duobench.tasks.object_state import ENVIRONMENT_STATE
+from duobench.types import OPENING_SLOTS, Array
+
+MODES = (JOINT.name, JOINT_RELATIVE.name)
+RESET_MASK, STATES = "reset_mask", "states"
+"""Options of a reset beside those of `SimEnv`: which episodes begin anew, and from what states."""
+KEPT_STARTS = 4096
+"""Starts of episodes that are kept, about 5 kB each."""
+OPENINGS = list(OPENING_SLOTS)
+Start = tuple[EpisodeState, Info]
+"""How an episode begins: its state, and the info of the reset, with its look."""
+
+
+class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
+    """A vector environment without processes, with next-step autoreset and arrays in `info`.
+
+    Episode i of a reset with a seed is that of `make` with seed + i, and so are the episodes that
+    follow it by themselves. `info` holds, at every reset and step and for every episode, `stage`,
+    `max_stage`, `success`, `is_success`, `success_at_end`, `clipped`, `sent`, `instruction`,
+    `current_subinstruction` and `seed` (-1 for a layout or a state that was given).
+
+    The options of a reset are those of `SimEnv`, for all episodes alike, and two more: `reset_mask`
+    (n,) says which episodes begin anew, while the others stay as they are; `states` has for each
+    episode a state that `save_state` gave, from which it goes on, or None.
+
+    Args:
+        env: One environment of the same kind; it belongs to this one from now on.
+        num_envs: How many episodes.
+        threads: On how many threads physics runs.
+        layouts: Episodes without a seed take one of so many layouts, those of the seeds 0 to
+            `layouts` - 1, which are settled once; None takes a new one each time.
+        autoreset_mode: NEXT_STEP, or DISABLED: then an episode that is over is reset by its mask.
+
+    Raises:
+        OptionError: A part of the configuration takes one environment at a time.
+    """
+
+    def __init__(
+        self,
+        env: gym.Env,
+        num_envs: int,
+        threads: int,
+        layouts: int | None = None,
+        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+    ) -> None:
+        self._env, self._base = env, sim_of(env)
+        config = self._config = self._base.config or EnvConfig()
+        _check(config, self._base.task)
+        if autoreset_mode is AutoresetMode.SAME_STEP:
+            raise OptionError("With threads, autoreset_mode is NEXT_STEP or DISABLED.")
+        if config.cameras:
+            env.get_wrapper_attr("set_rendering")(False)  # images of all are rendered here
+        self.num_envs, self.spec, self.render_mode = num_envs, env.spec, config.render_mode
+        self.autoreset_mode = autoreset_mode
+        self.metadata = {**env.metadata, "autoreset_mode": autoreset_mode}
+        self.single_action_space = env.action_space
+        self.single_observation_space = env.observation_space
+        self.action_space = batch_space(env.action_space, num_envs)
+        self.observation_space = batch_space(env.observation_space, num_envs)
+        self.simulations = SimulationBatch(self._base.simulation, num_envs, threads)
+        """The physics of all episodes."""
+        self.judge = ProgressBatch(self._base.definition.stages, self.simulations)
+        """Who says which stages they have reached."""
+        self._limits = [self._base.backend.limits]
+        if config.speed_fraction != 1.0:
+            self._limits.append(
+                duo_limits((config.speed_fraction, config.speed_fraction), RANGE_MARGIN)
+            )
+        self._horizon = (env.spec and env.spec.max_episode_steps) or np.inf
+        self._max_stage = self._base.definition.max_stage
+        self._layouts = layouts or SEEDS
+        self._bank: dict[tuple[int, str], Start] = {}
+        self._generators = [seeding.np_random()[0] for _ in range(num_envs)]
+        self._starts: list[Start] = []
+        self._steps = np.zeros(num_envs, dtype=np.int64)
+        self._is_over = np.zeros(num_envs, dtype=np.bool_)
+        self._sent = np.zeros((num_envs, len(spaces.JOINT_NAMES)))
+        self._texts = np.empty((num_envs, self._max_stage + 1), dtype=object)
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: Info | None = None
+    ) -> tuple[Observation, Info]:
+        """Begin episodes, all of them unless the options say otherwise.
+
+        Args:
+            seed: Seeds episode i with `seed` + i, or one seed for each.
+            options: See the class; errors are those of `SimEnv`.
+        """
+        given = checked_reset_options(options, (*OF_SIMULATION, RESET_MASK, STATES))
+        count, seeds = self.num_envs, seed
+        mask = np.asarray(given.pop(RESET_MASK, np.ones(count, dtype=bool)))
+        states = given.pop(STATES, [None] * count)
+        if seeds is None or not isinstance(seeds, Sequence | np.ndarray):
+            first = checked_seed(seeds)
+            seeds = [None if first is None else first + number for number in range(count)]
+        if mask.dtype != bool or {mask.shape, (len(states),), (len(seeds),)} != {(count,)}:
+            raise OptionError(
+                f"A list of seeds, {STATES} and the booleans of {RESET_MASK} have one entry for "
+                f"each of the {count} environments."
+            )
+        if not (self._starts or mask.all()):
+            raise ResetNeededError("The first reset begins all episodes; leave reset_mask out.")
+        numbers = np.flatnonzero(mask).tolist()
+        starts = {n: self._start(n, checked_seed(seeds[n]), given, states[n]) for n in numbers}
+        if starts:
+            self._begin(starts)
+        return self._observations(), self._info(np.zeros(self._sent.shape, dtype=bool))
+
+    def _start(
+        self, number: int, seed: int | None, options: Info, state: EpisodeState | None = None
+    ) -> Start:
+        """How the next episode of one environment begins."""
+        if seed is not None:
+            self._generators[number] = seeding.np_random(seed)[0]
+        if state is not None:
+            self._base.set_look(as_look(self._config.look))  # a state has none
+            return self._made(self._env.get_wrapper_attr("restore_state")(state)[1])
+        if options.get(LAYOUT) is not None:
+            return self._made(self._env.reset(options=options)[1])
+        used = checked_seed(options.get(LAYOUT_SEED))
+        if used is None:
+            used = int(self._generators[number].integers(self._layouts)) if seed is None else seed
+        if options.keys() - {LAYOUT_SEED, SPLIT}:
+            return self._made(self._env.reset(options={**options, LAYOUT_SEED: used})[1])
+        key = used, options.get(SPLIT, self._config.split)
+        if key not in self._bank:
+            self._bank[key] = self._made(
+                self._env.reset(options={LAYOUT_SEED: used, SPLIT: key[1]})[1]
+            )
+            if len(self._bank) > KEPT_STARTS:
+                del self._bank[next(iter(self._bank))]
+        return self._bank[key]
+
+    def _made(self, info: Info) -> Start:
+        """The start that the single environment is at."""
+        state = self._env.get_wrapper_attr("save_state")()
+        return state, {"seed": -1, **info, "look": self._base.look}
+
+    def _begin(self, starts: Mapping[int, Start]) -> None:
+        self._starts = self._starts or [starts[number] for number in range(self.num_envs)]
+        states, numbers = [state for state, _ in starts.values()], np.array(list(starts))
+        variants = [state.layout.variants for state in states]
+        self.simulations.load(numbers, variants, [state.physics for state in states])
+        self._sent[numbers] = self.simulations.commands()[numbers]
+        for number, (state, info) in starts.items():
+            self._starts[number] = state, info
+            self.judge.set_state(number, required(state.progress, "stages"))
+            self._steps[number], self._is_over[number] = state.steps or 0, state.over
+            texts = list(info["stage_to_subinstructions"].values())
+            # Once the task is solved, what was to be done last is still the answer.
+            self._texts[number] = [*texts, texts[-1]]
+
+    def step(self, actions: Any) -> tuple[Observation, Array, Booleans, Booleans, Info]:
+        """Advance all episodes by one step; those that are over begin anew instead.
+
+        Raises:
+            ActionError: The actions have another shape, or are not finite. Nothing was moved.
+            ResetNeededError: There was no reset yet, or one of what is over is missing.
+            SimulationError: The physics of some episodes became invalid; reset all.
+        """
+        if not self._starts:
+            raise ResetNeededError("No episode is running; call reset first.")
+        if self._is_over.any() and self.autoreset_mode is AutoresetMode.DISABLED:
+            raise ResetNeededError("An episode is over; reset it, by reset_mask if others go on.")
+        actions, where = self._checked(actions), ~self._is_over
+        begin = {n: self._start(n, None, {}) for n in np.flatnonzero(self._is_over).tolist()}
+        before = self.judge.stage.copy()
+        try:
+            clipped = self._advance(actions, where)
+        except SimulationError:
+            self._starts = []
+            raise
+        stage, last = self.judge.stage, self._max_stage
+        rewards = where * reward_of(self._config.reward, before, stage, last)
+        terminated = where & (stage == last)
+        truncated = where & (self._steps >= self._horizon)
+        self._is_over = terminated | truncated
+        if begin:
+            self._begin(begin)
+        return self._observations(), rewards, terminated, truncated, self._info(clipped)
+
+    def _advance(self, actions: Array, where: Booleans) -> Booleans:
+        """Advance some episodes by a control step, and say which numbers (n, 16) were clipped."""
+        targets = actions.copy()
+        if self._config.action_mode == JOINT_RELATIVE.name:
+            targets += self._sent
+            targets[:, OPENINGS] = actions[:, OPENINGS]
+        within = targets
+        for limits in self._limits:
+            within = limits.clip(within, self._sent)
+        self._sent[where] = within[where]
+        worlds = np.flatnonzero(where)
+        if len(worlds):
+            self.simulations.advance(worlds, within[worlds])
+        self.judge.update(where)
+        self._steps += where
+        return (np.abs(within - targets) > ROUNDING) & where[:, None]
+
+    def _checked(self, actions: Any) -> Array:
+        """Actions (n, 16) as finite numbers, or an error."""
+        numbers = spaces.numbers(actions, self._sent.shape)
+        if wrong := np.flatnonzero(~np.isfinite(numbers).all(axis=1)).tolist():
+            raise ActionError(
+                f"Actions must be finite, but those of environments {wrong} are not. Nothing was "
+                "moved; the environments wait for other actions."
+            )
+        if self._config.binary_gripper:
+            numbers = numbers.copy()
+            numbers[:, OPENINGS] = numbers[:, OPENINGS] >= THRESHOLD
+        return numbers
+
+    def _observations(self) -> Observation:
+        observation: Observation = {
+            "agent_pos": self.simulations.proprioception().astype(np.float32),
+            "tcp_pose": self.simulations.tool_poses().astype(np.float32),
+        }
+        if self._config.object_state:
+            numbers = self._base.definition.object_state
+            observation[ENVIRONMENT_STATE] = numbers.read(self.simulations)
+        if cameras := self._config.cameras:
+            size = self._config.image_size
+            seen = self._rendered(lambda: self._base.backend.images(cameras, size))
+            observation[PIXELS] = {name: np.stack([one[name] for one in seen]) for name in cameras}
+        return flat_entries(observation) if self._config.flat_obs else observation
+
+    def _rendered(self, render: Callable[[], Any]) -> list[Any]:
+        """What the single environment renders of each episode."""
+        images: list[Any] = []
+        for number, (_, info) in enumerate(self._starts):
+            self.simulations.world(number)
+            self._base.set_look(info["look"])
+            images.append(render())
+        return images
+
+    def _info(self, clipped: Booleans) -> Info:
+        count, infos = self.num_envs, [info for _, info in self._starts]
+        success = self.judge.stage == self._max_stage
+        return {
+            "stage": self.judge.stage.copy(),
+            "max_stage": np.full(count, self._max_stage),
+            "success": success,
+            "is_success": success.copy(),
+            "success_at_end": self.judge.final_holds.copy(),
+            "clipped": clipped,
+            "sent": self._sent.copy(),
+            "seed": np.array([-1 if info["seed"] is None else info["seed"] for info in infos]),
+            "instruction": np.array([info["instruction"] for info in infos], dtype=object),
+            "current_subinstruction": self._texts[np.arange(count), self.judge.standing],
+        }
+
+    def save_state(self, number: int) -> EpisodeState:
+        """The whole state of one of the episodes; an environment of `make` takes it as well."""
+        if not self._starts:
+            raise ResetNeededError("There is no state before the first reset; call reset first.")
+        start, _ = self._starts[number]
+        return replace(
+            start,
+            physics=self.simulations.physics(number),
+            progress=self.judge.get_state(number),
+            steps=None if start.steps is None else int(self._steps[number]),
+            over=start.steps is not None and bool(self._is_over[number]),
+        )
+
+    def render(self) -> tuple[Any, ...]:
+        """What `render` of each episode gives."""
+        return tuple(self._rendered(self._env.render))
+
+    def close_extras(self, **_kwargs: Any) -> None:
+        """Free the renderers."""
+        self._env.close()
+
+
+def _check(config: EnvConfig, task: str) -> None:
+    shifted = [axis for axis in (PHYSICS, SENSING) if level_for(config.shift, axis, task)]
+    if config.action_mode not in MODES or config.chunk is not None or shifted:
+        raise OptionError(
+            f"Threads take action_mode {' or '.join(map(repr, MODES))}, no chunk, and no shift of "
+            f"{PHYSICS} or {SENSING}; leave threads out to have them."
+        )

@@ -1,0 +1,360 @@
+"""Episodes side by side on threads are those of `make`, to the last bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from dataclasses import replace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import duobench
+from duobench.envs.batch_env import BatchEnv
+from duobench.errors import (
+    ActionError,
+    DuoBenchError,
+    OptionError,
+    SimulationError,
+    UnknownNameError,
+)
+from duobench.objects.blocks import RED
+from duobench.objects.cup import square_mark
+from duobench.objects.prop import Prop
+from duobench.randomness import around
+from duobench.sim import batch, simulation
+from duobench.stages.logic import Predicate, since
+from duobench.stages.predicates import touches
+from duobench.stages.progress import Stage
+from duobench.tasks import catalog, object_state
+from duobench.tasks.object_state import Numbers
+from duobench.tasks.task import Placement
+from duobench.types import SIDES
+from tests.envs.test_vector import one_of
+from tests.envs.tools import TASK, equal, make_small, waves
+from tests.experts.baseline_episodes import SEEDS, baseline
+from tests.task_harness import marked
+
+COUNT, SEED = 2, 11
+SAME = ("stage", "max_stage", "success", "is_success", "success_at_end", "clipped", "sent")
+SAID = ("instruction", "current_subinstruction")
+
+
+@pytest.fixture
+def several() -> Iterator[Callable[..., BatchEnv]]:
+    """Makes vector environments, and closes them."""
+    made: list[BatchEnv] = []
+
+    def make(task: Any = TASK, count: int = COUNT, threads: int = 2, **options: Any) -> BatchEnv:
+        vector = duobench.make_vec(task, count, threads=threads, **options)
+        assert isinstance(vector, BatchEnv)
+        made.append(vector)
+        return vector
+
+    yield make
+    for vector in made:
+        vector.close()
+
+
+def check_same(result: Any, number: int, alone: Any) -> None:
+    """One episode of a vector environment's reset or step is what a single one gave."""
+    assert equal(one_of(result[0], number), alone[0])
+    assert [values[number] for values in result[1:-1]] == list(alone[1:-1])
+    info, expected = result[-1], alone[-1]
+    for key in (*SAME, *SAID):
+        assert np.array_equal(info[key][number], expected[key]), key
+
+
+@pytest.mark.parametrize("task", [marked(task) for task in catalog.names()])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_golden_episodes_are_the_same(
+    several: Callable[..., BatchEnv], task: str, threads: int
+) -> None:
+    episodes = baseline(task)
+    vector = several(task, threads=threads)
+    result: Any = vector.reset(seed=list(SEEDS))
+    result = (result[0], np.zeros(COUNT), *np.zeros((2, COUNT), bool), result[1])
+    for step in range(max(len(episode.states) for episode in episodes)):
+        for number, episode in enumerate(episodes):
+            if step < len(episode.states):
+                assert vector.save_state(number).hash == episode.states[step].hash
+                check_same(result, number, episode.results[step])
+        last = [min(step, len(episode.actions) - 1) for episode in episodes]
+        rows = zip(episodes, last, strict=True)
+        result = vector.step(np.stack([episode.actions[at] for episode, at in rows]))
+
+
+OPTIONS: Mapping[str, Mapping[str, Any]] = {
+    "displacements": {"action_mode": "joint_relative", "speed_fraction": 0.3, "reward": "progress"},
+    "grippers": {"binary_gripper": True, "object_state": True, "split": "train"},
+    "images": {"cameras": ("head", "left_wrist"), "image_size": (24, 32), "look": "dark"},
+    "flat images": {"cameras": "head", "image_size": 24, "flat_obs": True, "shift": "look-3"},
+    "words": {"instructions": "varied", "horizon": 4, "shift": "layout-2"},
+}
+
+
+@pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
+@pytest.mark.parametrize("task", ["ball_maze", "pour_marbles"])
+def test_options_mean_the_same(
+    several: Callable[..., BatchEnv], task: str, options: dict[str, Any]
+) -> None:
+    vector = several(task, **options)
+    result: Any = vector.reset(seed=SEED)
+    assert result[0] in vector.observation_space
+    actions = [vector.action_space.sample() for _ in range(3)]
+    results = [result, *map(vector.step, actions)]
+    for number in range(COUNT):
+        with closing(make_small(task, **options)) as env:
+            episode = [env.reset(seed=SEED + number)]
+            episode += [env.step(action[number]) for action in actions]
+            for batched, alone in zip(results, episode, strict=True):
+                check_same(batched, number, alone)
+
+
+@pytest.mark.parametrize("task", catalog.names())
+def test_numbers_of_objects_are_the_same(several: Callable[..., BatchEnv], task: str) -> None:
+    vector = several(task, object_state=True)
+    vector.reset(seed=SEED)
+    actions = vector.action_space.sample()
+    seen = vector.step(actions)[0]
+    for number in range(COUNT):
+        with closing(make_small(task, object_state=True)) as env:
+            env.reset(seed=SEED + number)
+            assert equal(one_of(seen, number), env.step(actions[number])[0])
+
+
+def test_episodes_follow_each_other_as_those_of_one_environment(
+    several: Callable[..., BatchEnv],
+) -> None:
+    vector = several(horizon=3)
+    vector.reset(seed=SEED)
+    env = make_small(horizon=3)
+    env.reset(seed=SEED + 1)
+    over = False
+    for action in waves(9):
+        result = vector.step(np.tile(action, (COUNT, 1)))
+        if over:
+            alone = env.reset()
+            assert result[4]["seed"][1] == alone[1]["seed"]
+            check_same((result[0], result[4]), 1, alone)
+            assert result[1][1] == 0.0
+        else:
+            alone = env.step(action)
+            check_same(result, 1, alone)
+        over = not over and (result[2] | result[3])[1]
+        assert vector.save_state(1).hash == env.get_wrapper_attr("state_hash")()
+    env.close()
+
+
+def test_some_begin_anew_and_the_others_stay(several: Callable[..., BatchEnv]) -> None:
+    vector = several()
+    vector.reset(seed=SEED)
+    vector.step(np.tile(waves(3)[2], (COUNT, 1)))
+    before = vector.save_state(0).hash
+    observation, info = vector.reset(seed=4, options={"reset_mask": np.array([False, True])})
+    assert vector.save_state(0).hash == before
+    assert info["seed"].tolist() == [SEED, 5]
+    again, _ = vector.reset(options={"reset_mask": np.zeros(COUNT, dtype=bool)})
+    assert equal(again, observation)
+    with closing(make_small()) as env:
+        assert equal(one_of(observation, 1), env.reset(seed=5)[0])
+
+
+def test_episodes_go_on_from_states_of_demonstrations(several: Callable[..., BatchEnv]) -> None:
+    episode = baseline("transfer_cube")[0]
+    middle = len(episode.actions) // 2
+    vector = several("transfer_cube", reward="progress")
+    _, info = vector.reset(seed=SEED, options={"states": [episode.states[middle], None]})
+    assert info["seed"].tolist() == [-1, SEED + 1]
+    result: Any = ()
+    for step in range(middle, len(episode.actions)):
+        assert vector.save_state(0).hash == episode.states[step].hash
+        result = vector.step(np.tile(episode.actions[step], (COUNT, 1)))
+        gain = episode.results[step + 1][1] - (episode.results[step][1] if step else 0.0)
+        assert result[1][0] == pytest.approx(gain)
+    assert equal(one_of(result[0], 0), episode.results[-1][0])
+    assert result[2].tolist() == [True, False]
+    with closing(make_small("transfer_cube")) as env:
+        env.get_wrapper_attr("restore_state")(vector.save_state(1))
+        assert env.get_wrapper_attr("state_hash")() == vector.save_state(1).hash
+
+
+def test_a_state_has_the_usual_look_whatever_was_shown_before(
+    several: Callable[..., BatchEnv],
+) -> None:
+    vector = several(cameras="head", image_size=24)
+    usual, _ = vector.reset(seed=SEED)
+    states = [vector.save_state(number) for number in range(COUNT)]
+    dark, _ = vector.reset(seed=SEED, options={"look": "dark"})
+    again, _ = vector.reset(options={"states": states})
+    assert equal(again, usual)
+    assert not equal(again, dark)
+
+
+def test_steps_that_are_not_solved_are_repeated_as_alone(
+    several: Callable[..., BatchEnv], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (simulation, batch):
+        monkeypatch.setattr(module, "SOLVED", 1e-9)  # so that every step counts as unsolved
+    vector = several("pour_marbles")
+    vector.reset(seed=SEED)
+    env = make_small("pour_marbles")
+    env.reset(seed=SEED + 1)
+    for action in waves(3):
+        vector.step(np.tile(action, (COUNT, 1)))
+        env.step(action)
+    assert vector.save_state(1).hash == env.get_wrapper_attr("state_hash")()
+    env.close()
+
+
+def test_an_episode_without_a_horizon_is_the_same(several: Callable[..., BatchEnv]) -> None:
+    episode = baseline(TASK)[0]
+    vector = several(max_episode_steps=-1)
+    with closing(make_small(max_episode_steps=-1)) as env:
+        env.reset(seed=SEED + 1)
+        vector.reset(seed=SEED, options={"layout_seed": None})
+        for action in episode.actions[:5]:
+            env.step(action)
+            vector.step(np.tile(action, (COUNT, 1)))
+        assert vector.save_state(1).hash == env.get_wrapper_attr("state_hash")()
+
+
+def test_what_is_over_waits_where_it_does_not_begin_by_itself(
+    several: Callable[..., BatchEnv],
+) -> None:
+    vector = several(horizon=1, vector_kwargs={"autoreset_mode": AutoresetMode.DISABLED})
+    vector.reset(seed=SEED)
+    action = np.tile(waves(1)[0], (COUNT, 1))
+    assert vector.step(action)[3].all()
+    with pytest.raises(gym.error.ResetNeeded, match="by reset_mask"):
+        vector.step(action)
+    vector.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(gym.error.ResetNeeded):
+        vector.step(action)
+    vector.reset(options={"reset_mask": np.array([False, True])})
+    assert vector.step(action)[3].all()
+
+
+def test_a_few_layouts_come_again_and_again(several: Callable[..., BatchEnv]) -> None:
+    vector = several(count=12, layouts=3, horizon=1, split="train")
+    seeds = vector.reset()[1]["seed"].tolist()
+    for action in waves(4):
+        seeds += vector.step(np.tile(action, (12, 1)))[4]["seed"].tolist()
+    assert set(seeds) == {0, 1, 2}
+
+
+def test_words_of_ones_own_take_one_simulation_at_a_time(
+    several: Callable[..., BatchEnv],
+) -> None:
+    asked = touches(SIDES[0], "table")
+    open_hands = Predicate(
+        "hands are open", lambda state: float(state.simulation.duo.read().openings.min()) > 0.5
+    )
+    both = Predicate(
+        "both", lambda state: open_hands(state) and since(~open_hands)(state), (since(~open_hands),)
+    )
+    stages = tuple(
+        Stage(name=name, instruction="Do it.", holds=holds, stays=stays)
+        for name, holds, stays in (("shut", ~open_hands | asked, None), ("again", both, open_hands))
+    )
+    height = Numbers(names=("height",), read=lambda sim: [float(sim.position("white_cube")[2])])
+    fixed = object_state.velocity("mark")
+    mark = Prop(name="mark", solid=lambda: square_mark(0.02, RED), fixed=True)
+    usual = catalog.get(TASK)
+    task = replace(
+        usual,
+        id="own",
+        stages=stages,
+        object_numbers=(height, fixed),
+        props=(*usual.props, mark),
+        placements={**usual.placements, "mark": Placement(x=around(0.3, 0.0), y=around(0.0, 0.0))},
+    )
+    vector = several(task, object_state=True)
+    vector.reset(seed=SEED)
+    with closing(make_small(task, object_state=True)) as env:
+        alone: Any = env.reset(seed=SEED + 1)
+        for action in waves(30):
+            together, alone = vector.step(np.tile(action, (COUNT, 1))), env.step(action)
+            check_same(together, 1, alone)
+            if alone[2]:
+                break
+        assert alone[2]
+
+
+def test_diverged_physics_is_an_error_until_a_reset(several: Callable[..., BatchEnv]) -> None:
+    vector = several()
+    vector.reset(seed=SEED)
+    state = vector.save_state(1)
+    hot = state.physics.copy()
+    hot[1 + vector.simulations.simulation.model.nq :][:3] = 1e30
+    vector.reset(options={"states": [None, replace(state, physics=hot)]})
+    with pytest.raises(SimulationError, match=r"in environments \[1\]: bad.*reset"):
+        vector.step(np.tile(waves(1)[0], (COUNT, 1)))
+    with pytest.raises(gym.error.ResetNeeded):
+        vector.step(np.tile(waves(1)[0], (COUNT, 1)))
+    vector.reset(seed=SEED)
+    assert vector.step(np.tile(waves(1)[0], (COUNT, 1)))[0] in vector.observation_space
+
+
+def test_rendering_shows_each_episode(several: Callable[..., BatchEnv]) -> None:
+    vector = several(render_mode="rgb_array", render_size=(24, 32))
+    vector.reset(seed=SEED)
+    with closing(make_small(render_mode="rgb_array", render_size=(24, 32))) as env:
+        env.reset(seed=SEED + 1)
+        assert np.array_equal(vector.render()[1], env.render())
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"threads": 0}, "threads is a whole number from 1 on"),
+        ({"threads": 2, "layouts": 0}, "layouts is a whole number from 1 on"),
+        ({"layouts": 3}, "belongs to threads"),
+        ({"threads": 1, "vectorization_mode": "async"}, "leave vectorization_mode"),
+        ({"threads": 1, "vector_kwargs": {"context": "fork"}}, "leave vectorization_mode"),
+        (
+            {"threads": 1, "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}},
+            "NEXT_STEP or DISABLED",
+        ),
+        ({"threads": 1, "action_mode": "cartesian"}, "leave threads out"),
+        ({"threads": 1, "chunk": 3}, "leave threads out"),
+        ({"threads": 1, "shift": "physics-1"}, "leave threads out"),
+        ({"threads": 1, "shift": "sensing-1"}, "leave threads out"),
+    ],
+    ids=str,
+)
+def test_what_threads_do_not_take_is_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(OptionError, match=words):
+        duobench.make_vec(TASK, COUNT, **options)
+
+
+def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEnv]) -> None:
+    vector = several()
+    actions = np.tile(waves(1)[0], (COUNT, 1))
+    early: tuple[tuple[Callable[[], Any], str], ...] = (
+        (lambda: vector.step(actions), "call reset"),
+        (lambda: vector.save_state(0), "call reset"),
+        (lambda: vector.reset(options={"reset_mask": np.array([True, False])}), "leave reset_mask"),
+    )
+    for call, words in early:
+        with pytest.raises(gym.error.ResetNeeded, match=words):
+            call()
+    vector.reset(seed=SEED)
+    before = vector.save_state(1).hash
+    nothing = np.where(np.arange(COUNT)[:, None] == 1, np.nan, actions)
+    wrong: tuple[tuple[Callable[[], Any], type[DuoBenchError], str], ...] = (
+        (lambda: vector.step(nothing), ActionError, r"environments \[1\]"),
+        (lambda: vector.step(actions[0]), ActionError, r"shape \(2, 16\)"),
+        (lambda: vector.reset(seed=[1]), OptionError, "one entry for each"),
+        (lambda: vector.reset(seed=-1), OptionError, "from 0 on"),
+        (lambda: vector.reset(options={"reset_mask": [1, 0]}), OptionError, "booleans"),
+        (lambda: vector.reset(options={"states": []}), OptionError, "one entry for each"),
+        (lambda: vector.reset(options={"statse": []}), UnknownNameError, "states"),
+    )
+    for call, error, words in wrong:
+        with pytest.raises(error, match=words):
+            call()
+    assert vector.save_state(1).hash == before
