@@ -219,7 +219,9 @@ def test_a_maze_looks_the_same_on_a_board_turned_by_quarters() -> None:
 
     rng = np.random.default_rng(0)
     between = [(x + 0.5, y) for x in range(-2, 2) for y in range(-2, 3)]
-    walls = {place: int(rng.random() < 0.5) for x, y in between for place in ((x, y), (y, x))}
+    walls: dict[tuple[float, float], int] = {
+        place: int(rng.random() < 0.5) for x, y in between for place in ((x, y), (y, x))
+    }
     state = np.zeros((1, 16), np.float32)
     seen = []
     for quarters in range(4):
@@ -278,7 +280,7 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     env = duobench.make(TASK, cameras=False, object_state=True, action_mode="cartesian")
     chunk = policy.act(env.reset(seed=0)[0])
     assert chunk.shape == (30, 16)
-    shown = np.float32(policy._openings[0] + policy._openings[1])
+    shown = np.array(policy._openings[0] + policy._openings[1], np.float32)
     assert set(np.unique(chunk[:, [7, 15]])) <= set(shown)
 
     rows = network._Rows(data, policy._net, "cpu")  # NumPy plays what PyTorch trained
