@@ -7,15 +7,19 @@ An export is made by `duobench export lerobot DATA --out OUT --per-task --camera
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from duobench.envs.action_labels import LABELS
+from duobench.envs.action_labels import LABELS, find
+from duobench.envs.spaces import JOINT_NAMES
+from duobench.errors import DataError, PolicyError
 from duobench.lerobot_keys import ACTION, OBJECT_STATE, STATE, feature_names
 
 Rows = NDArray[np.float32]
@@ -25,6 +29,8 @@ OPENS_FROM = 0.85
 """A gripper opens once it is told to go this part of the way, and closes from half of it: a network
 that is unsure when to let go says something between, and would do so while it still lowers."""
 CLOSES_FROM = 0.5
+MODES = {16: "joint", 20: "cartesian"}
+"""Action modes, by how many numbers their labels have."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +50,22 @@ class Demonstrations:
 
     @staticmethod
     def load(folder: Path, episodes: int | None = None, until: str = "end") -> Demonstrations:
-        """Read the first episodes of an export, or all of them, up to one of `UNTIL`."""
-        info = json.loads((folder / "meta/info.json").read_text())
+        """Read the first episodes of an export, or all of them, up to one of `UNTIL`.
+
+        Raises:
+            DataError: The folder holds no such export, or fewer episodes.
+        """
+        info = _described(folder)
         files = sorted((folder / "data").rglob("*.parquet"))
         columns = [STATE, OBJECT_STATE, ACTION, "episode_index", "next.success"]
         table = pq.ParquetDataset(files).read(columns=columns)
         number = table["episode_index"].to_numpy()
         state, objects, labels = (_rows(table[name]) for name in columns[:3])
+        state = state[:, : len(JOINT_NAMES)]  # tool poses may follow, which are seen anyway
+        if episodes is not None and episodes > number.max() + 1:
+            raise DataError(
+                f"{folder} has {number.max() + 1} demonstrations, and {episodes} were asked for."
+            )
         kept = number < (number.max() + 1 if episodes is None else episodes)
         if until != "end":
             ends = table["next.success"].to_numpy()
@@ -75,6 +90,21 @@ class Demonstrations:
         """Rows of the chunk (T, horizon) that begins in each row; the last row is held."""
         last = np.repeat(np.cumsum(self.lengths) - 1, self.lengths)
         return np.minimum(np.arange(len(last))[:, None] + np.arange(horizon), last[:, None])
+
+
+def _described(folder: Path) -> dict[str, Any]:
+    """What an export says of itself, if it is one that can be learned from here."""
+    what = "Export with --per-task --cameras none --object-state --action cartesian."
+    try:
+        info = json.loads((folder / "meta/info.json").read_text())
+    except OSError as error:
+        raise DataError(f"{folder} holds no export of one task. {what}") from error
+    if feature_names(info, OBJECT_STATE) is None:
+        raise DataError(f"{folder} does not say where the objects are. {what}")
+    labels = find(feature_names(info, ACTION) or ())
+    if labels is None or labels.mode.name not in MODES.values():
+        raise DataError(f"The actions of {folder} are no targets of joints or tools. {what}")
+    return info
 
 
 def _rows(column: pa.ChunkedArray) -> Rows:
@@ -142,7 +172,17 @@ def opening_columns(labels: Rows) -> list[int]:
 
 def action_mode(labels: Rows) -> str:
     """In which action mode labels are played, by how many numbers they have."""
-    return {16: "joint", 20: "cartesian"}[labels.shape[-1]]
+    return MODES[labels.shape[-1]]
+
+
+def checkpoint() -> Path:
+    """What is played: the path in the variable CHECKPOINT."""
+    if not (path := os.environ.get("CHECKPOINT")):
+        raise PolicyError(
+            "The variable CHECKPOINT names what is played, such as CHECKPOINT=exports/bin_sort or "
+            "CHECKPOINT=bin_sort.npz."
+        )
+    return Path(path)
 
 
 def to_actions(labels: Rows) -> Rows:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.errors import DataError
 from duobench.robot.frames import tool_frames
 from duobench.types import ARM_JOINTS, SIDES
 
@@ -75,7 +76,15 @@ def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
         state: Joints and openings (T, 16).
         objects: Object states (T, n).
         names: What each number of an object state is.
+
+    Raises:
+        DataError: The object states have other numbers, as those of another task.
     """
+    if objects.shape[1] != len(names):
+        raise DataError(
+            f"Object states of {objects.shape[1]} numbers are those of another task than the "
+            f"demonstrated ones, which have {len(names)}."
+        )
     here, rows = frames(state, objects, names), len(state)
     seen = [state, objects]
     for k in range(here.positions.shape[1]):

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from demonstrations import (
     Grippers,
     Rows,
     action_mode,
+    checkpoint,
     openings,
     to_actions,
 )
@@ -33,7 +33,7 @@ class Nearest:
 
     def __init__(self) -> None:
         """Read the export in the folder CHECKPOINT; the variables EPISODES and UNTIL limit it."""
-        folder = Path(os.environ["CHECKPOINT"])
+        folder = checkpoint()
         episodes = int(os.environ["EPISODES"]) if "EPISODES" in os.environ else None
         self._data = Demonstrations.load(folder, episodes, os.environ.get("UNTIL", "end"))
         seen = features(self._data.state, self._data.objects, self._data.names)

@@ -15,7 +15,6 @@ import argparse
 import hashlib
 import json
 import math
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,12 +26,14 @@ from demonstrations import (
     Grippers,
     Rows,
     action_mode,
+    checkpoint,
     openings,
     to_actions,
 )
 from frames import Frames, features, frames
 from numpy.typing import NDArray
 
+from duobench.errors import DataError, DuoBenchError, PolicyError
 from duobench.policy import PolicyMetadata
 from duobench.types import SIDES
 
@@ -84,10 +85,23 @@ def train(
     Returns:
         What is told of it: passes over the demonstrations, steps, and the mean error on those held
         out, in standard deviations of the labels.
+
+    Raises:
+        DataError: The actions are no tool poses, or there are too few demonstrations.
     """
+    how = how or Training()
+    if action_mode(data.labels) != "cartesian":
+        raise DataError(
+            "The network says tool poses, and these actions are joint targets: export with "
+            "--action cartesian."
+        )
+    if len(data.lengths) < how.held_out:
+        raise DataError(
+            f"One demonstration in {how.held_out} is held out, so that as many are needed at least;"
+            f" got {len(data.lengths)}."
+        )
     import torch
 
-    how = how or Training()
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     learned, held = data.split(how.held_out)
@@ -238,7 +252,12 @@ class Network:
 
     def __init__(self) -> None:
         """Read the file that the variable CHECKPOINT names."""
-        path = Path(os.environ["CHECKPOINT"])
+        path = checkpoint()
+        if path.is_dir() or not path.exists():
+            raise PolicyError(
+                f"There is no file of a network {path}; python network.py EXPORT bin_sort.npz "
+                "trains one."
+            )
         self._net = dict(np.load(path))
         about = json.loads(str(self._net["about"]))
         self._names, self._openings = tuple(about["names"]), about["openings"]
@@ -311,5 +330,8 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--device", default="cpu")
     asked = parser.parse_args()
-    demonstrations = Demonstrations.load(asked.export, asked.episodes)
-    print(train(demonstrations, asked.out, asked.seed, Training(device=asked.device)))
+    try:
+        demonstrations = Demonstrations.load(asked.export, asked.episodes)
+        print(train(demonstrations, asked.out, asked.seed, Training(device=asked.device)))
+    except DuoBenchError as error:
+        parser.exit(1, f"error: {error}\n")

@@ -15,9 +15,11 @@ import json
 import os
 import re
 import resource
+import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ import network
 import numpy as np
 from demonstrations import UNTIL, Demonstrations
 
+from duobench.errors import DuoBenchError, EvaluationError, OtherRunError, check_known
 from duobench.randomness import SUITE_VERSION
 from duobench.results.folder import RunFolder
 from duobench.results.scores import failed_stages, wilson_interval
@@ -43,10 +46,20 @@ def setting(asked: argparse.Namespace) -> str:
     return f"{asked.demonstrations}" + ("" if asked.until == "end" else f"-{asked.until}")
 
 
+def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
+    """What one network reached."""
+    return asked.results / setting(asked) / f"{task}-{seed}.json"
+
+
 def job(asked: argparse.Namespace, task: str, seed: int) -> str:
     """Train one network and play it, each unless that is done; what is written is whole."""
-    file = asked.results / setting(asked) / f"{task}-{seed}.json"
+    file = result(asked, task, seed)
     if file.exists():
+        if (suite := json.loads(file.read_text())["suite"]) != SUITE_VERSION:
+            raise OtherRunError(
+                f"{file} is of suite {suite}, and this is suite {SUITE_VERSION}: name another "
+                "folder of results."
+            )
         return f"{file} is there"
     folder = asked.out / setting(asked) / task
     checkpoint, told = folder / f"{seed}.npz", folder / f"{seed}.json"
@@ -123,7 +136,8 @@ def table(results: Path, name: str) -> Iterator[str]:
             f"| {', '.join(f'{100 * rate:.0f}' for rate in rates)} | {progress:.2f} | {stages} "
             f"| {passes} |"
         )
-    yield f"| mean of {len(means)} | {100 * np.mean(means):.1f} | | | | |"
+    if means:
+        yield f"| mean of {len(means)} | {100 * np.mean(means):.1f} | | | | |"
 
 
 def failures(results: Path, name: str) -> Iterator[str]:
@@ -162,12 +176,26 @@ def interval(rates: Sequence[float], episodes: int) -> tuple[float, float]:
 
 
 def run(asked: argparse.Namespace) -> None:
-    """Do what is left, a seed of every task after the other."""
+    """Do what is left, a seed of every task after the other.
+
+    Raises:
+        DuoBenchError: An export or a result is none that this can go on with.
+    """
+    for task in asked.tasks:
+        check_known("task", task, catalog.names())
+        if not all(result(asked, task, seed).exists() for seed in range(asked.seeds)):
+            Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
     jobs = [(seed, task) for seed in range(asked.seeds) for task in asked.tasks]
     with ProcessPoolExecutor(asked.workers) as pool:
         left = [pool.submit(job, asked, task, seed) for seed, task in jobs]
-        for done, one in enumerate(as_completed(left), 1):
-            print(f"{done} of {len(jobs)}: {one.result()}", flush=True)
+        try:
+            for done, one in enumerate(as_completed(left), 1):
+                print(f"{done} of {len(jobs)}: {one.result()}", flush=True)
+        except BrokenProcessPool as error:
+            raise EvaluationError(
+                "A process of this table was killed, perhaps because memory ran out; the same "
+                "command goes on where it was, with fewer workers too."
+            ) from error
 
 
 if __name__ == "__main__":
@@ -188,6 +216,11 @@ if __name__ == "__main__":
     if not (given.print or given.failures):
         if given.export is None:
             parser.error("the folder of an export is missing")
-        run(given)
+        try:
+            run(given)
+        except DuoBenchError as error:
+            parser.exit(1, f"error: {error}\n")
     told = failures if given.failures else table
     print("\n".join(told(given.results, setting(given))))
+    if not any(read(given.results, setting(given)).values()):
+        print(f"{given.results / setting(given)} holds no result of this suite.", file=sys.stderr)

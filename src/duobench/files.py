@@ -338,10 +338,17 @@ def differences(now: Mapping[str, object], before: Mapping[str, object]) -> list
 
 def _changes(now: object, before: object) -> str:
     if not (isinstance(now, Mapping) and isinstance(before, Mapping)):
-        return f"{now} instead of {before}"
+        return f"{_words(now)} instead of {_words(before)}"
     counts = {
         "added": len(now.keys() - before.keys()),
         "removed": len(before.keys() - now.keys()),
         "changed": sum(now[name] != before[name] for name in now.keys() & before.keys()),
     }
     return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+
+
+def _words(fact: object) -> object:
+    """A fact as a user would write it: several words without brackets and quotes."""
+    if isinstance(fact, (list, tuple)) and all(isinstance(word, str) for word in fact):
+        return " ".join(fact) or "none"
+    return fact

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from duobench.data import Actor, DataSet, Recording, stream
-from duobench.data.schema import INFO_KEY
+from duobench.data.schema import COLUMNS, INFO_KEY
 from duobench.data.stream import BATCH_ROWS, recover
 from duobench.errors import DataError, FileError, OtherRunError, OutputError
 from tests.data.tools import TASK, child_of, ended, equal, only, play, recorded, recorder, room
@@ -45,6 +45,46 @@ def test_it_is_plain_parquet(original: DataSet) -> None:
     assert table.column("agent_pos").type == pa.list_(pa.float32(), 16)
     assert table.column("action")[-1].as_py() is None
     assert table.column("state")[-1].as_py() is not None
+
+
+@pytest.mark.skipif(int(pa.__version__.split(".")[0]) < 26, reason="reads none that is missing")
+def test_lists_of_fixed_size_are_read_as_before(tmp_path: Path, example: Recording) -> None:
+    """Recordings of before had them, also where the last row is missing."""
+    table = pq.read_table(written(tmp_path, example))
+    for name in ("action", "sent"):
+        number, kind = table.column_names.index(name), pa.list_(pa.float64(), 16)
+        table = table.set_column(number, name, pa.array(table.column(name).to_pylist(), kind))
+    pq.write_table(table, tmp_path / "old.parquet")
+    assert equal(Recording.read(tmp_path / "old.parquet"), example)
+
+
+def test_an_episode_without_actions_says_how_wide_they_are(
+    tmp_path: Path, example: Recording
+) -> None:
+    """In rows that are there, since Arrow before 26 reads no list of fixed size that is missing."""
+    rows = {column.name: slice(0 if column.of_action else 1) for column in COLUMNS}
+    first = {name: getattr(example, name)[kept] for name, kept in rows.items()}
+    empty = replace(example, **first)
+    path = written(tmp_path, empty)
+    assert equal(Recording.read(path), empty)
+    actions = pq.read_table(path).column("action")
+    assert actions.null_count == 0
+    assert actions.to_pylist() == [[None] * 16]
+
+
+def test_lists_of_which_none_is_there_are_refused(tmp_path: Path, example: Recording) -> None:
+    table = pq.read_table(written(tmp_path, example)).slice(0, 1)
+    number = table.column_names.index("action")
+    lists = pa.array([None], pa.list_(pa.float64()))
+    pq.write_table(table.set_column(number, "action", lists), tmp_path / "none.parquet")
+    with pytest.raises(DataError, match=r"none\.parquet: Lists without any row"):
+        Recording.read(tmp_path / "none.parquet")
+
+
+def written(folder: Path, recording: Recording) -> Path:
+    path = folder / "written.parquet"
+    recording.write(path)
+    return path
 
 
 def flip_third(content: bytes) -> bytes:
@@ -87,6 +127,17 @@ def changed(old: bytes, new: bytes, *, is_signed: bool = True) -> Callable[[pa.T
     return change
 
 
+def lists_of_action(kind: pa.DataType, *, first: int) -> Callable[[pa.Table], pa.Table]:
+    """The actions in lists of another kind, of which the first holds only so many numbers."""
+
+    def change(table: pa.Table) -> pa.Table:
+        number = table.column_names.index("action")
+        head, *others = table.column("action").to_pylist()
+        return table.set_column(number, "action", pa.array([head[:first], *others], kind))
+
+    return change
+
+
 def without_numbers(kind: pa.DataType, value: object) -> Callable[[pa.Table], pa.Table]:
     return lambda table: table.set_column(0, "time", pa.array([value] * table.num_rows, kind))
 
@@ -110,6 +161,8 @@ BOTH = (Recording.read, Recording.read_info)
         (lambda table: table.drop_columns(["sent"]), "missing: sent", WHOLE),
         (without_numbers(pa.string(), "x"), "'time' has type string", WHOLE),
         (without_numbers(pa.float64(), None), "'time' lacks values", WHOLE),
+        (lists_of_action(pa.list_(pa.float64()), first=5), "Rows have 5 to 16 numbers", WHOLE),
+        (lists_of_action(pa.list_(pa.float32()), first=16), "has type list<.*: float>", WHOLE),
     ],
 )
 def test_foreign_files_and_other_schemas_are_refused(

@@ -279,6 +279,14 @@ def test_data_without_episodes_are_not_exported(
     assert not (tmp_path / "no").exists()
 
 
+def test_tasks_are_not_exported_into_a_data_set(original: DataSet, exported: Path) -> None:
+    """Else a training would find the tasks' data sets, and not the one around them."""
+    before = files(exported)
+    with pytest.raises(OtherRunError, match=r"one data set of its own; .* into another folder"):
+        export_lerobot(original, exported, SMALL, per_task=True, workers=0)
+    assert files(exported) == before
+
+
 def test_a_folder_of_something_else_is_left_alone(original: DataSet, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("precious")
     with pytest.raises(OtherRunError, match="not empty"):

@@ -12,7 +12,7 @@ from duobench.data.arrange import merge
 from duobench.data.lerobot.export import export_lerobot
 from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import PER_EPISODE, ExportOptions
-from duobench.errors import OptionError, OtherRunError, UnknownNameError
+from duobench.errors import DataError, OtherRunError, UnknownNameError
 from duobench.looks.catalog import random_look
 from tests.data.conftest import EPISODES
 from tests.data.real.number_duo import SIZE
@@ -101,8 +101,9 @@ def test_layouts_of_other_seeds_have_other_looks(
     ("look", "error", "message"),
     [
         ("random_per_episod", UnknownNameError, PER_EPISODE),
-        (f"{PER_EPISODE}:x", OptionError, "random:SEED"),
-        (f"{PER_EPISODE}:", OptionError, "random:SEED"),
+        (f"{PER_EPISODE}:x", DataError, f"{PER_EPISODE}:SEED.*got '{PER_EPISODE}:x'"),
+        (f"{PER_EPISODE}:", DataError, f"{PER_EPISODE}:SEED.*got '{PER_EPISODE}:'"),
+        ("random:x", DataError, "random:SEED.*got 'random:x'"),
         ("random", UnknownNameError, "random:SEED"),
         ("dark:3", UnknownNameError, "dark"),
     ],

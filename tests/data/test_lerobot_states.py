@@ -76,8 +76,10 @@ def test_the_order_of_the_parts_makes_no_other_export(original: DataSet, tmp_pat
     export_lerobot(original, out, options, workers=0)
     words = ["--cameras", "none", "--state", "tcp_pose", "joint_velocity", "--workers", "0"]
     main(["export", "lerobot", str(original.path), "--out", str(out), *words])
-    with pytest.raises(OtherRunError, match="state"):
+    with pytest.raises(OtherRunError, match="state tcp_pose instead of tcp_pose joint_vel"):
         export_lerobot(original, out, replace(options, state=(TOOLS,)), workers=0)
+    with pytest.raises(OtherRunError, match="state none instead of tcp_pose joint_velocity"):
+        export_lerobot(original, out, replace(options, state=()), workers=0)
 
 
 def test_both_domains_have_every_part(original: DataSet, real: DataSet, tmp_path: Path) -> None:

@@ -1,8 +1,11 @@
 """The baselines on object states: recorded, exported and played as a reader would."""
 
+import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +15,13 @@ import pytest
 
 import duobench
 from duobench.data import DataSet, Recording
+from duobench.errors import (
+    DataError,
+    EvaluationError,
+    OtherRunError,
+    PolicyError,
+    UnknownNameError,
+)
 from duobench.evaluation.rollout import rollout
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
@@ -125,6 +135,54 @@ def test_joint_labels_are_played_as_they_are(exports: Path) -> None:
     assert np.array_equal(to_actions(data.labels), np.float32(recording.action))
 
 
+@pytest.mark.usefixtures("example")
+def test_what_cannot_be_learned_from_is_refused_with_what_to_export(exports: Path) -> None:
+    import network  # pyright: ignore[reportMissingImports]
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from frames import features  # pyright: ignore[reportMissingImports]
+
+    folder = exports.parent
+    others = {
+        "relative": (*EXPORT[:-1], "cartesian_relative"),
+        "targets": (*EXPORT[:-1], "joint"),
+        "blind": ("--per-task", "--cameras", "none"),
+        "longer": (*EXPORT, "--state", "tcp_pose"),
+    }
+    for name, words in others.items():
+        run("export", "lerobot", "demos", "--out", name, *words, folder=folder)
+    whole, longer = (Demonstrations.load(folder / name / TASK) for name in ("exports", "longer"))
+    assert np.array_equal(whole.state, longer.state)  # the environment shows these alone
+    for name, words in (
+        ("demos", "no export of one task. Export with .*--action cartesian"),
+        ("exports", "no export of one task"),
+        (f"relative/{TASK}", "no targets of joints or tools. Export with .*--action cartesian"),
+        (f"blind/{TASK}", "does not say where the objects are"),
+    ):
+        with pytest.raises(DataError, match=words):
+            Demonstrations.load(folder / name)
+    with pytest.raises(DataError, match="has 2 demonstrations, and 3 were asked for"):
+        Demonstrations.load(exports / TASK, 3)
+    with pytest.raises(DataError, match="those of another task"):
+        features(whole.state, whole.objects[:, 1:], whole.names)
+    with pytest.raises(DataError, match=r"joint targets: export with --action cartesian"):
+        network.train(Demonstrations.load(folder / "targets" / TASK), folder / "no.npz", 0)
+    with pytest.raises(DataError, match=r"One demonstration in 10 is held out.* got 2"):
+        network.train(whole, folder / "no.npz", 0)
+
+
+@pytest.mark.usefixtures("example")
+def test_nothing_is_played_without_a_checkpoint(monkeypatch: pytest.MonkeyPatch) -> None:
+    import nearest  # pyright: ignore[reportMissingImports]
+    import network  # pyright: ignore[reportMissingImports]
+
+    with pytest.raises(PolicyError, match="no file of a network"):
+        network.Network()  # of the folder of an export
+    monkeypatch.delenv("CHECKPOINT")
+    for policy in (nearest.Nearest, network.Network):
+        with pytest.raises(PolicyError, match="CHECKPOINT=exports/bin_sort"):
+            policy()
+
+
 NAMES = tuple(
     duobench.make("ball_maze", cameras=False, object_state=True).get_wrapper_attr(
         "object_state_names"
@@ -161,7 +219,9 @@ def test_a_maze_looks_the_same_on_a_board_turned_by_quarters() -> None:
 
     rng = np.random.default_rng(0)
     between = [(x + 0.5, y) for x in range(-2, 2) for y in range(-2, 3)]
-    walls = {place: int(rng.random() < 0.5) for x, y in between for place in ((x, y), (y, x))}
+    walls: dict[tuple[float, float], int] = {
+        place: int(rng.random() < 0.5) for x, y in between for place in ((x, y), (y, x))
+    }
     state = np.zeros((1, 16), np.float32)
     seen = []
     for quarters in range(4):
@@ -220,7 +280,7 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     env = duobench.make(TASK, cameras=False, object_state=True, action_mode="cartesian")
     chunk = policy.act(env.reset(seed=0)[0])
     assert chunk.shape == (30, 16)
-    shown = np.float32(policy._openings[0] + policy._openings[1])
+    shown = np.array(policy._openings[0] + policy._openings[1], np.float32)
     assert set(np.unique(chunk[:, [7, 15]])) <= set(shown)
 
     rows = network._Rows(data, policy._net, "cpu")  # NumPy plays what PyTorch trained
@@ -255,7 +315,8 @@ def test_the_table_goes_on_where_it_was_stopped(
     import network  # pyright: ignore[reportMissingImports]
     import table  # pyright: ignore[reportMissingImports]
 
-    monkeypatch.setattr(network, "Training", lambda device: brief(2 + (device != "cpu")))
+    short = brief(2)
+    monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
     monkeypatch.chdir(EXAMPLES)
     asked = SimpleNamespace(
         export=exports, out=tmp_path / "runs", results=tmp_path / "results", demonstrations=2
@@ -269,7 +330,8 @@ def test_the_table_goes_on_where_it_was_stopped(
     assert "of 1" in table.job(asked, TASK, 1)
     rows = list(table.table(asked.results, table.setting(asked)))
     assert rows[2].startswith(f"| `{TASK}` | ")
-    assert any("(2)" in row for row in table.failures(asked.results, table.setting(asked)))
+    rows = list(table.failures(asked.results, table.setting(asked)))
+    assert rows[2].startswith(f"| `{TASK}` | 2 | ")
 
 
 @pytest.mark.usefixtures("example")
@@ -278,6 +340,41 @@ def test_the_interval_holds_the_spread_of_the_seeds() -> None:
 
     alike, apart = interval([0.5, 0.5, 0.5], 100), interval([0.2, 0.5, 0.8], 100)
     assert alike == wilson_interval(50, 100)
-    assert apart[0] < 0.2
-    assert apart[1] > 0.8
+    assert apart[0] < 0.25
+    assert apart[1] > 0.75
     assert interval([1.0, 1.0], 100)[0] > 0.95
+
+
+@pytest.mark.usefixtures("example")
+def test_a_table_of_nothing_and_results_of_another_suite(exports: Path, tmp_path: Path) -> None:
+    import table  # pyright: ignore[reportMissingImports]
+
+    words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end", "seeds": 1}
+    asked = SimpleNamespace(export=exports, tasks=["bin_sort"], workers=1, **words)
+    assert len(list(table.table(tmp_path, "2"))) == 2  # its head alone
+    with pytest.raises(DataError, match="bin_sort holds no export of one task"):
+        table.run(asked)
+    asked.tasks = ["bin_srot"]
+    with pytest.raises(UnknownNameError, match="Did you mean 'bin_sort'"):
+        table.run(asked)
+    (tmp_path / "2").mkdir()
+    table.result(asked, TASK, 0).write_text('{"suite": "1"}')
+    with pytest.raises(OtherRunError, match=r"is of suite 1.* name another folder of results"):
+        table.job(asked, TASK, 0)
+
+
+@pytest.mark.usefixtures("example")
+def test_a_killed_process_of_the_table_is_told_in_a_sentence(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import table  # pyright: ignore[reportMissingImports]
+
+    words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end", "seeds": 1}
+    asked = SimpleNamespace(export=exports, tasks=[TASK], workers=1, **words)
+    monkeypatch.setattr(table, "job", kill_this_process)
+    with pytest.raises(EvaluationError, match=r"was killed.* goes on where it was"):
+        table.run(asked)
+
+
+def kill_this_process(*_: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)

@@ -37,7 +37,8 @@ def without_checkpoint(data: Path) -> None:
 def export(folder: Path, tasks: tuple[str, ...] = TASKS, domains: tuple[int, int] = (0, 0)) -> Path:
     """The JSON files of an export, which are all that is read here."""
     vectors = {key: {"shape": [16]} for key in ("observation.state", "action")}
-    features = {**vectors, "domain": {"shape": [1]}}
+    images = {"observation.images.head": {"shape": [96, 96, 3]}}
+    features = {**vectors, **images, "domain": {"shape": [1]}}
     info = {"codebase_version": "v3.0", "fps": 30, "features": features}
     write(folder / "meta/info.json", info)
     write(
@@ -70,6 +71,11 @@ def with_features(**features: object) -> Change:
         with_info(features=before | named)(data)
 
     return change
+
+
+def without_images(data: Path) -> None:
+    before = json.loads((data / "meta/info.json").read_text())["features"]
+    with_info(features={key: before[key] for key in before if "images" not in key})(data)
 
 
 def without(name: str) -> Change:
@@ -153,11 +159,12 @@ def test_recipes_for_a_processor_predict_what_is_executed(recipes: dict[str, Any
 
 @pytest.mark.parametrize("kind", OBJECT_STATES)
 def test_object_states_without_images_have_recipes_of_their_own(kind: str, one_task: Path) -> None:
+    without_images(one_task)
     with_features(observation__environment_state={"shape": [36]})(one_task)
     command = arguments(kind, one_task)
     assert {setting.argument for setting in OBJECT_STATES[kind].settings} <= set(command)
-    with pytest.raises(UnknownNameError, match="recipe for object states 'pi05'"):
-        arguments("pi05", one_task)
+    with pytest.raises(UnknownNameError, match="recipe for object states 'pi06'"):
+        arguments("pi06", one_task)
     with_features(observation__images__head={"shape": [96, 96, 3]})(one_task)
     if kind in RECIPES:
         assert RECIPES[kind].steps.argument in arguments(kind, one_task)
@@ -295,6 +302,17 @@ def test_recordings_are_to_be_exported_first(tmp_path: Path) -> None:
     write(data / "dataset.json", {})
     with pytest.raises(SystemExit, match=f"duobench export lerobot {data} --out {data}-lerobot"):
         main(["train", "act", "--data", str(data), "--out", str(tmp_path / "out")])
+
+
+@pytest.mark.parametrize("kind", RECIPES)
+def test_policies_that_see_learn_from_images(kind: str, one_task: Path) -> None:
+    without_images(one_task)
+    with pytest.raises(DataError, match=f"{kind} learns from images, and .* has none: export"):
+        arguments(kind, one_task)
+    if kind not in OBJECT_STATES:
+        with_features(observation__environment_state={"shape": [36]})(one_task)
+        with pytest.raises(DataError, match=r"object states alone: export images, or .* act, dif"):
+            arguments(kind, one_task)
 
 
 POSES = {"shape": [16], "names": list(POSE_LABELS)}

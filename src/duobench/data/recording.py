@@ -89,7 +89,7 @@ class Recording:
             if array.shape != (rows, *width) or array.dtype != column.dtype:
                 raise DataError(
                     f"Column {column.name!r} has shape {array.shape} of {array.dtype}, expected "
-                    f"was {(rows, *column.shape)} of {np.dtype(column.dtype)}."
+                    f"was {(rows, *width)} of {np.dtype(column.dtype)}."
                 )
 
     def __len__(self) -> int:
@@ -228,12 +228,16 @@ def to_arrow(rows: NDArray[Any], missing: int = 0) -> pa.Array:
     """A column from its rows (T,) or (T, n), with some more at the end that hold nothing.
 
     Where some lack, each list says how long it is: before 26 Arrow reads no list of fixed size that
-    is missing. A column without any row says it all the same.
+    is missing. A column that holds nothing but such rows has lists of missing numbers there, which
+    say how many they are.
     """
     values = pa.array(np.ascontiguousarray(rows).reshape(-1))
     if rows.ndim > 1:
+        if missing and not len(rows):
+            values = pa.nulls(missing * rows.shape[1], values.type)
+            return pa.FixedSizeListArray.from_arrays(values, rows.shape[1])
         values = pa.FixedSizeListArray.from_arrays(values, rows.shape[1])
-        if missing and len(rows):
+        if missing:
             values = values.cast(pa.list_(values.type.value_type))
     return pa.concat_arrays([values, pa.nulls(missing, values.type)]) if missing else values
 
@@ -246,6 +250,8 @@ def to_numpy(column: pa.Array) -> NDArray[Any]:
         size = column.type.list_size
     else:
         sizes = np.diff(column.offsets.to_numpy())
+        if not len(sizes):
+            raise ValueError("Lists without any row do not say how many numbers a row has.")
         size = int(sizes[0])
         if (sizes != size).any():
             raise ValueError(f"Rows have {sizes.min()} to {sizes.max()} numbers.")

@@ -193,6 +193,11 @@ def program() -> Path:
 
 def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
     if source.holds_objects_alone:
+        if kind in RECIPES and kind not in OBJECT_STATES:
+            raise DataError(
+                f"{kind} learns from images, and {source.path} has object states alone: export "
+                f"images, or train one of {', '.join(OBJECT_STATES)}, which learn from these."
+            )
         check_known("recipe for object states", kind, OBJECT_STATES)
         return OBJECT_STATES[kind]
     recipes = SMALL if small else RECIPES
@@ -201,6 +206,10 @@ def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
             f"{kind} learns from object states without images; {source.path} has no such export."
         )
     check_known("small recipe" if small else "recipe", kind, recipes)
+    if not source.has_images:
+        raise DataError(
+            f"{kind} learns from images, and {source.path} has none: export it with cameras."
+        )
     return recipes[kind]
 
 
@@ -328,10 +337,14 @@ class LearningData:
             ) from error
 
     @property
+    def has_images(self) -> bool:
+        """Whether there are images of a camera."""
+        return any(key.startswith(IMAGE_PREFIX) for key in self._features)
+
+    @property
     def holds_objects_alone(self) -> bool:
         """Whether there are object states, and no images."""
-        has_images = any(key.startswith(IMAGE_PREFIX) for key in self._features)
-        return OBJECT_STATE in self._features and not has_images
+        return OBJECT_STATE in self._features and not self.has_images
 
     def mixes_domains(self) -> bool:
         """Whether there are simulated and real episodes."""

@@ -31,7 +31,7 @@ from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
 from duobench.envs.action_modes import CARTESIAN, JOINT
-from duobench.errors import DataError, SeveralTasksError, check_known
+from duobench.errors import DataError, OtherRunError, SeveralTasksError, check_known
 from duobench.files import digest_of, encode, locked, replacing, write
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
 from duobench.looks.catalog import RANDOM
@@ -102,6 +102,11 @@ def export_lerobot(
             raise DataError(f"{out} lies in the data set; export into a folder of its own.")
     paths = _episodes(sources, options.tasks)
     parts = {out: paths}
+    if per_task and ExportFolder(out).meta.exists():
+        raise OtherRunError(
+            f"{out} holds one data set of its own; export a data set for each task into another "
+            "folder."
+        )
     if per_task and paths:
         tasks = sorted({path.parent.name for _, path in paths})
         parts = {out / task: [one for one in paths if one[1].parent.name == task] for task in tasks}

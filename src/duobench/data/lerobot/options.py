@@ -8,7 +8,7 @@ from duobench.envs.action_labels import LABELS
 from duobench.envs.action_modes import JOINT
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.state_labels import StatePart
-from duobench.errors import DataError, check_known
+from duobench.errors import DataError, OptionError, check_known
 from duobench.looks import catalog as looks
 from duobench.looks.catalog import DEFAULT, RANDOM, as_look
 from duobench.robot.cameras import check_image_size
@@ -113,7 +113,13 @@ class ExportOptions:
         name, colon, seed = self.look.partition(":")
         if f"{name}:" != RANDOM:
             check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
-        as_look(f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look)
+        try:
+            as_look(f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look)
+        except OptionError as error:
+            raise DataError(
+                f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "
+                f"{PER_EPISODE} or {PER_EPISODE}:SEED, one for each; got {self.look!r}."
+            ) from error
         if any(pixels % 2 for pixels in self.size):
             raise DataError(
                 "Height and width of images in a video are even numbers, got "
