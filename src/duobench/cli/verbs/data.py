@@ -14,7 +14,7 @@ from duobench.cli.shared.advice import Advice, AdvisedError, advising, find_fold
 from duobench.cli.shared.console import counted, numeric, say, table, whole
 from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import display
-from duobench.data.lerobot.options import ExportOptions
+from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptions
 from duobench.errors import DataError, NamesTakenError, OutputError, SeveralTasksError
 from duobench.files import locked
 
@@ -187,7 +187,7 @@ def split(
         say(f"{counted(count, 'episode')} in {folder}")
 
 
-_DEFAULTS = ExportOptions()
+_EPISODES, _FORM = EpisodeChoice(), ExportForm()
 _ADVICE: Advice = {SeveralTasksError: "With --per-task one command does that."}
 
 
@@ -198,7 +198,8 @@ def export() -> None:
 def lerobot(
     data: tyro.conf.Positional[tuple[Path, ...]],
     out: Path,
-    export: tyro.conf.OmitArgPrefixes[ExportOptions] = _DEFAULTS,
+    episodes: tyro.conf.OmitArgPrefixes[EpisodeChoice] = _EPISODES,
+    export: tyro.conf.OmitArgPrefixes[ExportForm] = _FORM,
     per_task: bool = False,
     workers: int = 1,
 ) -> None:
@@ -210,7 +211,8 @@ def lerobot(
     Args:
         data: Folder of the data set, or of several, simulated and real ones too.
         out: Folder of the export.
-        export: What is exported, and how.
+        episodes: Which episodes are exported.
+        export: What is exported of them, and how.
         per_task: Write one data set a task, each in a folder of its name; object states of several
             tasks need it.
         workers: Processes that render and encode side by side.
@@ -225,7 +227,7 @@ def lerobot(
         done = export_lerobot(
             sources,
             out,
-            export,
+            ExportOptions(**vars(episodes), **vars(export)),
             per_task=per_task,
             workers=workers,
             progress=shown.tell,

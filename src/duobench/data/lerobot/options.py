@@ -64,12 +64,22 @@ class ActionSource(StrEnum):
     targets by inverse kinematics that starts at the observed joints of each row."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ExportOptions:
-    """Options of an export; the defaults suit the evaluation's environment."""
+@dataclass(frozen=True, kw_only=True)
+class EpisodeChoice:
+    """Which episodes are exported."""
 
     tasks: tuple[str, ...] = ()
     """Ids of the tasks to export; all tasks of the data set if there is none."""
+    only_successes: bool = False
+    """Leave out episodes that did not succeed."""
+    domains: tuple[Domain, ...] = tuple(Domain)
+    """Export episodes from there: the simulation, real arms, or both."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportForm:
+    """In what form they are exported."""
+
     cameras: tuple[str, ...] = POLICY_CAMERAS
     """Cameras whose images are rendered; without any, or with "none" alone, there are no images."""
     size: tuple[int, int] = IMAGE_SIZE
@@ -93,10 +103,6 @@ class ExportOptions:
     velocities (joint_velocity), or both."""
     object_state: bool = False
     """Export where the objects are too, as numbers that no camera sees."""
-    only_successes: bool = False
-    """Leave out episodes that did not succeed."""
-    domains: tuple[Domain, ...] = tuple(Domain)
-    """Export episodes from there: the simulation, real arms, or both."""
 
     def __post_init__(self) -> None:
         if self.cameras == ("none",):
@@ -131,3 +137,8 @@ class ExportOptions:
         """Seed of the looks where each episode has its own; None where all have one."""
         name, _, seed = self.look.partition(":")
         return int(seed or 0) if name == PER_EPISODE else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions(ExportForm, EpisodeChoice):
+    """Options of an export; the defaults suit the evaluation's environment."""
