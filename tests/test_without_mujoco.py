@@ -9,7 +9,7 @@ from tests.children import printed
 ENGINES = ("mujoco", "manifold3d", "mink")
 BLOCKED = f"import sys\nsys.modules.update(dict.fromkeys({ENGINES}))\n"
 """As where they are not installed: importing one of them is an error."""
-MOST = 66
+MOST = 70
 """Modules of the package that may load MuJoCo when they are imported."""
 
 # Rooms and modules that load no engine, whatever of them is imported.
@@ -20,6 +20,7 @@ ROOMS = (
     *("fabrication", "hardware"),
 )
 NEEDS_AN_ENGINE = (
+    "duobench.envs.batch_env",
     "duobench.envs.sim_env",
     "duobench.hardware.rehearsal",
     "duobench.hardware.drivers.rehearsal",
