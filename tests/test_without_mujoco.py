@@ -9,7 +9,7 @@ from tests.children import printed
 ENGINES = ("mujoco", "manifold3d", "mink")
 BLOCKED = f"import sys\nsys.modules.update(dict.fromkeys({ENGINES}))\n"
 """As where they are not installed: importing one of them is an error."""
-MOST = 70
+MOST = 66
 """Modules of the package that may load MuJoCo when they are imported."""
 
 # Rooms and modules that load no engine, whatever of them is imported.

@@ -20,7 +20,7 @@ _DECIDING = ("mujoco", "numpy", "manifold3d")
 """What decides the bits of a replay of joint targets."""
 _SOURCES = (
     *("robot", "looks", "objects", "scene", "kinematics", "sim", "stages", "tasks", "shifts"),
-    *("envs", "backend.py", "randomness.py", "spatial.py", "types.py"),
+    *("envs", "backend.py", "randomness.py", "settings.py", "spatial.py", "types.py"),
     *("evaluation/rollout.py", "evaluation/recorder.py"),
 )
 """Folders and files of the package that decide what an episode is, and what a record says of it."""

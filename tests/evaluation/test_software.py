@@ -89,6 +89,6 @@ def test_everything_that_an_environment_imports_decides() -> None:
     decisive = set(source_hashes())
     left = {p for p in parts if not any(p == d or p.startswith(f"{d}/") for d in decisive)}
     assert {part.partition("/")[0] for part in left} <= {
-        *("errors", "files", "machine", "references", "settings", "versions", "hardware"),
+        *("errors", "files", "machine", "references", "versions", "hardware"),
         *("evaluation", "results", "policy"),
     }

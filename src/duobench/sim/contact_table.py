@@ -1,15 +1,19 @@
 """Who touches whom in many simulations of one model: contact questions answered with arrays."""
 
-from collections.abc import Callable
-from typing import Any
+from __future__ import annotations
 
-import mujoco
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from duobench.sim.contacts import MIN_LEVER, MIN_PRESS_COSINE, ContactOwners, HingeAxis
 from duobench.spatial import hypot, sum_of_products
 from duobench.types import SIDES, Array, Side
+
+if TYPE_CHECKING:
+    import mujoco
 
 Booleans = NDArray[np.bool_]
 Integers = NDArray[np.intp]

@@ -4,19 +4,23 @@ Every geom belongs to one owner: a finger (its pad and its own linkage), the res
 rest of an arm, or the body that carries it.
 """
 
+from __future__ import annotations
+
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import mujoco
 import numpy as np
 
 from duobench.errors import check_known
 from duobench.scene.naming import gripper_name, pad_names
 from duobench.spatial import dot, length
 from duobench.types import SIDES, Side
+
+if TYPE_CHECKING:
+    import mujoco
 
 MAX_PRESS_ANGLE = math.radians(60.0)
 """Angle in radians between a finger's contact normal and the direction to the other finger up to
@@ -207,6 +211,8 @@ class Contacts(ContactOwners):
         so that the owner would turn onto the hand if it were let go. It measures between geoms,
         which takes as long as twenty of the other questions, unless the hand is far away.
         """
+        from mujoco import mj_geomDistance
+
         model, data, ends = self._model, self._data, np.zeros(6)
         pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
         for other in self._solids.get(self._row(owner), ()):
@@ -214,7 +220,7 @@ class Contacts(ContactOwners):
             if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
                 continue
             for one in self._hands[side]:
-                gap = mujoco.mj_geomDistance(model, data, one, other, distance, ends)
+                gap = mj_geomDistance(model, data, one, other, distance, ends)
                 if not 0.0 < gap < distance:
                     continue
                 opening = hinge.opening_at(ends[3:].tolist())

@@ -1,12 +1,17 @@
 """Checks of layouts against the real geometry: overlaps, reach, the robot at home."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from itertools import islice
+from typing import TYPE_CHECKING
 
 from duobench.errors import LayoutError
 from duobench.sim.layout import Layout
-from duobench.sim.simulation import Simulation
 from duobench.types import SIDES
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
 
 MAX_SAMPLES = 200
 """Layouts that a reset tries before it gives up."""

@@ -4,11 +4,12 @@ A number is a float in one simulation, and an array (n,) in a batch of n. Everyt
 arithmetic on such numbers, so that both give the same answers.
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 
 from duobench.errors import check_known
@@ -18,12 +19,17 @@ from duobench.sim.contacts import HingeAxis
 from duobench.spatial import hypot
 from duobench.types import Array
 
+if TYPE_CHECKING:
+    import mujoco
+
 
 class Questions(ABC):
     """The questions; a subclass has the engine's arrays, and says how a row is read."""
 
     def __init__(self, props: Mapping[str, Prop], model: mujoco.MjModel, data: Any) -> None:
         """Resolve names into ids, and look at the engine's data, of one simulation or of many."""
+        from mujoco import mjtJoint
+
         # Views of the engine's memory; they live as long as its data.
         self._xpos, self._xmat, self._qpos, self._qvel = data.xpos, data.xmat, data.qpos, data.qvel
         self._xanchor, self._xaxis = data.xanchor, data.xaxis
@@ -40,7 +46,7 @@ class Questions(ABC):
         self._hinges = {
             joint.name: (joint.id, int(joint.qposadr[0]))
             for joint in map(model.joint, range(model.njnt))
-            if joint.type[0] == mujoco.mjtJoint.mjJNT_HINGE
+            if joint.type[0] == mjtJoint.mjJNT_HINGE
         }
 
     def ask(self, question: Callable[[Any], Any], *, vectorized: bool) -> Any:  # noqa: ARG002
