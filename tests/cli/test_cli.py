@@ -337,10 +337,13 @@ def test_folder_in_use_is_refused_with_who_uses_it(tmp_path: Path, verb: str) ->
 
 
 def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: Path) -> None:
-    """A limit on the size of files stands for a full disk: the system refuses in the same way."""
+    """A limit on the size of files stands for a full disk: the system refuses in the same way.
+
+    4000 bytes hold the description of the run (about 3000) and a record, and no figure (about 5000).
+    """
     script = (
         "import resource, sys; from duobench.cli import main\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))\n"
         "main(sys.argv[1:])\n"
     )
     words = ["eval", "--policy", "hold", "--tasks", toy_tasks.WAVE_NAME, "--episodes", "1"]
