@@ -13,6 +13,7 @@ from packaging.requirements import Requirement
 from duobench.errors import BackendError
 from duobench.machine import DISTRIBUTION, OPENGL_PACKAGES, SOURCE, install_extra, load_extra
 from tests.children import ran
+from tests.docs.markdown import page_of
 from tests.test_repository import ROOT, tracked
 
 COMMAND = re.compile(r"pip install((?: +(?:'[^'\n]+'|[^\s'\"`]+))+)")
@@ -111,5 +112,5 @@ def test_extra_that_this_python_cannot_have_says_so(monkeypatch: pytest.MonkeyPa
 
 def test_libraries_of_opengl_are_the_same_everywhere() -> None:
     """Those of README and of the script that prepares a bare machine are the constant's."""
-    for path in (ROOT / "docs" / "install.md", ROOT / ".ci" / "run"):
+    for path in (page_of("install"), ROOT / ".ci" / "run"):
         assert OPENGL_PACKAGES in path.read_text(encoding="utf-8"), path
