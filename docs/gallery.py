@@ -45,7 +45,8 @@ from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS, Array
 
-DOCS = Path(__file__).parent
+DRAWER = Path(__file__).parent / "tasks"
+"""Where the page is."""
 PAGE = "gallery.md"
 COVER = "tasks.webp"
 """The moving image of all tasks, beside the page."""
@@ -190,7 +191,7 @@ def main() -> None:
     """Draw what is asked for; if that is everything, write the page and the cover."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("tasks", nargs="*", metavar="task", help="ids; default: all, and the page")
-    parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page")
+    parser.add_argument("--out", type=Path, default=DRAWER, help="folder of the page")
     given = parser.parse_args()
     folder = given.out / FOLDER
     films: dict[str, list[PIL.Image.Image]] = {}

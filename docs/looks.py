@@ -25,7 +25,8 @@ from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.types import HEAD
 
-DOCS = Path(__file__).parent
+DRAWER = Path(__file__).parent / "tasks"
+"""Where the page is."""
 FOLDER = "looks"
 """Where the images are, beside the page."""
 DRAWN = "drawn.json"
@@ -80,7 +81,7 @@ def main() -> None:
     """Draw what is asked for; if that is everything, note what it was drawn from."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("tasks", nargs="*", metavar="task", help="ids; default: all")
-    parser.add_argument("--out", type=Path, default=DOCS, help="folder of the page")
+    parser.add_argument("--out", type=Path, default=DRAWER, help="folder of the page")
     given = parser.parse_args()
     folder = given.out / FOLDER
     folder.mkdir(parents=True, exist_ok=True)

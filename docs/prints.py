@@ -27,7 +27,8 @@ from duobench.sim.rendering import Renderer
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 
-DOCS = Path(__file__).parent
+DRAWER = Path(__file__).parent / "tasks"
+"""Where the page is."""
 SIZE = (440, 720)
 """Height and width of a picture in pixels."""
 SAMPLES = 16
@@ -178,7 +179,7 @@ def save(image: np.ndarray, path: Path) -> None:
 def main() -> None:
     """Draw all pictures and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=DOCS / FOLDER)
+    parser.add_argument("--out", type=Path, default=DRAWER / FOLDER)
     out: Path = parser.parse_args().out
     for name in JOBS:
         if job(name).parts:
@@ -188,8 +189,8 @@ def main() -> None:
     (out / DRAWN).write_text(
         json.dumps({name: digest(job(name)) for name in JOBS}, indent=1) + "\n", encoding="utf-8"
     )
-    if out == DOCS / FOLDER:
-        (DOCS / PAGE).write_text(page(out), encoding="utf-8")
+    if out == DRAWER / FOLDER:
+        (DRAWER / PAGE).write_text(page(out), encoding="utf-8")
 
 
 if __name__ == "__main__":

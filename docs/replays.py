@@ -20,7 +20,7 @@ from duobench.results.suite import Episode, find_tasks
 from duobench.tasks import catalog
 from duobench.web.page import EpisodeReplay, replay_page
 
-FOLDER = Path(__file__).parent / "replays"
+FOLDER = Path(__file__).parent / "tasks" / "replays"
 EPISODE = 0
 """Index of the episode that is shown."""
 

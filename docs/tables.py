@@ -195,7 +195,11 @@ def suites() -> str:
 def serving_modes() -> str:
     """Action modes by the words of vla-eval."""
     rows = [(*(f"`{word}`" for word in key), f"`{mode}`") for key, mode in MODES.items()]
-    headings = ("`control_mode`", "`relative_to`", "action mode, see [frames.md](frames.md)")
+    headings = (
+        "`control_mode`",
+        "`relative_to`",
+        "action mode, see [frames.md](../reference/frames.md)",
+    )
     return table(headings, rows)
 
 
@@ -246,10 +250,10 @@ def learned(*words: str) -> Callable[[], str]:
 
 
 Places = Mapping[str, Callable[[], str]]
-TABLES: Mapping[Path, Places] = {
-    DOCS / "environments.md": {"tasks": tasks},
-    DOCS / "object_states.md": {"tasks": object_states},
-    DOCS / "frames.md": {
+TABLES: Mapping[str, Places] = {
+    "environments": {"tasks": tasks},
+    "object_states": {"tasks": object_states},
+    "frames": {
         "modes": modes,
         "JOINT_NAMES": names(spaces.JOINT_NAMES),
         "POSE_NAMES": names(spaces.POSE_NAMES),
@@ -257,36 +261,42 @@ TABLES: Mapping[Path, Places] = {
         "joints": joints,
         "cameras": cameras,
     },
-    DOCS / "lerobot.md": {
+    "lerobot": {
         "POSE_LABELS": names(action_labels.POSE_LABELS),
         "SHIFT_LABELS": names(action_labels.SHIFT_LABELS),
     },
-    DOCS / "evaluation.md": {"suites": suites},
-    DOCS / "baselines.md": {
+    "evaluation": {"suites": suites},
+    "baselines": {
         "learned from 50": learned("--print"),
         "failures with 50": learned("--failures"),
     },
-    DOCS / "results.md": {"learned from object states": learned("--print")},
-    DOCS / "serving.md": {"modes": serving_modes},
-    DOCS / "robustness.md": {"lowered": lowered},
-    DOCS / "printing.md": {"prints": prints},
+    "results": {"learned from object states": learned("--print")},
+    "serving": {"modes": serving_modes},
+    "robustness": {"lowered": lowered},
+    "printing": {"prints": prints},
 }
 """What is written into which page, by the name of its place."""
 
 
-def written(page: Path) -> str:
+def page_of(name: str) -> Path:
+    """Return a page, in whichever drawer it lies."""
+    (page,) = DOCS.glob(f"*/{name}.md")
+    return page
+
+
+def written(name: str) -> str:
     """Return a page with all its places brought up to date.
 
     Raises:
         ValueError: If it has no place for something, or one for what is unknown.
     """
-    text = page.read_text(encoding="utf-8")
+    text = page_of(name).read_text(encoding="utf-8")
     places = [found["name"] for found in PLACE.finditer(text)]
-    if sorted(places) != sorted(TABLES[page]):
-        raise ValueError(f"{page.name} has places for {places}, not for {list(TABLES[page])}")
-    return PLACE.sub(lambda at: f"{at[1]}\n{TABLES[page][at['name']]()}\n{at[4]}", text)
+    if sorted(places) != sorted(TABLES[name]):
+        raise ValueError(f"{name}.md has places for {places}, not for {list(TABLES[name])}")
+    return PLACE.sub(lambda at: f"{at[1]}\n{TABLES[name][at['name']]()}\n{at[4]}", text)
 
 
 if __name__ == "__main__":
-    for path in TABLES:
-        path.write_text(written(path), encoding="utf-8")
+    for name in TABLES:
+        page_of(name).write_text(written(name), encoding="utf-8")

@@ -21,6 +21,7 @@ from duobench.machine import (
 )
 from duobench.versions import ENGINE, other_engine
 from tests.children import ran
+from tests.docs.markdown import page_of
 from tests.test_repository import ROOT, tracked
 
 COMMAND = re.compile(r"pip install((?: +(?:'[^'\n]+'|[^\s'\"`]+))+)")
@@ -119,7 +120,7 @@ def test_extra_that_this_python_cannot_have_says_so(monkeypatch: pytest.MonkeyPa
 
 def test_libraries_of_opengl_are_the_same_everywhere() -> None:
     """Those of README and of the script that prepares a bare machine are the constant's."""
-    for path in (ROOT / "docs" / "install.md", ROOT / ".ci" / "run"):
+    for path in (page_of("install"), ROOT / ".ci" / "run"):
         assert OPENGL_PACKAGES in path.read_text(encoding="utf-8"), path
 
 

@@ -17,12 +17,12 @@ import pytest
 from duobench.cli.program import GROUPS, VERBS
 from duobench.cli.shared.spelling import check_spelling
 from duobench.tasks import catalog
-from tests.docs.markdown import DOCS, ROOT, blocks, check_output, modules, run, tables, text_of
+from tests.docs.markdown import ROOT, blocks, check_output, modules, page_of, run, tables, text_of
 from tests.golden import episodes
 
 README, COMMANDS, INSTALL, RESULTS, ADD = (
     ROOT / "README.md",
-    *(DOCS / f"{name}.md" for name in ("commands", "install", "results", "add_a_task")),
+    *(page_of(name) for name in ("commands", "install", "results", "add_a_task")),
 )
 MAX_LINES = 150
 MAX_POLICY_LINES = 20

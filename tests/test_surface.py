@@ -143,7 +143,7 @@ private, whatever its name."""
 
 
 def test_docs_examples_and_plugins_import_what_is_public() -> None:
-    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
     code = [*(ROOT / "examples").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")]
     used = {
         found[1]

@@ -1,6 +1,6 @@
 """Measure how far a variety spreads the paths of the tools, beside the spread of layouts alone.
 
-`python -m dev.benchmarks.variety --variety human --figure docs/variety.png` plays each task's
+`python -m dev.benchmarks.variety --variety human --figure docs/start/variety.png` plays each task's
 expert in
 one layout with ten seeds of the variety, and without variety in ten layouts. In one layout an
 expert without variety always takes the same path, so layouts explain nothing of the first spread.

@@ -339,7 +339,8 @@ def test_folder_in_use_is_refused_with_who_uses_it(tmp_path: Path, verb: str) ->
 def test_full_disk_is_told_in_a_sentence_and_the_same_command_goes_on(tmp_path: Path) -> None:
     """A limit on the size of files stands for a full disk: the system refuses in the same way.
 
-    4000 bytes hold the description of the run (about 3000) and a record, and no figure (about 5000).
+    4000 bytes hold the description of the run (about 3000) and a record, and no
+    figure (about 5000).
     """
     script = (
         "import resource, sys; from duobench.cli import main\n"

@@ -15,7 +15,7 @@ from tests.web.pages import Page, open_page
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted([*DOCS.glob("*.md"), *ROOT.glob("*.md")])
+PAGES = sorted([*DOCS.rglob("*.md"), *ROOT.glob("*.md")])
 
 TIMEOUT_S = 300
 TIMES = re.compile(r"\d+:\d\d(:\d\d)?|\d+(\.\d+)? s\b")
@@ -26,6 +26,17 @@ Row = dict[str, str]
 
 def text_of(page: Path) -> str:
     return page.read_text(encoding="utf-8")
+
+
+def page_of(name: str) -> Path:
+    """The page of a name, in whichever drawer of docs/ it lies.
+
+    Raises:
+        AssertionError: There is no such page, or more than one.
+    """
+    found = [page for page in DOCS.rglob("*.md") if page.stem == name]
+    assert len(found) == 1, f"{name}: {len(found)} pages"
+    return found[0]
 
 
 def tables(page: Path) -> list[list[Row]]:

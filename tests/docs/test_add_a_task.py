@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from duobench.tasks import catalog
-from tests.docs.markdown import DOCS, blocks, run
+from tests.docs.markdown import blocks, page_of, run
 from tests.task_harness import TaskHarness
 
-PAGE = DOCS / "add_a_task.md"
+PAGE = page_of("add_a_task")
 MAX_LINES = 80
 
 

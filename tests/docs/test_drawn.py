@@ -28,9 +28,10 @@ from duobench.robot.cameras import OVERVIEW
 from duobench.scene.compose import compose
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS
-from tests.docs.markdown import DOCS, ROOT, blocks, links, run, run_python, text_of
+from tests.docs.markdown import DOCS, ROOT, blocks, links, page_of, run, run_python, text_of
 from tests.golden import episodes
 
+DRAWER = DOCS / "tasks"
 BLANK = 5.0
 """Standard deviation of the brightness of an image on which there is little to see."""
 TASKS = pytest.mark.parametrize("name", catalog.names())
@@ -70,25 +71,25 @@ EACH = pytest.mark.parametrize("drawn", PAGES, ids=lambda drawn: drawn.folder)
 @pytest.mark.parametrize("drawn", [PAGES[0], PAGES[2]], ids=lambda drawn: drawn.folder)
 def test_the_page_is_that_of_the_code(drawn: Drawn) -> None:
     assert drawn.written is not None
-    assert drawn.written(DOCS / drawn.folder) == text_of(DOCS / drawn.page), "run: make docs"
+    assert drawn.written(DRAWER / drawn.folder) == text_of(DRAWER / drawn.page), "run: make docs"
 
 
 @EACH
 def test_every_image_is_linked_and_every_link_leads_to_one(drawn: Drawn) -> None:
-    page = DOCS / drawn.page
-    images = set((DOCS / drawn.folder).rglob("*.jpg"))
+    page = DRAWER / drawn.page
+    images = set((DRAWER / drawn.folder).rglob("*.jpg"))
     linked = {page.parent / link for link in links(page) if link.startswith(f"{drawn.folder}/")}
     shown = set(re.findall(r"!\[[^]]*\]\(([^)]+)\)", text_of(page)))
     assert shown
     assert linked == images
-    assert {DOCS / target for target in shown} <= images
+    assert {DRAWER / target for target in shown} <= images
 
 
 @EACH
 def test_the_images_are_small_together(drawn: Drawn) -> None:
-    files = [file for file in (DOCS / drawn.folder).rglob("*") if file.is_file()]
+    files = [file for file in (DRAWER / drawn.folder).rglob("*") if file.is_file()]
     if drawn.folder == gallery_shots.FOLDER:
-        files.append(DOCS / gallery.COVER)
+        files.append(DRAWER / gallery.COVER)
     assert sum(file.stat().st_size for file in files) < drawn.max_bytes
 
 
@@ -100,7 +101,7 @@ TASK = "carry_pot"
 @TASKS
 def test_it_names_the_task_and_its_stages(name: str) -> None:
     task = catalog.get(name)
-    page = text_of(DOCS / gallery.PAGE)
+    page = text_of(DRAWER / gallery.PAGE)
     section = page.partition(f"### {task.title}\n")[2].partition("### ")[0]
     assert f"`{name}`" in section
     assert str(task.category) in section
@@ -119,7 +120,7 @@ def test_it_names_the_task_and_its_stages(name: str) -> None:
 def test_the_images_are_not_old(name: str) -> None:
     task, seed = catalog.get(name), str(gallery_shots.shot(name).seed)
     reached = episodes.read()["tasks"][name][seed]["stages"]
-    kept = read(DOCS / gallery_shots.FOLDER / name / gallery.DRAWN)
+    kept = read(DRAWER / gallery_shots.FOLDER / name / gallery.DRAWN)
     assert kept == gallery_sources.sources(task, reached), "run: make docs"
 
 
@@ -165,7 +166,7 @@ def test_the_script_draws_a_task(tmp_path: Path) -> None:
 
 
 def test_it_names_every_look_and_every_task() -> None:
-    text = text_of(DOCS / "looks.md")
+    text = text_of(page_of("looks"))
     assert re.findall(r"(?m)^\| `([a-z_]+)` \|", text) == list(LOOKS)
     assert set(LOOKS) <= set(looks.NAMES)
     for name in looks.NAMES:
@@ -175,10 +176,10 @@ def test_it_names_every_look_and_every_task() -> None:
 
 
 def test_the_images_of_looks_are_not_old() -> None:
-    assert read(DOCS / looks.FOLDER / looks.DRAWN) == looks.sources(), "run: make docs"
+    assert read(DRAWER / looks.FOLDER / looks.DRAWN) == looks.sources(), "run: make docs"
 
 
-@pytest.mark.parametrize("code", blocks(DOCS / "looks.md", "python"))
+@pytest.mark.parametrize("code", blocks(page_of("looks"), "python"))
 def test_the_code_runs(code: str) -> None:
     run_python(code, ROOT)
 
@@ -199,7 +200,7 @@ PICTURES |= set(map(prints_page.together_file, APART))
 
 @pytest.mark.parametrize("name", sorted(PICTURES))
 def test_there_is_something_to_see(name: str) -> None:
-    file = DOCS / prints_page.FOLDER / name
+    file = DRAWER / prints_page.FOLDER / name
     with Image.open(file) as image:
         assert image.size == prints.SIZE[::-1]
     assert contrast(file) > BLANK
@@ -207,7 +208,7 @@ def test_there_is_something_to_see(name: str) -> None:
 
 def test_pictures_are_not_older_than_the_parts() -> None:
     digests = {name: prints_page.digest(prints_page.job(name)) for name in JOBS}
-    assert read(DOCS / prints_page.FOLDER / prints_page.DRAWN) == digests, "run: make docs"
+    assert read(DRAWER / prints_page.FOLDER / prints_page.DRAWN) == digests, "run: make docs"
 
 
 def test_whatever_is_put_together_is_shown_so() -> None:

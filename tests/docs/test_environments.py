@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from duobench.envs.config import EnvConfig
-from tests.docs.markdown import DOCS, blocks, modules, run, table
+from tests.docs.markdown import blocks, modules, page_of, run, table
 
-PAGES = tuple(DOCS / f"{name}.md" for name in ("environments", "reinforcement_learning"))
+PAGES = tuple(page_of(name) for name in ("environments", "reinforcement_learning"))
 ELSEWHERE = ("RecordVideo", "stable_baselines3")
 """What needs libraries that `make test-ecosystem` has, which runs such blocks."""
 CODE = [

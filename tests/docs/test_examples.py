@@ -33,13 +33,13 @@ from duobench.results.suite import SUITES
 from duobench.shifts import levels
 from duobench.shifts.shift import AXES, LEVELS
 from duobench.tasks import catalog
-from tests.docs.markdown import DOCS, attend, blocks, modules, run, table, text_of
+from tests.docs.markdown import attend, blocks, modules, page_of, run, table, text_of
 from tests.results.outcomes import play
 from tests.training.test_training import export
 from tests.web.pages import Page
 
 COMPARISON, LEROBOT, POLICIES, PRINTING, ROBUSTNESS, SCALE, SERVING, VIEWING = (
-    DOCS / f"{name}.md"
+    page_of(name)
     for name in (
         *("comparison", "lerobot_policies", "policies", "printing"),
         *("robustness", "scale", "serving", "viewing"),

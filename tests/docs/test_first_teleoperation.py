@@ -21,11 +21,11 @@ from duobench.objects.blocks import LONG_BLOCK
 from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.teleop.messages import Discard, Keep
 from duobench.types import CONTROL_HZ, Array
-from tests.docs.markdown import DOCS, text_of
+from tests.docs.markdown import page_of, text_of
 from tests.teleop.keyboard import Keyboard, seen
 from tests.teleop.paging import lockstep_session
 
-SECTION = text_of(DOCS / "teleoperation.md").partition("## In two minutes")[2].partition("\n## ")[0]
+SECTION = text_of(page_of("teleoperation")).partition("## In two minutes")[2].partition("\n## ")[0]
 LEFT, UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 RIGHT_OR_AWAY = np.array([1.0, -1.0, 0.0])
 LAYOUTS = [0, *(pytest.param(number, marks=pytest.mark.slow) for number in (1, 2, 3))]

@@ -52,7 +52,7 @@ from duobench.sim.placement import REACH_X, REACH_Y
 from duobench.types import CONTROL_HZ
 from duobench.web.messages import MAX_MESSAGE
 from duobench.web.server import MAX_PEERS
-from tests.docs.markdown import DOCS, PAGES, table, text_of
+from tests.docs.markdown import PAGES, page_of, table, text_of
 
 
 def percent(share: float) -> str:
@@ -152,16 +152,16 @@ SIZES = {
     ("page", "words"), [(page, words) for page, all_of in SENTENCES.items() for words in all_of]
 )
 def test_a_page_says_what_the_code_says(page: str, words: str) -> None:
-    assert words in " ".join(text_of(DOCS / f"{page}.md").split())
+    assert words in " ".join(text_of(page_of(page)).split())
 
 
 def test_tables_have_what_the_code_has() -> None:
-    sizes = {row["size"]: row["mm"] for row in table(DOCS / "printing.md", "size")}
+    sizes = {row["size"]: row["mm"] for row in table(page_of("printing"), "size")}
     assert sizes == {**sizes, **{name: mm(value) for name, value in SIZES.items()}}
-    verdicts = [row["verdict"] for row in table(DOCS / "verification.md", "verdict")]
+    verdicts = [row["verdict"] for row in table(page_of("verification"), "verdict")]
     assert verdicts == list(Verdict)
     heading = "driver in the rig's file"
-    drivers = {row[heading] for row in table(DOCS / "real_cameras.md", heading)}
+    drivers = {row[heading] for row in table(page_of("real_cameras"), heading)}
     assert drivers == set(map(str, CameraDriver))
 
 
@@ -207,7 +207,7 @@ def test_every_command_of_a_page_has_a_verb_and_options_that_exist(page: str, li
 
 @pytest.mark.parametrize(
     "page",
-    [DOCS / f"{name}.md" for name in ("commands", "evaluation", "policies")],
+    [page_of(name) for name in ("commands", "evaluation", "policies")],
     ids=Path.__str__,
 )
 def test_options_that_sentences_name_exist(page: Path) -> None:

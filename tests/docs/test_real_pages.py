@@ -17,12 +17,12 @@ from duobench.cli.real.rigs import KeyTerminal
 from duobench.data import DataSet
 from duobench.hardware.calibration.views import ViewFolder
 from duobench.hardware.rig import ArmConfig, Rig
-from tests.docs.markdown import DOCS, attend, blocks, command, run, run_python, table, text_of
+from tests.docs.markdown import attend, blocks, command, page_of, run, run_python, table, text_of
 from tests.rig_sessions.operator import Operator
 from tests.web.pages import Page
 
 ARMS, CAMERAS, EVALUATION, RECORDING, SAFETY, SETUP = (
-    DOCS / f"real_{name}.md"
+    page_of(f"real_{name}")
     for name in ("arms", "cameras", "evaluation", "recording", "safety", "setup")
 )
 

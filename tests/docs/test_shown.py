@@ -10,7 +10,7 @@ import pytest
 
 from duobench.results.folder import RunFolder
 from duobench.teleop.leaders.gello import GelloConfig
-from tests.docs.markdown import DOCS, blocks, modules, run, run_python
+from tests.docs.markdown import blocks, modules, page_of, run, run_python
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +68,7 @@ PAGES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_what_a_page_shows_works(name: str, tmp_path: Path) -> None:
-    page, shown = DOCS / f"{name}.md", PAGES[name]
+    page, shown = page_of(name), PAGES[name]
     for file, code in modules(page).items():
         (tmp_path / file).write_text(code, encoding="utf-8")
     commands = blocks(page, "sh")[0].splitlines() if shown.commands else []
@@ -87,7 +87,7 @@ def test_what_a_page_shows_works(name: str, tmp_path: Path) -> None:
 
 
 def test_the_file_of_leader_arms_is_one(tmp_path: Path) -> None:
-    (text,) = blocks(DOCS / "teleoperation.md", "toml")
+    (text,) = blocks(page_of("teleoperation"), "toml")
     path = tmp_path / "gello.toml"
     path.write_text(text)
     assert GelloConfig.read(path).left.signs[5] == -1

@@ -1,4 +1,4 @@
-"""The recipe of docs/hosting.md: a policy in a namespace of its own, which finds no way out."""
+"""The recipe of the page hosting: a policy in a namespace of its own, which finds no way out."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ import duobench
 from duobench.policy import HoldPolicy
 from duobench.results.bundle import read_source
 from duobench.results.salt import make_salt, read_salt
-from tests.docs.markdown import DOCS, blocks
+from tests.docs.markdown import blocks, page_of
 
 HERE, ABROAD = "DUOBENCH_TEST_HERE", ("1.1.1.1", 53)
 PROBE = f"dt{os.getpid()}"
@@ -103,7 +103,7 @@ def test_policy_in_a_namespace_finds_no_way_out(folder, listener):
         pytest.skip("This needs root, iproute2, setpriv, and a checkout that everybody may read.")
     assert can_connect(listener)  # from here
     make_salt(folder / "round.salt")
-    (program,) = blocks(DOCS / "hosting.md", "bash")
+    (program,) = blocks(page_of("hosting"), "bash")
     for written, here in (
         ("duo-", f"{PROBE}-"),
         ("their_policy:Policy", f"{__name__}:Escapes"),

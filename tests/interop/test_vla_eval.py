@@ -19,14 +19,14 @@ from duobench.results.folder import RunFolder
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
 from duobench.runners.evaluate import evaluate
-from tests.docs.markdown import DOCS, blocks, table
+from tests.docs.markdown import blocks, page_of, table
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import wait_until
 from tests.interop.conftest import VLA_EVAL_PYTHON, environment
 
 PEER = Path(__file__).with_name("vla_eval_peer.py")
 BENCHMARK_PEER = Path(__file__).with_name("vla_eval_benchmark_peer.py")
-PAGE = DOCS / "serving.md"
+PAGE = page_of("serving")
 LENGTH = 6
 EPISODES = 2
 

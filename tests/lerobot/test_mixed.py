@@ -29,7 +29,7 @@ STEPS = 2
 
 @pytest.fixture(scope="module")
 def sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated and a real episode, exported apart and together, as docs/lerobot.md says."""
+    """A simulated and a real episode, exported apart and together, as the page lerobot says."""
     folder = tmp_path_factory.mktemp("data")
     record(Recorder(duobench.make(TASK, cameras=(), horizon=LENGTH), folder / "sim-demos"))
     duo = open_rig("simulated", VirtualClock(), guard=False)

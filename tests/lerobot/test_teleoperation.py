@@ -40,11 +40,11 @@ from duobench.spatial import SE3
 from duobench.teleop.leaders.lerobot_source import LeRobotSource
 from duobench.types import ARM_JOINTS, DuoCommand
 from lerobot_env_duobench.hand_arms import OPEN_HOME
-from tests.docs.markdown import DOCS, table
+from tests.docs.markdown import page_of, table
 from tests.teleop.operator import Operator, hand, message
 from tests.web.pages import Page, get, open_page, unpack_frame
 
-PAGE = DOCS / "lerobot_teleoperation.md"
+PAGE = page_of("lerobot_teleoperation")
 OF_LEROBOT = ("id", "calibration_dir")
 TASK = "carry_pot"
 KEYS = [f"{name}.pos" for name in JOINT_NAMES]

@@ -6,10 +6,10 @@ import pytest
 
 pytest.importorskip("ray", reason="Ray is not installed here: make test-ray")
 
-from tests.docs.markdown import DOCS, blocks
+from tests.docs.markdown import blocks, page_of
 from tests.ray.test_cluster import duobench
 
-PAGE = DOCS / "scale.md"
+PAGE = page_of("scale")
 INSTEAD = {"lerobot:PATH": "hold", "100": "1", "16": "2", "1": "0"}
 
 

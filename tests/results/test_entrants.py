@@ -20,7 +20,7 @@ from duobench.results.entrants import (
 from duobench.results.tables import cell_text
 from duobench.shifts.shift import Shift
 from duobench.tasks import catalog
-from tests.docs.markdown import ROOT, tables
+from tests.docs.markdown import page_of, tables
 from tests.results.outcomes import play
 
 SOME = {"sort": [3, 1, 0]}
@@ -90,7 +90,7 @@ def test_means_are_those_of_the_tasks_but_for_rounding(policy: str) -> None:
 
 
 def test_numbers_are_those_of_the_page() -> None:
-    (rows,) = (rows for rows in tables(ROOT / "docs" / "results.md") if "X-VLA" in rows[0])
+    (rows,) = (rows for rows in tables(page_of("results")) if "X-VLA" in rows[0])
     for row in rows:
         task = row["task"]
         values = TABLE.means["overall"].values if task == "overall" else TABLE.tasks[task]

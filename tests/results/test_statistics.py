@@ -244,7 +244,7 @@ def test_coverage_of_wilson() -> None:
     low, high = np.array([wilson_interval(k, EPISODES) for k in range(EPISODES + 1)]).T[..., None]
     coverage = np.sum(counted(rates) * ((low <= rates) & (rates <= high)), axis=0)
     assert np.mean(coverage) == pytest.approx(0.95, abs=0.01)
-    assert 0.838 < np.min(coverage) < 0.841  # the dip of docs/comparison.md
+    assert 0.838 < np.min(coverage) < 0.841  # the dip of the page comparison
     assert np.min(coverage[(rates >= 0.05) & (rates <= 0.95)]) > 0.926
 
 

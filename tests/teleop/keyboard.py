@@ -18,7 +18,7 @@ from duobench.rig_sessions.teleoperation import Teleoperation, TeleopState
 from duobench.spatial import SE3, length, product, rotation_by, rotation_vector
 from duobench.types import CONTROL_HZ, SIDES, Array, Side
 from duobench.web.geometry import Geometry
-from tests.docs.markdown import DOCS, table
+from tests.docs.markdown import page_of, table
 from tests.teleop.operator import hand, message, said
 
 SEEN, SEEN_TURN = 0.01, math.radians(10)
@@ -48,7 +48,7 @@ def _amounts(key: str) -> tuple[float, float]:
     return tap, float(found[3]) / CONTROL_HZ
 
 
-CONTROLS = DOCS / "teleoperation_controls.md"
+CONTROLS = page_of("teleoperation_controls")
 MOVE, TURN = _amounts("arrow keys"), _amounts("Shift with any of these")
 
 

@@ -32,7 +32,7 @@ FOLLOWER_HZ = 500.0
 """Rate at which an arm is told where to be [measured: 8 mrad behind, no reflex]."""
 MAX_ACCELERATION = 6.0
 """Largest joint acceleration in rad/s² that a rig allows: at 9 arms overshot their speed limits in
-a strict simulator of the robot, at 6 they did not [docs/real_safety.md; data sheet: 10]."""
+a strict simulator of the robot, at 6 they did not [duobench docs real_safety; data sheet: 10]."""
 MAX_SPEED_FRACTION = 0.5
 """Largest part of the joints' speed limits that a rig may allow."""
 MAX_TOOL_SPEED = 2.0
@@ -444,5 +444,5 @@ def _check_schema(schema: object) -> None:
         raise OptionError(
             f"schema is {RIG_SCHEMA}, got {schema!r}. Since schema 2 torque_threshold is "
             f"{ARM_JOINTS} numbers and moment_threshold stands beside force_threshold: write them "
-            "anew, and leave out what may have its default (see docs/real_arms.md)."
+            "anew, and leave out what may have its default (see duobench docs real_arms)."
         )

@@ -25,8 +25,8 @@ from duobench.tasks import catalog
 class DuoBench(StepBenchmark):
     """The tasks of DuoBench, with actions and observations as a format says.
 
-    The parameters, from `task_ids` to `look`, are those of the table in docs/serving.md; vla-eval's
-    episode i is episode `seed + i` of `duobench eval`.
+    The parameters, from `task_ids` to `look`, are those of the table of the page serving;
+    vla-eval's episode i is episode `seed + i` of `duobench eval`.
     """
 
     _ALL_RECORD_FIELDS: ClassVar = frozenset({"reward", "done", "success", "stage", "steps"})

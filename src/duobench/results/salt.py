@@ -1,7 +1,7 @@
 """A salt: the secret that the seeds of the split "salted" follow from; and an organiser's rounds.
 
 It never leaves the process that reads it: runs hold its SHA-256, workers and policies get seeds. An
-organiser publishes its SHA-256 before a round and itself afterwards; see docs/hosting.md.
+organiser publishes its SHA-256 before a round and itself afterwards; see duobench docs hosting.
 """
 
 import hashlib

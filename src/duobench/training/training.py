@@ -365,7 +365,7 @@ def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
     if labels is None:
         yield (
             f"Its actions are {', '.join(map(str, names or ()))}, which no action mode has; see "
-            "docs/lerobot.md for the names."
+            "duobench docs lerobot for the names."
         )
     else:
         yield from _wrong_shape(features, ACTION, len(labels.names))

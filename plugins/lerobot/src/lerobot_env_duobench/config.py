@@ -54,7 +54,7 @@ class DuoBenchRobotConfig(RobotConfig):
     image_size: int = 224
     """Side of the images in pixels."""
     look: str = "default"
-    """How they look, as docs/looks.md names it."""
+    """How they look, as the page looks names it."""
     real_time: bool = True
     """Whether a control step takes at least 1/30 s, whatever LeRobot's program asks for."""
 

@@ -129,7 +129,7 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     typical = median(answers)
     value += f", answers in {1000 * typical:.1f} ms ({1000 * max(answers):.1f} ms at most)"
     if typical > LONGEST_ANSWER_S:
-        advice = "Set the latency timer of its adapter to 1 ms (see docs/real_setup.md)."
+        advice = "Set the latency timer of its adapter to 1 ms (see duobench docs real_setup)."
         return Outcome.FAILED.of(name, value, advice)
     ends, usual = ((each.open_count, each.closed_count) for each in (config, GripperConfig()))
     is_measured = config.driver is not GripperDriver.ROBOTIQ or ends != usual
@@ -165,7 +165,7 @@ def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> I
     calibration = config.calibration
     if calibration is None:
         value = "none; its images are not remapped"
-        yield Outcome.NOTE.of(title, value, "Calibrate it: docs/real_cameras.md.")
+        yield Outcome.NOTE.of(title, value, "Calibrate it: duobench docs real_cameras.")
         return
     coverage = CanonicalView(name, calibration, config.size).coverage
     value = (
