@@ -9,7 +9,7 @@ sys.path.append(str(Path(__file__).parent))
 
 project = "DuoBench"
 author = "The DuoBench authors"
-copyright = "the DuoBench authors, Apache-2.0"  # noqa: A001 - Sphinx's name
+copyright = "the DuoBench authors, Apache-2.0"
 release = version = __version__
 
 extensions = ["myst_parser", "sphinx_design", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
@@ -32,6 +32,8 @@ python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
 add_module_names = False
 toc_object_entries_show_parents = "hide"
+
+smartquotes = False  # two hyphens are an option, and quotes are those of the code
 
 html_theme = "furo"
 html_title = f"DuoBench {release}"
