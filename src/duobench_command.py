@@ -5,6 +5,7 @@ It lies beside the package, whose import alone, with Gymnasium and NumPy, takes 
 
 import os
 import signal
+import sys
 from types import FrameType
 
 
@@ -19,6 +20,10 @@ def main() -> None:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:  # not where it is ignored, as in the background
         signal.signal(signal.SIGINT, _leave)
+    if sys.platform == "win32":  # before what asks for POSIX is imported
+        from duobench.machine import unsupported
+
+        sys.exit(f"error: {unsupported()}")
     from duobench.cli import main as run
 
     signal.signal(signal.SIGINT, before)

@@ -11,7 +11,15 @@ import pytest
 from packaging.requirements import Requirement
 
 from duobench.errors import BackendError
-from duobench.machine import DISTRIBUTION, OPENGL_PACKAGES, SOURCE, install_extra, load_extra
+from duobench.machine import (
+    DISTRIBUTION,
+    OPENGL_PACKAGES,
+    SOURCE,
+    install_extra,
+    load_extra,
+    unsupported,
+)
+from duobench.versions import ENGINE, other_engine
 from tests.children import ran
 from tests.docs.markdown import page_of
 from tests.test_repository import ROOT, tracked
@@ -114,3 +122,61 @@ def test_libraries_of_opengl_are_the_same_everywhere() -> None:
     """Those of README and of the script that prepares a bare machine are the constant's."""
     for path in (page_of("install"), ROOT / ".ci" / "run"):
         assert OPENGL_PACKAGES in path.read_text(encoding="utf-8"), path
+
+
+@pytest.mark.parametrize(
+    ("system", "architecture", "word"),
+    [
+        ("win32", "AMD64", "WSL 2"),
+        ("darwin", "x86_64", "no wheel"),
+        ("darwin", "arm64", ""),
+        ("linux", "x86_64", ""),
+        ("linux", "aarch64", ""),
+    ],
+)
+def test_a_platform_that_cannot_have_it_is_told_what_to_do_in_one_sentence(
+    system: str, architecture: str, word: str
+) -> None:
+    said = unsupported(system, architecture)
+    assert bool(said) is bool(word)
+    assert word in said
+    assert said.count(".") == bool(word)
+
+
+def test_the_command_says_it_before_anything_that_asks_for_posix_is_imported() -> None:
+    """As on Windows, where `fcntl` and `termios` are not."""
+    code = """
+import sys
+import gymnasium  # which finds out for itself where it is
+sys.platform = "win32"
+sys.modules.update(dict.fromkeys(("fcntl", "termios", "resource")))
+import duobench_command
+duobench_command.main()
+"""
+    done = ran("-c", code)
+    assert done.returncode == 1
+    assert "WSL 2" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [
+        (None, ""),
+        (ENGINE, ""),
+        (f"{ENGINE}.3", ""),
+        (f"{ENGINE}1.0", f"MuJoCo {ENGINE}1.0 instead of {ENGINE}"),
+        ("3.17.0", f"MuJoCo 3.17.0 instead of {ENGINE}"),
+    ],
+)
+def test_another_minor_version_of_the_engine_is_named(version: str | None, said: str) -> None:
+    assert other_engine({"mujoco": version}) == said
+
+
+def test_the_engine_that_is_ranked_is_the_one_that_is_installed() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    (pin,) = [one for one in map(Requirement, project["dependencies"]) if one.name == "mujoco"]
+    assert pin.specifier.contains(f"{ENGINE}.99")
+    major, minor = map(int, ENGINE.split("."))
+    for other in (f"{major}.{minor + 1}", f"{major - 1}.99"):
+        assert not pin.specifier.contains(other)

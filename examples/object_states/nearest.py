@@ -31,11 +31,15 @@ HORIZON = 30
 class Nearest:
     """Looks a state up in an export; it needs NumPy alone."""
 
-    def __init__(self) -> None:
-        """Read the export in the folder CHECKPOINT; the variables EPISODES and UNTIL limit it."""
-        folder = checkpoint()
-        episodes = int(os.environ["EPISODES"]) if "EPISODES" in os.environ else None
-        self._data = Demonstrations.load(folder, episodes, os.environ.get("UNTIL", "end"))
+    def __init__(self, data: Demonstrations | None = None) -> None:
+        """Take demonstrations, or those of the export in the folder CHECKPOINT.
+
+        The variables EPISODES and UNTIL limit it.
+        """
+        if data is None:
+            episodes = int(os.environ["EPISODES"]) if "EPISODES" in os.environ else None
+            data = Demonstrations.load(checkpoint(), episodes, os.environ.get("UNTIL", "end"))
+        self._data = data
         seen = features(self._data.state, self._data.objects, self._data.names)
         self._mean, self._scale = seen.mean(axis=0), seen.std(axis=0) + 1e-3
         self._seen = (seen - self._mean) / self._scale

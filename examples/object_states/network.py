@@ -250,9 +250,9 @@ def _module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
 class Network:
     """Plays a trained network."""
 
-    def __init__(self) -> None:
-        """Read the file that the variable CHECKPOINT names."""
-        path = checkpoint()
+    def __init__(self, path: Path | None = None) -> None:
+        """Read a file, or the one that the variable CHECKPOINT names."""
+        path = path or checkpoint()
         if path.is_dir() or not path.exists():
             raise PolicyError(
                 f"There is no file of a network {path}; python network.py EXPORT bin_sort.npz "

@@ -6,6 +6,7 @@ the authors of the paper.
 
 import ipaddress
 import os
+import platform
 import sys
 import threading
 import time
@@ -27,6 +28,18 @@ SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "
 """What the names of OpenGL's renderers contain that need no graphics card."""
 FIRST_PYTHON = {"lerobot": (3, 12)}
 """The oldest Python that can have an extra, where it is not that of the package."""
+
+
+def unsupported(system: str = sys.platform, architecture: str | None = None) -> str:
+    """Why nothing can be played on a platform, and what to do; empty where nothing is known."""
+    if system == "win32":
+        return "DuoBench does not run on Windows itself: install it in WSL 2, which is Linux."
+    if system == "darwin" and (architecture or platform.machine()) == "x86_64":
+        return (
+            "MuJoCo 4 has no wheel for Macs with an Intel processor: install DuoBench on Linux, in "
+            "a container or a virtual machine, or on a Mac with Apple's."
+        )
+    return ""
 
 
 def install_extra(extra: str) -> str:

@@ -14,6 +14,8 @@ from pathlib import Path
 
 __version__ = "1.0.0rc1"
 """Version of the software; a build reads it from this line."""
+ENGINE = "4.0"
+"""Minor version of MuJoCo whose runs are ranked: scores depend on the engine."""
 _PACKAGES = ("mujoco", "numpy", "mink", "daqp", "scipy", "manifold3d")
 """The engine, the arithmetic, the inverse kinematics with its solver, and what cuts shapes."""
 _DECIDING = ("mujoco", "numpy", "manifold3d")
@@ -38,6 +40,13 @@ def package_versions() -> dict[str, str]:
     from importlib.metadata import version  # half of the time of `import duobench`
 
     return {"duobench": __version__, **{name: version(name) for name in _PACKAGES}}
+
+
+def other_engine(versions: Mapping[str, str | None]) -> str:
+    """What to say of versions with another MuJoCo than the benchmark's; empty where it is that."""
+    version = versions.get("mujoco")
+    is_ours = version is None or version == ENGINE or version.startswith(f"{ENGINE}.")
+    return "" if is_ours else f"MuJoCo {version} instead of {ENGINE}"
 
 
 def source_hashes(modules: Iterable[str] = (), *, is_scripted: bool = False) -> dict[str, str]:

@@ -16,6 +16,7 @@ from duobench.results.salt import Round, Salt
 from duobench.results.suite import find_tasks
 from duobench.shifts.shift import NO_SHIFT, Shift
 from tests.results.boards import entry
+from tests.results.samples import VERSIONS
 
 TWO = find_tasks(("bin_sort", "carry_pot"))
 
@@ -62,6 +63,8 @@ def test_privileged_ones_are_ranked_apart() -> None:
             {"shifts": (NO_SHIFT, Shift(axis="look", level=1))},
             ("2 conditions, not that without a shift alone",),
         ),
+        ({"versions": {**VERSIONS, "mujoco": "4.1.2"}}, ("MuJoCo 4.1.2 instead of 4.0",)),
+        ({"versions": {**VERSIONS, "mujoco": "4.0.9"}}, ()),
         # How a policy sees and acts is its own affair.
         (
             {

@@ -34,6 +34,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "data": data.data,
     "export": data.export,
     "train": policies.train,
+    "checkpoint": policies.checkpoint,
     "print": tasks.print_,
     "real": arms.real,
     "doctor": doctor.doctor,
@@ -43,11 +44,13 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "data": {
         "info": data.info,
         "check": data.check,
+        "card": data.card,
         "recover": data.recover,
         "merge": data.merge,
         "split": data.split,
     },
     "export": {"lerobot": data.lerobot},
+    "checkpoint": {"card": policies.card},
     "real": {
         "doctor": doctor.examine_rig,
         "home": arms.home,

@@ -27,6 +27,7 @@ from duobench.results.suite import find_tasks
 from duobench.shifts.shift import NO_SHIFT
 from duobench.tasks import catalog
 from duobench.tasks.task import Category
+from duobench.versions import other_engine
 
 SCHEMA = 1
 DOCUMENT = "leaderboard.json"
@@ -224,6 +225,8 @@ def _deviations(run: Run, records: Iterable[EpisodeRecord], split: str) -> tuple
         found.append("self-reported: whoever played it may have chosen its salt")
     if run.suite.shifts != (NO_SHIFT,):
         found.append(f"{len(run.suite.shifts)} conditions, not that without a shift alone")
+    if other := other_engine(run.versions):
+        found.append(other)
     tasks = catalog.names()
     if len(run.suite.tasks) < len(tasks):
         found.append(f"{len(run.suite.tasks)} of {len(tasks)} tasks")

@@ -27,7 +27,7 @@ from duobench.results.scores import Results, RunPart, TaskResult
 from duobench.results.suite import execute_text, latency_text, suite_text
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
-from duobench.versions import __version__, package_source
+from duobench.versions import __version__, other_engine, package_source
 from duobench.video import last_frame
 from duobench.web.page import EpisodeReplay, replay_fragment
 
@@ -161,7 +161,8 @@ def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
                 f"{name} {version}"
                 for name, version in versions.items()
                 if version and name not in hidden
-            ),
+            )
+            + (f" ({other}: not ranked)" if (other := other_engine(versions)) else ""),
         }
         for versions in found
     ]

@@ -14,12 +14,15 @@ from types import FrameType
 from typing import NoReturn
 
 from duobench.errors import RenderingError
+from duobench.machine import unsupported
 
 ASKED = "MUJOCO_GL"
 
 
 def load_engine() -> None:
     """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names."""
+    if problem := unsupported():
+        raise RenderingError(problem)
     try:
         import_module("mujoco")
     except (RuntimeError, AttributeError, ImportError, OSError) as error:

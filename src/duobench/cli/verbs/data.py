@@ -17,6 +17,7 @@ from duobench.cli.shared.progress import display
 from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptions
 from duobench.errors import DataError, NamesTakenError, OutputError, SeveralTasksError
 from duobench.files import locked
+from duobench.pages import ID
 
 if TYPE_CHECKING:
     from duobench.data import DataSet
@@ -112,6 +113,21 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
     say(f"{episodes}, {counted(len(problems), 'problem')}")
     if problems:
         sys.exit(1)
+
+
+def card(data: tyro.conf.Positional[Path], name: str = ID, licence: str = "apache-2.0") -> None:
+    """Write the card of a data set, README.md as the Hub shows it, with pictures, into its folder.
+
+    Args:
+        data: Folder of recordings or of an export in LeRobot's format, or one with several.
+        name: Its id on the Hub, as commands on the card name it.
+        licence: The Hub's word for what others may do with it.
+    """
+    load_engine()
+    from duobench.data.card import write_data_card
+
+    say(f"Card: {write_data_card(data, name, licence)}")
+    say(f"Upload: hf upload {name} {data} --repo-type dataset")
 
 
 def recover(data: tyro.conf.Positional[Path]) -> None:

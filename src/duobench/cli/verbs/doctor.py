@@ -23,10 +23,11 @@ from duobench.envs.config import IMAGE_SIZE
 from duobench.errors import BackendError, DuoBenchError
 from duobench.hardware.canonical import NATIVE
 from duobench.hardware.clock import SystemClock, VirtualClock
+from duobench.machine import unsupported
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.types import HEAD, POLICY_CAMERAS
-from duobench.versions import record_versions
+from duobench.versions import other_engine, record_versions
 
 if TYPE_CHECKING:
     from duobench.hardware.doctor.checks import Check
@@ -40,6 +41,9 @@ FRAMES = 20
 
 def doctor() -> None:
     """Show versions and graphics, with the time of an image; exit code 1 if one fails."""
+    if problem := unsupported():
+        say(problem, style="red")
+        sys.exit(1)
     is_well = True
     for heading, look in (("Versions", _versions), ("Graphics", _graphics)):
         say(heading, style="bold")
@@ -56,6 +60,8 @@ def doctor() -> None:
 
 def _versions() -> dict[str, str]:
     versions = {name: version for name, version in record_versions(None).items() if version}
+    if other := other_engine(versions):
+        versions["mujoco"] += f": {other}; runs with it are marked and not ranked"
     return {**versions, "suite version": SUITE_VERSION}
 
 

@@ -1,0 +1,1 @@
+"""`make publication`: the folder of what would be published, made from nothing."""

@@ -1,0 +1,89 @@
+"""The card of a checkpoint: what it reached, and the bundle of the evaluation that says so."""
+
+import io
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from duobench.errors import EvaluationError
+from duobench.files import digest_of, write
+from duobench.pages import CARD, render
+from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash, read
+from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, open_source, write_bundle
+from duobench.results.figures import stage_bars
+from duobench.results.report import read_parts
+from duobench.results.scores import interval_percent, percent, progress_text
+
+EVALUATION = f"evaluation{BUNDLE_SUFFIX}"
+FIGURE = "stages.png"
+TRAINING = "training.json"
+"""Names and values of a training, which a checkpoint that is none of LeRobot may have beside it."""
+_HASH = 16
+"""Digits of a SHA-256 that name weights in the version of a policy."""
+
+
+def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -> Path:
+    """Write the card of a checkpoint, a figure and the bundle of a run into its folder.
+
+    Raises:
+        EvaluationError: The run is none of this checkpoint alone: the version of its policy names
+            no file of the folder by its SHA-256.
+    """
+    reader = open_source(source)
+    part, *others = read_parts(reader)
+    version = part.candidate.metadata.version or "not known"
+    if others or not any(digest in version for digest in _digests(folder)):
+        raise EvaluationError(
+            f"{source} is no evaluation of {folder} alone: the version of its policy is "
+            f"{version}, which names no file of that folder by its SHA-256."
+        )
+    bundle = folder / EVALUATION
+    if not isinstance(reader, Bundle):
+        write_bundle(reader, bundle)
+    elif not bundle.exists() or not bundle.samefile(source):
+        shutil.copyfile(source, bundle)
+    figure: Any = stage_bars(part.results)
+    figure.savefig(png := io.BytesIO(), format="png", dpi=160, facecolor="white")
+    write(folder / FIGURE, png.getvalue())
+    text = render(
+        "duobench.results",
+        "card.md.j2",
+        id=name,
+        name=name.rpartition("/")[2],
+        licence=licence,
+        is_lerobot=(folder / CONFIG).exists(),
+        part=part,
+        scores=[(one.task.id, one.score) for one in part.results.tasks]
+        + [("all", part.results.overall)],
+        percent=percent,
+        interval=interval_percent,
+        progress=progress_text,
+        figure=FIGURE,
+        training=_training(folder),
+        bundle=EVALUATION,
+        digest=digest_of(bundle),
+    )
+    write(folder / CARD, text)
+    return folder / CARD
+
+
+def _digests(folder: Path) -> Iterator[str]:
+    """What may name the weights of a folder in the version of a policy."""
+    if (folder / WEIGHTS).exists():
+        yield content_hash(folder)[:_HASH]
+    for path in folder.iterdir():
+        if path.is_file() and path.name not in (CARD, FIGURE, EVALUATION, TRAINING):
+            yield digest_of(path)[:_HASH]
+
+
+def _training(folder: Path) -> dict[str, Any]:
+    """What is known of the training: what stands beside the checkpoint, or what LeRobot keeps."""
+    if (folder / TRAINING).exists():
+        return json.loads((folder / TRAINING).read_bytes())
+    known = read(folder / "train_config.json")
+    data = (known.get("dataset") or {}).get("repo_id")
+    found = {"policy": read(folder / CONFIG).get("type"), "data set": data}
+    found |= {key: known.get(key) for key in ("steps", "batch_size", "seed")}
+    return {key: value for key, value in found.items() if value is not None}
