@@ -46,4 +46,6 @@ def test_a_page_is_short(page: Path) -> None:
 
 def test_what_is_written_from_code_does_not_count() -> None:
     place = "<!-- any: written by make docs -->\n\none two\n<!-- end of any -->\n"
-    assert words(f"# A page\n\n| a | b |\n| --- | --- |\n\n{place}`x = 1`, [link](there.md).\n") == 7
+    assert (
+        words(f"# A page\n\n| a | b |\n| --- | --- |\n\n{place}`x = 1`, [link](there.md).\n") == 7
+    )
