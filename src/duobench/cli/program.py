@@ -7,7 +7,7 @@ import tyro
 from duobench.cli.real import arms, calibrate, check
 from duobench.cli.shared.console import say
 from duobench.cli.shared.spelling import check_spelling
-from duobench.cli.verbs import data, doctor, episodes, policies, runs, tasks, teleop
+from duobench.cli.verbs import data, docs, doctor, episodes, policies, runs, tasks, teleop
 from duobench.versions import __version__
 
 DESCRIPTION = (
@@ -38,6 +38,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "print": tasks.print_,
     "real": arms.real,
     "doctor": doctor.doctor,
+    "docs": docs.docs,
 }
 GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "data": {
