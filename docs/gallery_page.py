@@ -27,29 +27,32 @@ COLUMNS = 3
 def cover(images: Mapping[str, PIL.Image.Image]) -> PIL.Image.Image:
     """Put one image of each task together, in rows of equal width, the larger ones first."""
     font = ImageFont.load_default(size=14)
-    tasks = [catalog.get(name) for name in catalog.names()]
-    strips = []
-    for members in rows(tasks):
+    boxes = cells()
+    sheet = PIL.Image.new("RGB", (COVER_WIDTH, max(bottom for *_, bottom in boxes.values())))
+    for name, (left, top, right, bottom) in boxes.items():
+        sheet.paste(images[name].resize((right - left, bottom - top)), (left, top))
+        ImageDraw.Draw(sheet).text(
+            (left + 8, top + 5),
+            catalog.get(name).title,
+            font=font,
+            fill="white",
+            stroke_width=2,
+            stroke_fill="black",
+        )
+    return sheet
+
+
+def cells() -> dict[str, tuple[int, int, int, int]]:
+    """Return where each task is on the image of all: left, top, right, bottom in pixels."""
+    found = {}
+    top = 0
+    for members in rows([catalog.get(name) for name in catalog.names()]):
         width = COVER_WIDTH // len(members)
         height = width * STAGE_SIZE[0] // STAGE_SIZE[1]
-        strip = PIL.Image.new("RGB", (COVER_WIDTH, height))
         for column, task in enumerate(members):
-            strip.paste(images[task.id].resize((width, height)), (column * width, 0))
-            ImageDraw.Draw(strip).text(
-                (column * width + 8, 5),
-                task.title,
-                font=font,
-                fill="white",
-                stroke_width=2,
-                stroke_fill="black",
-            )
-        strips.append(strip)
-    sheet = PIL.Image.new("RGB", (COVER_WIDTH, sum(strip.height for strip in strips)))
-    top = 0
-    for strip in strips:
-        sheet.paste(strip, (0, top))
-        top += strip.height
-    return sheet
+            found[task.id] = (column * width, top, (column + 1) * width, top + height)
+        top += height
+    return found
 
 
 def rows(tasks: Sequence[Task]) -> Iterator[Sequence[Task]]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from duobench.fabrication import Foot, PrintJob, Recipe, fit_coupon, job_of, placing_jig, recipe_of
+from duobench.fabrication import Foot, PrintJob, fit_coupon, job_of, placing_jig, recipe_of
 from duobench.fabrication.details import shopping_lines
 from duobench.tasks import catalog
 
@@ -54,11 +54,13 @@ def digest(what: PrintJob) -> str:
 
 def page(pictures: Path) -> str:
     """Return the page in Markdown, with the pictures that there are in a folder."""
-    sections = ["\n".join(_section(recipe_of(job(name)), pictures)) for name in JOBS]
+    sections = ["\n".join(section(name, pictures)) for name in JOBS]
     return "\n\n".join([INTRODUCTION.rstrip(), *sections]) + "\n"
 
 
-def _section(recipe: Recipe, pictures: Path) -> Iterator[str]:
+def section(name: str, pictures: Path) -> Iterator[str]:
+    """Give the lines about one of the jobs."""
+    recipe = recipe_of(job(name))
     yield f"## {recipe.title}"
     yield ""
     yield f"`duobench print {recipe.id}`" if recipe.id != COUPON else "Part of every folder."

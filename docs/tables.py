@@ -82,6 +82,11 @@ def object_states() -> str:
     return table(("task", "numbers:", "places", "names", "looks the same after"), rows)
 
 
+def object_states_of(task: Task) -> str:
+    """The order of the numbers of one task."""
+    return table(("places", "names", "looks the same after"), _parts(task))
+
+
 def _parts(task: Task) -> Iterator[tuple[str, str, str]]:
     """Where the numbers are, counted from 0, what they are called, and an object's symmetry."""
     turned = {f"{prop.name}_z_axis_z": prop for prop in task.props}
@@ -268,6 +273,7 @@ TABLES: Mapping[str, Places] = {
     "evaluation": {"suites": suites},
     "baselines": {
         "learned from 50": learned("--print"),
+        "learned from 200": learned("--print", "--demonstrations", "200"),
         "failures with 50": learned("--failures"),
     },
     "results": {"learned from object states": learned("--print")},

@@ -83,7 +83,7 @@ def _training(folder: Path) -> dict[str, Any]:
     if (folder / TRAINING).exists():
         return json.loads((folder / TRAINING).read_bytes())
     known = read(folder / "train_config.json")
-    data = (known.get("dataset") or {}).get("repo_id")
-    found = {"policy": read(folder / CONFIG).get("type"), "data set": data}
+    data: dict[str, Any] = known.get("dataset") or {}
+    found = {"policy": read(folder / CONFIG).get("type"), "data set": data.get("repo_id")}
     found |= {key: known.get(key) for key in ("steps", "batch_size", "seed")}
     return {key: value for key, value in found.items() if value is not None}

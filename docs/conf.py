@@ -1,0 +1,64 @@
+"""Settings of Sphinx for the site, which `make site` builds from what site_stage.py lays out."""
+
+import sys
+from pathlib import Path
+
+from duobench.versions import __version__
+
+sys.path.append(str(Path(__file__).parent))
+
+project = "DuoBench"
+author = "The DuoBench authors"
+copyright = "the DuoBench authors, Apache-2.0"  # noqa: A001 - Sphinx's name
+release = version = __version__
+
+extensions = ["myst_parser", "sphinx_design", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+source_suffix = {".md": "markdown"}
+exclude_patterns = ["files/**"]
+
+# Pages are Markdown as a code host shows it: headings are anchors, colons may fence.
+myst_enable_extensions = ["colon_fence"]
+myst_heading_anchors = 4
+
+# Docstrings are in Google's style; a name between single backticks is code.
+default_role = "code"
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 80
+add_module_names = False
+toc_object_entries_show_parents = "hide"
+
+html_theme = "furo"
+html_title = f"DuoBench {release}"
+html_copy_source = False
+html_show_sourcelink = False
+html_static_path = ["site_static"]
+html_css_files = ["site.css"]
+html_theme_options = {"navigation_with_keys": False, "top_of_page_buttons": []}
+
+KEPT: list[str] = []
+"""What is said of an attribute, while napoleon reads it."""
+FIELDS = {"attribute", "data", "property"}
+
+
+def keep(*told: object) -> None:
+    """Remember what is said of an attribute: napoleon takes what precedes a colon for its type."""
+    if told[1] in FIELDS:
+        KEPT[:] = list(told[-1])  # pyright: ignore[reportArgumentType]
+
+
+def give_back(*told: object) -> None:
+    """Say it again."""
+    if told[1] in FIELDS:
+        told[-1][:] = KEPT  # pyright: ignore[reportIndexIssue]
+
+
+def setup(app: object) -> None:
+    """Be called before and after napoleon."""
+    for call, priority in ((keep, 1), (give_back, 999)):
+        app.connect("autodoc-process-docstring", call, priority=priority)  # pyright: ignore[reportAttributeAccessIssue]
