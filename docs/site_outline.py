@@ -40,7 +40,7 @@ DRAWERS: Mapping[str, Drawer] = {
         chapters={
             "Environments and learning": ("environments", "reinforcement_learning"),
             "Record and teleoperate": (
-                *("recording", "dataset", "parquet", "viewing"),
+                *("recording", "parquet", "viewing"),
                 *("teleoperation", "teleoperation_controls", "lerobot_teleoperation"),
             ),
             "Train and serve": ("lerobot", "lerobot_policies", "serving"),
