@@ -25,6 +25,7 @@ BESIDE = {
     "contributing": ROOT / "CONTRIBUTING.md",
     "security": ROOT / "SECURITY.md",
     "changelog": ROOT / "CHANGELOG.md",
+    "conduct": ROOT / "CODE_OF_CONDUCT.md",
     "notices": ROOT / "THIRD_PARTY_NOTICES.md",
 }
 """Pages of the drawer `project`."""
@@ -85,9 +86,7 @@ def sources() -> dict[Path, Path]:
     return {FIRST: Path("index.md"), **places}
 
 
-def moved(
-    text: str, path: Path, place: Path, places: Mapping[Path, Path], source: Path
-) -> str:
+def moved(text: str, path: Path, place: Path, places: Mapping[Path, Path], source: Path) -> str:
     """Return a page whose links lead to the site's pages; files that it links are copied."""
 
     def lead(found: re.Match[str]) -> str:

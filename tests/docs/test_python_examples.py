@@ -17,7 +17,9 @@ EXAMPLES = dict(re.findall(r"^## (\S+)\n(.*?)(?=^## |\Z)", text_of(PAGE), re.DOT
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_an_example_runs_as_shown(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_example_runs_as_shown(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {}, name, str(PAGE), 0)
     assert example.examples
@@ -31,4 +33,4 @@ def test_there_are_enough_and_each_is_of_a_public_name() -> None:
     for name, code in EXAMPLES.items():
         package, _, own = name.rpartition(".")
         assert own in importlib.import_module(package).__all__
-        assert own in code or package.removeprefix("duobench.") in code
+        assert own in code
