@@ -61,7 +61,7 @@ def command_line() -> str:
     for words, verb in verbs(VERBS):
         parser = parser_of(verb, words)
         lines += [f"## duobench {words}", "", plain(parser.description or ""), ""]
-        rows = [row for action in parser._actions if (row := option(action))]  # noqa: SLF001
+        rows = [row for action in parser._actions if (row := option(action))]
         if rows:
             lines.append(table(("option", "takes", "meaning"), rows))
     return "\n".join(lines) + "\n"
@@ -197,7 +197,12 @@ def messages() -> str:
 
 def python() -> str:
     """Return every public name, from its docstring, with its example."""
-    lines = ["# The Python API", "", "What may be imported from where. Anything else is private.", ""]
+    lines = [
+        "# The Python API",
+        "",
+        "What may be imported from where. Anything else is private.",
+        "",
+    ]
     shown = examples()
     for package in PACKAGES:
         module = importlib.import_module(package)
@@ -207,7 +212,9 @@ def python() -> str:
             if (example := shown.pop(f"{package}.{name}", "")) != "":
                 lines += ["```python", example.rstrip(), "```", ""]
     if shown:
-        raise ValueError(f"{EXAMPLES.name} has examples of {', '.join(shown)}, which are not public")
+        raise ValueError(
+            f"{EXAMPLES.name} has examples of {', '.join(shown)}, which are not public"
+        )
     return "\n".join(lines) + "\n"
 
 

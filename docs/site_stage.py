@@ -85,9 +85,7 @@ def sources() -> dict[Path, Path]:
     return {FIRST: Path("index.md"), **places}
 
 
-def moved(
-    text: str, path: Path, place: Path, places: Mapping[Path, Path], source: Path
-) -> str:
+def moved(text: str, path: Path, place: Path, places: Mapping[Path, Path], source: Path) -> str:
     """Return a page whose links lead to the site's pages; files that it links are copied."""
 
     def lead(found: re.Match[str]) -> str:

@@ -17,7 +17,9 @@ EXAMPLES = dict(re.findall(r"^## (\S+)\n(.*?)(?=^## |\Z)", text_of(PAGE), re.DOT
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_an_example_runs_as_shown(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_example_runs_as_shown(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {}, name, str(PAGE), 0)
     assert example.examples

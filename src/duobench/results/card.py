@@ -51,12 +51,9 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
         "duobench.results",
         "card.md.j2",
         id=name,
-        name=name.rpartition("/")[2],
         licence=licence,
         is_lerobot=(folder / CONFIG).exists(),
         part=part,
-        scores=[(one.task.id, one.score) for one in part.results.tasks]
-        + [("all", part.results.overall)],
         percent=percent,
         interval=interval_percent,
         progress=progress_text,
