@@ -10,8 +10,8 @@ from duobench.data.page import contact_sheet
 from duobench.data.summary import summarize
 from duobench.errors import DataError
 from duobench.files import make_folder, write
-from duobench.lerobot_keys import SUITE
-from duobench.pages import CARD, render
+from duobench.lerobot_keys import CARD, SUITE
+from duobench.pages import render
 from duobench.types import CONTROL_HZ
 
 PICTURES = "pictures"

@@ -9,7 +9,8 @@ from typing import Any
 
 from duobench.errors import EvaluationError
 from duobench.files import digest_of, write
-from duobench.pages import CARD, render
+from duobench.lerobot_keys import CARD
+from duobench.pages import render
 from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash, read
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, open_source, write_bundle
 from duobench.results.figures import stage_bars
