@@ -9,7 +9,7 @@ sys.path.append(str(Path(__file__).parent))
 
 project = "DuoBench"
 author = "The DuoBench authors"
-copyright = "the DuoBench authors, Apache-2.0"  # noqa: A001 - Sphinx's name
+copyright = "the DuoBench authors, Apache-2.0"
 release = version = __version__
 
 extensions = ["myst_parser", "sphinx_design", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]

@@ -61,7 +61,7 @@ def command_line() -> str:
     for words, verb in verbs(VERBS):
         parser = parser_of(verb, words)
         lines += [f"## duobench {words}", "", plain(parser.description or ""), ""]
-        rows = [row for action in parser._actions if (row := option(action))]  # noqa: SLF001
+        rows = [row for action in parser._actions if (row := option(action))]
         if rows:
             lines.append(table(("option", "takes", "meaning"), rows))
     return "\n".join(lines) + "\n"

@@ -18,7 +18,6 @@ from tables import object_states_of, table
 from duobench.results.entrants import AUTHORS, PAPER, WARNING, published, value_of
 from duobench.results.scores import wilson_interval
 from duobench.robot.cameras import OVERVIEW
-from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
