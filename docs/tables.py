@@ -273,6 +273,7 @@ TABLES: Mapping[str, Places] = {
     "evaluation": {"suites": suites},
     "baselines": {
         "learned from 50": learned("--print"),
+        "learned from 200": learned("--print", "--demonstrations", "200"),
         "failures with 50": learned("--failures"),
     },
     "results": {"learned from object states": learned("--print")},

@@ -135,6 +135,9 @@ class Publication:
     def cards(self, policies: list[str]) -> None:
         """Write the cards, and say on each of a quick publication that it is one."""
         self.duobench("data", "card", DATA, "--name", f"{self.owner}/duobench-fr3-recordings")
+        shutil.copytree(
+            self.out / DATA / "pictures", self.out / LEROBOT / "pictures", dirs_exist_ok=True
+        )
         self.duobench("data", "card", LEROBOT, "--name", f"{self.owner}/duobench-fr3")
         folders = [self.out / DATA, self.out / LEROBOT]
         for policy in policies:

@@ -22,6 +22,8 @@ SUITE = "suite_version"
 FEATURE_NAMES = "duobench_names.json"
 """File beside a checkpoint that says what the numbers of its features are: names by feature.
 LeRobot keeps only how many there are."""
+CARD, ID = "README.md", "USER/NAME"
+"""The card of a data set or a checkpoint on the Hub, and what stands for an id there."""
 POSITION = ".pos"
 """What LeRobot appends to the name of a joint for its position."""
 EXECUTED = 30

@@ -21,7 +21,7 @@ RUN_BY = {
     "tests/docs/test_real_pages.py": "real_arms: sh python json; real_cameras: python; "
     "real_evaluation: sh; real_recording: sh; real_safety: python; real_setup: sh python",
     "tests/docs/test_shown.py": "hosting: sh; leaderboard: sh; object_states: sh python; "
-    "recording: sh python; robustness: sh; scale: sh; teleoperation: python toml; "
+    "publish: sh; recording: sh python; robustness: sh; scale: sh; teleoperation: python toml; "
     "verification: sh python",
     "tests/ecosystem/test_pages.py": "environments: python; reinforcement_learning: python",
     "tests/evaluation/test_hosting.py": "hosting: bash",

@@ -38,6 +38,10 @@ PAGES = {
     "object_states": Shown(
         commands={0: ("my_states:MyStates (privileged)",)}, code={0: ("white_cube_x 0.",)}
     ),
+    "publish": Shown(
+        commands={-1: ("Upload: hf upload me/my-demos demos --repo-type dataset",)},
+        files=("demos/README.md", "demos/pictures/bin_sort.jpg"),
+    ),
     "recording": Shown(
         commands={-1: ("1 episode, 0 problems",)},
         code={0: ("00000.parquet 30 steps", "cut=True"), 1: ("(96, 96, 3)", "bit-exact: True")},

@@ -1,11 +1,13 @@
 """The baselines on object states: recorded, exported and played as a reader would."""
 
+import hashlib
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import permutations
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -25,6 +27,7 @@ from duobench.errors import (
 from duobench.evaluation.rollout import rollout
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
+from duobench.tasks import catalog
 from tests.docs.markdown import ROOT
 
 EXAMPLES = ROOT / "examples" / "object_states"
@@ -78,6 +81,38 @@ def test_nearest_state_is_evaluated_as_a_privileged_policy(exports: Path) -> Non
     (record,) = RunFolder(exports / "runs").read_records(RunFolder(exports / "runs").read_run())
     assert record.error is None
     assert record.steps > 0
+
+
+@pytest.mark.usefixtures("example")
+def test_one_policy_plays_the_file_of_the_task_that_is_instructed(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import eleven  # pyright: ignore[reportMissingImports]
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+
+    data = Demonstrations.load(exports / TASK)
+    eleven.keep(data, tmp_path / f"{TASK}.npz")
+    monkeypatch.setenv("CHECKPOINT", str(tmp_path))
+    with pytest.raises(PolicyError, match=eleven.LIST):
+        eleven.Eleven()
+    (tmp_path / eleven.LIST).write_text(eleven.listing(tmp_path))
+    policy = eleven.Eleven()
+    listed = hashlib.sha256((tmp_path / eleven.LIST).read_bytes()).hexdigest()
+    assert listed.startswith(policy.metadata.version)
+    with pytest.raises(PolicyError, match="Fold the towel"):
+        policy.reset("Fold the towel.", 0)
+    env = duobench.make(
+        TASK, cameras=False, object_state=True, action_mode="cartesian", split="train"
+    )
+    (path, *_) = DataSet.open(exports.with_name("demos")).episodes()
+    rollout(env, policy, seed=Recording.read_info(path).seed or 0)
+    assert env.get_wrapper_attr("judge").stage == 3
+
+
+@pytest.mark.usefixtures("example")
+def test_instructions_begin_otherwise_for_every_task() -> None:
+    begins = [catalog.get(name).instruction.partition("{")[0] for name in catalog.names()]
+    assert not [(a, b) for a, b in permutations(begins, 2) if a.startswith(b)]
 
 
 @pytest.mark.usefixtures("example")

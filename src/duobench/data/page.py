@@ -2,14 +2,12 @@
 
 import base64
 import io
-from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from duobench.backend import Image as Pixels
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource, RecordedImages, raw_view
 from duobench.data.recording import Recording
@@ -41,7 +39,11 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
         OutputError: The page cannot be written.
     """
     firsts = {task.task: data.episodes(task.task)[0] for task in summary.tasks if images}
-    sheets = {task: _address(s) for task, path in firsts.items() if (s := contact_sheet(path))}
+    sheets = {
+        task: base64.b64encode(s).decode()
+        for task, path in firsts.items()
+        if (s := contact_sheet(path))
+    }
     page = data.path / PAGE
     text = render(
         "duobench.data",
@@ -70,15 +72,6 @@ def contact_sheet(path: Path) -> bytes | None:
             images = [videos.images(row)[HEAD] for row in rows]
     else:
         return None
-    return as_jpeg(images)
-
-
-def as_jpeg(images: Sequence[Pixels]) -> bytes:
-    """Images of one height side by side, as a JPEG."""
     buffer = io.BytesIO()
     Image.fromarray(np.hstack(images)).save(buffer, format="JPEG", quality=JPEG_QUALITY)
     return buffer.getvalue()
-
-
-def _address(sheet: bytes) -> str:
-    return f"data:image/jpeg;base64,{base64.b64encode(sheet).decode()}"

@@ -5,9 +5,6 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
-CARD, ID = "README.md", "USER/NAME"
-"""The card of a data set or a checkpoint on the Hub, and what stands for an id there."""
-
 
 def render(package: str, template: str, **values: Any) -> str:
     """A page as HTML text.

@@ -9,7 +9,8 @@ from typing import Any
 
 from duobench.errors import EvaluationError
 from duobench.files import digest_of, write
-from duobench.pages import CARD, render
+from duobench.lerobot_keys import CARD
+from duobench.pages import render
 from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash, read
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, open_source, write_bundle
 from duobench.results.figures import stage_bars
@@ -51,12 +52,9 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
         "duobench.results",
         "card.md.j2",
         id=name,
-        name=name.rpartition("/")[2],
         licence=licence,
         is_lerobot=(folder / CONFIG).exists(),
         part=part,
-        scores=[(one.task.id, one.score) for one in part.results.tasks]
-        + [("all", part.results.overall)],
         percent=percent,
         interval=interval_percent,
         progress=progress_text,
@@ -83,7 +81,7 @@ def _training(folder: Path) -> dict[str, Any]:
     if (folder / TRAINING).exists():
         return json.loads((folder / TRAINING).read_bytes())
     known = read(folder / "train_config.json")
-    data = (known.get("dataset") or {}).get("repo_id")
-    found = {"policy": read(folder / CONFIG).get("type"), "data set": data}
+    data: dict[str, Any] = known.get("dataset") or {}
+    found = {"policy": read(folder / CONFIG).get("type"), "data set": data.get("repo_id")}
     found |= {key: known.get(key) for key in ("steps", "batch_size", "seed")}
     return {key: value for key, value in found.items() if value is not None}

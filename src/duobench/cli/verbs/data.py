@@ -17,7 +17,7 @@ from duobench.cli.shared.progress import display
 from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptions
 from duobench.errors import DataError, NamesTakenError, OutputError, SeveralTasksError
 from duobench.files import locked
-from duobench.pages import ID
+from duobench.lerobot_keys import ID
 
 if TYPE_CHECKING:
     from duobench.data import DataSet

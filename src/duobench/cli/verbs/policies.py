@@ -15,7 +15,7 @@ from duobench.cli.shared.advice import AdvisedError, find_run
 from duobench.cli.shared.console import say
 from duobench.cli.shared.process import stopping
 from duobench.errors import DataError, NoObjectStatesError, ServingError
-from duobench.pages import ID
+from duobench.lerobot_keys import ID
 from duobench.policy.batch import Batching
 from duobench.policy.registry import reads_simulation
 from duobench.policy.serving.access import check_access, read_key

@@ -1,0 +1,98 @@
+"""Cards of checkpoints: numbers of a run of these weights, and of no others, with its bundle."""
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from duobench.errors import EvaluationError
+from duobench.policy import PolicyMetadata
+from duobench.policy.lerobot_checkpoint import content_hash
+from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, write_bundle
+from duobench.results.card import EVALUATION, FIGURE, write_checkpoint_card
+from duobench.results.folder import RunFolder
+from duobench.results.report import read_parts
+from tests.results.samples import CONFIG, sample_folder, sample_records, sample_run
+
+NAME = "us/policy"
+
+
+def run_of(folder: Path, version: str | None, *, object_state: bool = False) -> RunFolder:
+    """A run whose policy has this version."""
+    metadata = PolicyMetadata(
+        name="mine", version=version, cameras=("head",), object_state=object_state
+    )
+    config = replace(CONFIG, object_state=object_state)
+    run = sample_run(metadata=metadata, config=config)
+    return sample_folder(folder, run, sample_records(run))
+
+
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    folder = tmp_path / "checkpoint"
+    folder.mkdir()
+    (folder / "weights.npz").write_bytes(b"weights")
+    return folder
+
+
+VERSION = hashlib.sha256(b"weights").hexdigest()[:16]
+
+
+def test_card_has_the_numbers_and_the_bundle_of_the_run(tmp_path: Path, weights: Path) -> None:
+    run = run_of(tmp_path / "run", VERSION)
+    (weights / "training.json").write_text(json.dumps({"seed": 7}))
+    text = write_checkpoint_card(weights, run.path, NAME, "mit").read_text(encoding="utf-8")
+    assert 'license: "mit"' in text
+    assert "sees head." in text
+    assert "| seed | 7 |" in text
+    (part,) = read_parts(run)
+    for task, score in [*((one.task.id, one.score) for one in part.results.tasks)]:
+        assert f"| {task} | 4 | {100 * (score.success_rate or 0):.1f} | " in text
+    assert f"| all | 12 | {100 * part.results.overall.successes / 12:.1f} | " in text
+    assert (weights / FIGURE).read_bytes().startswith(b"\x89PNG")
+    assert Bundle(weights / EVALUATION).read_run() == run.read_run()
+    assert hashlib.sha256((weights / EVALUATION).read_bytes()).hexdigest() in text
+
+
+def test_card_of_a_bundle_is_that_of_its_run(tmp_path: Path, weights: Path) -> None:
+    run = run_of(tmp_path / "run", VERSION)
+    bundle = tmp_path / f"mine{BUNDLE_SUFFIX}"
+    write_bundle(run, bundle)
+    text = write_checkpoint_card(weights, bundle, NAME, "mit").read_text(encoding="utf-8")
+    assert (weights / EVALUATION).read_bytes() == bundle.read_bytes()
+    again = write_checkpoint_card(weights, weights / EVALUATION, NAME, "mit")
+    assert again.read_text(encoding="utf-8") == text
+    assert write_checkpoint_card(weights, run.path, NAME, "mit").read_text("utf-8") == text
+
+
+def test_privileged_policies_are_told_to_be_such(tmp_path: Path, weights: Path) -> None:
+    run = run_of(tmp_path / "run", VERSION, object_state=True)
+    text = write_checkpoint_card(weights, run.path, NAME, "mit").read_text(encoding="utf-8")
+    assert "which no camera shows" in text
+
+
+@pytest.mark.parametrize("version", [None, "1", "0" * 16])
+def test_a_run_of_other_weights_is_refused(
+    tmp_path: Path, weights: Path, version: str | None
+) -> None:
+    run = run_of(tmp_path / "run", version)
+    with pytest.raises(EvaluationError, match="no evaluation of"):
+        write_checkpoint_card(weights, run.path, NAME, "mit")
+    assert [path.name for path in weights.iterdir()] == ["weights.npz"]
+
+
+def test_a_card_does_not_change_what_a_checkpoint_of_lerobot_is(
+    tmp_path: Path, weights: Path
+) -> None:
+    (weights / "config.json").write_text('{"type": "act"}')
+    (weights / "model.safetensors").write_bytes(b"tensors")
+    (weights / "train_config.json").write_text('{"steps": 5, "dataset": {"repo_id": "us/demos"}}')
+    before = content_hash(weights)
+    run = run_of(tmp_path / "run", f"checkpoint {before[:16]}, 30 joint actions a chunk")
+    text = write_checkpoint_card(weights, run.path, NAME, "mit").read_text(encoding="utf-8")
+    assert content_hash(weights) == before
+    for row in ("| policy | act |", "| steps | 5 |", "| data set | us/demos |"):
+        assert row in text
+    assert "--policy lerobot:checkpoint " in text
