@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from duobench.data.dataset import DESCRIPTION, DataSet
-from duobench.data.page import contact_sheet
 from duobench.data.summary import summarize
 from duobench.errors import DataError
 from duobench.files import make_folder, write
@@ -32,6 +31,8 @@ def write_data_card(folder: Path, name: str, licence: str) -> Path:
         summary, suite = summarize(data), data.read_description().suite_version
         parts = [(one.task, one.episodes, one.frames) for one in summary.tasks]
         make_folder(folder / PICTURES)
+        from duobench.data.page import contact_sheet  # loads the engine
+
         for task in data.tasks:
             if sheet := contact_sheet(data.episodes(task)[0]):
                 write(folder / PICTURES / f"{task}.jpg", sheet)
