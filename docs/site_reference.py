@@ -61,7 +61,7 @@ def command_line() -> str:
     for words, verb in verbs(VERBS):
         parser = parser_of(verb, words)
         lines += [f"## duobench {words}", "", plain(parser.description or ""), ""]
-        taken = [action for action in parser._actions if action.dest != "help"]  # noqa: SLF001
+        taken = [action for action in parser._actions if action.dest != "help"]
         lines += [*map(option, taken), ""]
     return "\n".join(lines) + "\n"
 
