@@ -95,8 +95,8 @@ test-printing: setup-test  ## Test the files to print with a slicer, PrusaSlicer
 	fi
 
 # Needs npm, and Chromium as `chromium`, `chromium-browser` or `google-chrome`.
-test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER)  ## Test pages in a browser: accessibility, phone, paper, driving.
-	DUOBENCH_AXE=$(AXE) DUOBENCH_IWER=$(IWER) $(BIN)/python -m pytest tests/pages
+test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER) site  ## Test pages in a browser: accessibility, phone, paper, driving.
+	DUOBENCH_AXE=$(AXE) DUOBENCH_IWER=$(IWER) DUOBENCH_SITE=site/html $(BIN)/python -m pytest tests/pages
 
 screenshots: demo  ## Show a report and a comparison on a desktop, a phone and paper, in renders/.
 	$(BIN)/duobench eval --policy random --episodes 3 --workers 2 --videos 0 --out renders/random --fresh

@@ -46,7 +46,7 @@ DRAWERS: Mapping[str, Drawer] = {
             "Train and serve": ("lerobot", "lerobot_policies", "serving"),
             "Evaluate, compare, verify, publish": (
                 *("evaluation", "comparison", "robustness"),
-                *("verification", "leaderboard", "hosting"),
+                *("verification", "leaderboard", "hosting", "publish"),
             ),
             "Scale": ("scale", "performance"),
             "Real arms": (

@@ -61,9 +61,8 @@ def command_line() -> str:
     for words, verb in verbs(VERBS):
         parser = parser_of(verb, words)
         lines += [f"## duobench {words}", "", plain(parser.description or ""), ""]
-        rows = [row for action in parser._actions if (row := option(action))]
-        if rows:
-            lines.append(table(("option", "takes", "meaning"), rows))
+        taken = [action for action in parser._actions if action.dest != "help"]
+        lines += [*map(option, taken), ""]
     return "\n".join(lines) + "\n"
 
 
@@ -88,13 +87,11 @@ def parser_of(verb: Callable[..., None], words: str) -> argparse.ArgumentParser:
         )
 
 
-def option(action: argparse.Action) -> tuple[str, ...] | None:
-    """Return a row of the table of options; none for help."""
-    if action.dest == "help":
-        return None
-    names = ", ".join(f"`{name}`" for name in action.option_strings)
+def option(action: argparse.Action) -> str:
+    """Return a line of the list of options: names, what they take, and what that means."""
     takes = action.metavar if isinstance(action.metavar, str) else ""
-    return names or f"`{takes}`", f"`{takes}`" if names and takes else "", cell(action.help or "")
+    names = " or ".join(action.option_strings)
+    return f"- `{' '.join(word for word in (names, takes) if word)}`: {plain(action.help or '')}"
 
 
 def options() -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+import site_outline
 from tables import TABLES, written
 
 import duobench
@@ -46,6 +47,12 @@ def test_what_follows_from_the_code_is_written_into_pages(page: str) -> None:
 def test_every_page_is_linked_from_the_first_one() -> None:
     linked = {(ROOT / link).resolve() for link in links(ROOT / "README.md")}
     assert [page.name for page in DOCS.rglob("*.md") if page.resolve() not in linked] == []
+
+
+def test_every_page_has_one_place_on_the_site_in_the_drawer_where_it_lies() -> None:
+    for drawer in DOCS.iterdir():
+        for page in drawer.glob("*.md"):
+            assert list(site_outline.pages(drawer.name)).count(page.stem) == 1, page.name
 
 
 def test_the_folder_stays_small() -> None:

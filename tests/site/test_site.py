@@ -156,6 +156,12 @@ def test_the_command_line_has_every_verb() -> None:
         assert words in GROUPS or f"duobench {words}" in text
 
 
+@pytest.mark.parametrize("name", ["command_line", "options", "schemas", "python"])
+def test_code_is_shown_as_code(name: str) -> None:
+    """A mark of it that is left over stands where something in it ended it, such as a bar."""
+    assert "`" not in read(SITE / "reference" / f"{name}.html").text
+
+
 @pytest.mark.parametrize("name", catalog.names())
 def test_the_page_of_a_task_has_all_that_there_is_of_it(name: str) -> None:
     task, page = catalog.get(name), read(SITE / "tasks" / f"{name}.html")
