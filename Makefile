@@ -17,6 +17,7 @@ OPENPI_VENV := .venv-openpi
 VLA_EVAL_VENV := .venv-vla-eval
 VLAGENTS_VENV := .venv-vlagents
 RAY_VENV := .venv-ray
+SITE_VENV := .venv-site
 RELEASE_VENV := .venv-release
 ECOSYSTEM_PYTHON ?= python3.12
 ECOSYSTEM_VENV := .venv-ecosystem
@@ -30,7 +31,7 @@ TEST_WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs dist release workflows container publication publication-quick golden FORCE
+.PHONY: help setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs site dist release workflows container publication publication-quick golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -144,6 +145,11 @@ workflows: $(RELEASE_VENV)/.installed $(ACTIONLINT)  ## Check what a host would 
 container: setup  ## Play the steps of the Dockerfile in a bare Debian, without a daemon; as root.
 	$(BIN)/python -m dev.release.container
 
+# An environment of its own: Sphinx and its theme ask for versions that nothing else here wants.
+site: $(SITE_VENV)/.installed  ## Build the site in site/html, warnings are errors, and test it: links, search, size.
+	OMP_NUM_THREADS=1 $(SITE_VENV)/bin/python docs/site_build.py
+	DUOBENCH_SITE=site/html $(SITE_VENV)/bin/python -m pytest -q -p no:cacheprovider tests/site
+
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
 	$(BIN)/python -m tests.golden.episodes
 
@@ -218,6 +224,12 @@ $(RELEASE_VENV)/.installed:
 	$(PYTHON) -m venv $(RELEASE_VENV)
 	$(RELEASE_VENV)/bin/python -m pip install --disable-pip-version-check \
 		'hatchling>=1.26,<2' 'twine>=7,<8' 'zizmor==1.32.0'
+	@touch $@
+
+$(SITE_VENV)/.installed: pyproject.toml docs/site_requirements.txt
+	$(PYTHON) -m venv $(SITE_VENV)
+	$(SITE_VENV)/bin/python -m pip install --disable-pip-version-check -c constraints.txt \
+		-r docs/site_requirements.txt -e .
 	@touch $@
 
 $(RAY_VENV)/.installed: pyproject.toml

@@ -40,7 +40,7 @@ DRAWERS: Mapping[str, Drawer] = {
         chapters={
             "Environments and learning": ("environments", "reinforcement_learning"),
             "Record and teleoperate": (
-                *("recording", "dataset", "parquet", "viewing"),
+                *("recording", "parquet", "viewing"),
                 *("teleoperation", "teleoperation_controls", "lerobot_teleoperation"),
             ),
             "Train and serve": ("lerobot", "lerobot_policies", "serving"),
@@ -66,7 +66,7 @@ DRAWERS: Mapping[str, Drawer] = {
     "project": Drawer(
         title="Project",
         about="How to change DuoBench, what is defended, what changed, licences.",
-        chapters={"": ("contributing", "security", "changelog", "notices")},
+        chapters={"": ("contributing", "security", "changelog", "conduct", "notices")},
     ),
 }
 """By folder. `project` holds the pages beside the first one, which are no part of docs/."""

@@ -25,6 +25,7 @@ BESIDE = {
     "contributing": ROOT / "CONTRIBUTING.md",
     "security": ROOT / "SECURITY.md",
     "changelog": ROOT / "CHANGELOG.md",
+    "conduct": ROOT / "CODE_OF_CONDUCT.md",
     "notices": ROOT / "THIRD_PARTY_NOTICES.md",
 }
 """Pages of the drawer `project`."""

@@ -491,7 +491,10 @@ def test_importing_a_module_loads_nothing_heavy(module: str, heavy: str) -> None
 
 
 def test_only_the_command_line_names_its_flags() -> None:
-    """Neither errors nor pages of the library do, but for how to submit, and cards on the Hub."""
+    """Neither errors nor pages of the library do, but for how to submit to a leaderboard.
+
+    Cards do too: who reads one on the Hub has nothing else.
+    """
     flags = []
     for path in (ROOT / "src" / "duobench").rglob("*.j2"):
         if path.name in {"leaderboard.html.j2", "card.md.j2"}:

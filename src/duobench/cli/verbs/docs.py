@@ -53,8 +53,8 @@ def pages() -> dict[str, Path]:
         if found := [page for drawer in DRAWERS for page in sorted((folder / drawer).glob("*.md"))]:
             return {page.stem: page for page in found}
     raise DuoBenchError(
-        f"There are no pages in {INSTALLED}; a wheel of DuoBench, or a clone of its repository "
-        "installed with pip install -e ., has them."
+        f"There are no pages in {INSTALLED}; a wheel of DuoBench has them, and so has a clone of "
+        "its repository that was installed in place."
     )
 
 

@@ -1,0 +1,180 @@
+"""The site as it is built: whole, small, of use without a network, and quick to find things in."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from duobench.cli.program import GROUPS, VERBS
+from duobench.tasks import catalog
+from tests.docs.markdown import DOCS, ROOT, blocks, page_of, text_of
+from tests.site.html_page import SITE, read
+from tests.test_surface import SURFACE
+
+MAX_BYTES = 25_000_000
+PAGES = sorted(SITE.rglob("*.html"))
+WRITTEN = [page for page in PAGES if page.parent.name != "replays" and page.name != "search.html"]
+FIRST = SITE / "index.html"
+ELSEWHERE = ("http:", "https:", "//", "mailto:")
+
+
+def test_it_is_whole_and_small() -> None:
+    built = {page.stem for page in PAGES}
+    assert {page.stem for page in DOCS.rglob("*.md")} <= built
+    assert set(catalog.names()) <= built
+    assert sum(file.stat().st_size for file in SITE.rglob("*") if file.is_file()) < MAX_BYTES
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: str(page.relative_to(SITE)))
+def test_every_link_leads_to_a_file_and_to_what_it_names_there(page: Path) -> None:
+    whole = read(page)
+    broken = []
+    for link in whole.files:
+        if link.startswith((*ELSEWHERE, "data:")):
+            continue
+        target, anchor = whole.leads_to(link), link.partition("#")[2]
+        target = page if link.startswith("#") else target
+        named = target.suffix != ".html" or not anchor or anchor in read(target).anchors
+        if not (target.is_file() and named):
+            broken.append(link)
+    assert broken == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(SITE)))
+def test_nothing_is_fetched_from_elsewhere(page: Path) -> None:
+    """Styles, scripts, pictures and fonts; links may lead away."""
+    text = page.read_text(encoding="utf-8")
+    fetched = re.findall(r"<(?:link|script|img|iframe|source)\b[^>]*(?:href|src)=\"([^\"]+)", text)
+    assert [each for each in fetched if each.startswith(ELSEWHERE)] == []
+
+
+def test_styles_fetch_nothing_from_elsewhere() -> None:
+    styles = list(SITE.rglob("*.css"))
+    assert styles
+    for style in styles:
+        assert not re.search(r"url\(['\"]?(https?:)?//", style.read_text(encoding="utf-8")), style
+
+
+# --- finding -------------------------------------------------------------------------------------
+
+QUESTIONS = {
+    "a task of my own": "stack_cube:TASK",
+    "a policy of my own": "class MyPolicy",
+    "compare two policies": "duobench compare",
+    "record demonstrations": "duobench record --tasks",
+    "where does X live": "Where do I put X",
+}
+"""What people ask, and what stands where the answer is."""
+
+
+def reached(clicks: int, pages: set[Path]) -> set[Path]:
+    """What the texts of pages lead to."""
+    for _ in range(clicks):
+        pages = pages | {
+            target
+            for page in pages
+            for link in read(page).links
+            if not link.startswith((*ELSEWHERE, "#"))
+            and (target := read(page).leads_to(link)).suffix == ".html"
+            and target in WRITTEN
+        }
+    return pages
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_a_question_is_answered_one_click_from_the_first_page(question: str) -> None:
+    answers = [page for page in reached(1, {FIRST}) if QUESTIONS[question] in read(page).text]
+    assert {page for page in answers if page != FIRST}
+
+
+def test_every_page_is_two_clicks_from_the_first_one() -> None:
+    """Over the drawers, without a menu or the search."""
+    far = set(WRITTEN) - reached(2, {FIRST}) - {SITE / "genindex.html"}
+    assert far == set()
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: str(page.relative_to(SITE)))
+def test_the_frame_of_a_page_leads_to_every_drawer(page: Path) -> None:
+    targets = {read(page).leads_to(link) for link in read(page).files}
+    targets |= {page} if "#" in read(page).files else set()
+    for drawer in ("start", "tasks", "guides", "reference", "project"):
+        assert SITE / drawer / "index.html" in targets
+
+
+INDEX = json.loads(
+    (SITE / "searchindex.js").read_text(encoding="utf-8").removeprefix("Search.setIndex(")[:-1]
+)
+
+
+@pytest.mark.parametrize(
+    ("word", "page"),
+    [
+        ("torqu", "guides/real_safety"),
+        ("parquet", "guides/parquet"),
+        ("wilson", "guides/comparison"),
+        ("libegl", "reference/messages"),
+        ("pour", "tasks/pour_marbles"),
+    ],
+)
+def test_the_search_knows_words_by_their_stems(word: str, page: str) -> None:
+    found = INDEX["terms"].get(word, [])
+    names = [INDEX["docnames"][at] for at in (found if isinstance(found, list) else [found])]
+    assert page in names
+
+
+def test_the_search_knows_every_page_and_loads_as_a_file() -> None:
+    """A script is loaded from a disk as well, where a browser refuses to fetch."""
+    known = {SITE / f"{name}.html" for name in INDEX["docnames"]}
+    assert known == set(WRITTEN) - {SITE / "genindex.html"}
+    assert "searchindex.js" in (SITE / "search.html").read_text(encoding="utf-8")
+
+
+# --- what follows from code ----------------------------------------------------------------------
+
+
+def test_the_first_page_has_the_commands_and_the_policy_of_the_readme() -> None:
+    shown = read(FIRST).text
+    for language in ("sh", "python"):
+        for block in blocks(ROOT / "README.md", language):
+            assert block.strip() in shown
+
+
+def test_python_has_every_public_name() -> None:
+    anchors = read(SITE / "reference" / "python.html").anchors
+    for package, names in SURFACE.items():
+        assert {f"{package}.{name}" for name in names.split()} - anchors == set()
+
+
+def test_the_command_line_has_every_verb() -> None:
+    text = read(SITE / "reference" / "command_line.html").text
+    groups = [f"{group} {name}" for group, verbs in GROUPS.items() for name in verbs]
+    for words in [*VERBS, *groups]:
+        assert words in GROUPS or f"duobench {words}" in text
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_the_page_of_a_task_has_all_that_there_is_of_it(name: str) -> None:
+    task, page = catalog.get(name), read(SITE / "tasks" / f"{name}.html")
+    ways = importlib.import_module(f"tests.ways.{name}")
+    for words in (*(one.name for one in task.stages), *ways.ADVERSARIES, *ways.SINCERE):
+        assert " ".join(words.split()) in " ".join(page.text.split())
+    for number in task.object_state.names[:2]:
+        assert number in page.text
+    for file in (f"replays/{name}.html", f"{name}.webp", f"{name}.jpg", "stage_"):
+        assert any(file in each for each in page.files), file
+    assert "measured elsewhere, on other tasks" in page.text
+
+
+def test_real_arms_begin_with_what_was_not_tried() -> None:
+    for page in DOCS.rglob("real_*.md"):
+        text = read(SITE / page.relative_to(DOCS).with_suffix(".html")).text
+        assert "Untried on hardware" in text.partition("\n\n\n")[0] + text[:600]
+
+
+def test_pages_are_where_their_files_are() -> None:
+    assert page_of("install").relative_to(DOCS).parent.name == "start"
+    assert "Install" in text_of(page_of("install"))
