@@ -33,6 +33,8 @@ python_maximum_signature_line_length = 80
 add_module_names = False
 toc_object_entries_show_parents = "hide"
 
+smartquotes = False  # two hyphens are an option, and quotes are those of the code
+
 html_theme = "furo"
 html_title = f"DuoBench {release}"
 html_copy_source = False

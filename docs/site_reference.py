@@ -108,7 +108,7 @@ def schemas() -> str:
         (f"`{one.name}`", np.dtype(one.dtype).name, "per step" if one.of_action else "per state")
         for one in COLUMNS
     ]
-    told = "## Columns of an episode\n\n`Recording` in [the Python API](python.md) says what they hold."
+    told = "## Columns of an episode\n\n`Recording` says [what they hold](python.md)."
     columns = table(("column", "type", "there is one"), rows)
     return f"{classes_page('Schemas of files', SCHEMAS)}\n{told}\n\n{columns}"
 
@@ -179,9 +179,9 @@ def messages() -> str:
     lines = [
         "# Messages",
         "",
-        "What DuoBench says when something is wrong, and what would have worked. Search here for the "
-        "words that you see; names and numbers in them are examples. `duobench doctor` looks at the "
-        "machine, `duobench real doctor` at a rig.",
+        "What DuoBench says when something is wrong, and what would have worked. Search here for "
+        "the words that you see; names and numbers in them are examples. `duobench doctor` looks "
+        "at the machine, `duobench real doctor` at a rig.",
         "",
     ]
     groups: dict[str, list[tuple[str, str, str]]] = {}

@@ -39,12 +39,13 @@ QUESTIONS = {
     "Which of two policies is better?": "guides/comparison",
     "How do I record demonstrations?": "guides/recording",
     "Where does something live in the code?": "project/contributing",
+    "How can I take part?": "project/index",
 }
 """What people come with, and the page that answers."""
 NOT_TRIED = """
 ```{warning}
-**Untried on hardware.** Nothing of this chapter was tried on a real arm, gripper, camera or headset:
-it was tested against simulators and imitated devices alone.
+**Untried on hardware.** Nothing of this chapter was tried on a real arm, gripper, camera or
+headset: it was tested against simulators and imitated devices alone.
 ```
 """
 

@@ -111,8 +111,8 @@ def stages(task: Task) -> Iterator[str]:
     yield ""
     rows = [(n, one.name, told(one.instruction)) for n, one in enumerate(task.stages, 1)]
     yield table(("stage:", "what is reached", "what to do"), rows)
-    yield "[The rule](stages.md) of stages is the same in every task. The scripted expert, a moment "
-    yield "after each:"
+    yield "[The rule](stages.md) of stages is the same in every task. The scripted expert, a "
+    yield "moment after each:"
     yield ""
     yield from shots(gallery_page.pictured(task, DOCS / "tasks" / FOLDER))
 
@@ -213,7 +213,7 @@ def reached(task: Task) -> Iterator[str]:
         for policy, title in source.policies.items():
             value = value_of(source, policy, [task.id])
             if isinstance(value, int):
-                rows.append((f"{title} ({name})", f"{100 * value / source.rollouts:g}", ""))
+                rows.append((f"{title} ({name})", f"{100 * value / source.rollouts:.1f}", ""))
             elif value is not None:
                 rows.append((f"{title} ({name})", f"{value[0]:g}", f"{value[1]:.2f}"))
     yield table(("elsewhere", "success %:", "final progress:"), rows)

@@ -11,7 +11,7 @@ import pytest
 
 from duobench.cli.program import GROUPS, VERBS
 from duobench.tasks import catalog
-from tests.docs.markdown import DOCS, ROOT, blocks, page_of, text_of
+from tests.docs.markdown import DOCS, ROOT, blocks
 from tests.site.html_page import SITE, read
 from tests.test_surface import SURFACE
 
@@ -113,11 +113,11 @@ INDEX = json.loads(
 @pytest.mark.parametrize(
     ("word", "page"),
     [
-        ("torqu", "guides/real_safety"),
+        ("torqu", "guides/real_arms"),
         ("parquet", "guides/parquet"),
         ("wilson", "guides/comparison"),
-        ("libegl", "reference/messages"),
-        ("pour", "tasks/pour_marbles"),
+        ("libegl1", "start/install"),
+        ("pour_marbl", "tasks/pour_marbles"),
     ],
 )
 def test_the_search_knows_words_by_their_stems(word: str, page: str) -> None:
@@ -162,7 +162,7 @@ def test_the_page_of_a_task_has_all_that_there_is_of_it(name: str) -> None:
     ways = importlib.import_module(f"tests.ways.{name}")
     for words in (*(one.name for one in task.stages), *ways.ADVERSARIES, *ways.SINCERE):
         assert " ".join(words.split()) in " ".join(page.text.split())
-    for number in task.object_state.names[:2]:
+    for number in task.object_state.names[:: len(task.object_state.names) - 1]:
         assert number in page.text
     for file in (f"replays/{name}.html", f"{name}.webp", f"{name}.jpg", "stage_"):
         assert any(file in each for each in page.files), file
@@ -172,9 +172,4 @@ def test_the_page_of_a_task_has_all_that_there_is_of_it(name: str) -> None:
 def test_real_arms_begin_with_what_was_not_tried() -> None:
     for page in DOCS.rglob("real_*.md"):
         text = read(SITE / page.relative_to(DOCS).with_suffix(".html")).text
-        assert "Untried on hardware" in text.partition("\n\n\n")[0] + text[:600]
-
-
-def test_pages_are_where_their_files_are() -> None:
-    assert page_of("install").relative_to(DOCS).parent.name == "start"
-    assert "Install" in text_of(page_of("install"))
+        assert "Untried on hardware" in text[:600]

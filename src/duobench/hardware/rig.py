@@ -444,5 +444,5 @@ def _check_schema(schema: object) -> None:
         raise OptionError(
             f"schema is {RIG_SCHEMA}, got {schema!r}. Since schema 2 torque_threshold is "
             f"{ARM_JOINTS} numbers and moment_threshold stands beside force_threshold: write them "
-            "anew, and leave out what may have its default (see duobench docs real_arms)."
+            "anew, and leave out what may have its default (see the page real_arms)."
         )

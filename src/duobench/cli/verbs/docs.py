@@ -4,7 +4,6 @@ from pathlib import Path
 
 import tyro
 
-import duobench
 from duobench.cli.shared.console import console, say, table, whole
 from duobench.errors import DuoBenchError, check_known
 
@@ -15,9 +14,10 @@ DRAWERS = {
     "reference": "frames, options, results",
 }
 """Folders of pages, in the order in which they are read, and what is in them."""
-INSTALLED = Path(duobench.__file__).parent / "docs"
+PACKAGE = Path(__file__).parents[2]
+INSTALLED = PACKAGE / "docs"
 """Where a wheel has its pages."""
-CLONED = Path(duobench.__file__).parents[2] / "docs"
+CLONED = PACKAGE.parents[1] / "docs"
 """Where a clone has them."""
 
 
