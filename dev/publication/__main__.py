@@ -29,6 +29,8 @@ EXAMPLES = ROOT / "examples/object_states"
 DATA, LEROBOT, STATES = "data/recordings", "data/lerobot", "work/states"
 SCRIPTED = ("expert", "blind", "hold", "random", "zero")
 NEAREST, NETWORKS = "nearest", "networks"
+LEARNED = {NEAREST: "eleven:NearestStates", NETWORKS: "eleven:Networks"}
+"""Checkpoints that are made, and what plays them."""
 QUICK = (
     "**Made to try the machinery**: two demonstrations and two episodes of each task. Its numbers "
     "say nothing about any policy, and nothing in it is ranked."
@@ -124,7 +126,7 @@ class Publication:
         bundle.parent.mkdir(exist_ok=True)
         is_scripted = policy in SCRIPTED
         told = {} if is_scripted else {"CHECKPOINT": str(self.checkpoint(policy))}
-        name = policy if is_scripted else "eleven:Eleven"
+        name = LEARNED.get(policy, policy)
         run = f"work/runs/{policy}"
         count = ("--episodes", str(2 if self.is_quick else 100), "--videos", "0")
         words = ("eval", "--policy", name, *count, "--out", run, *self.side_by_side())

@@ -50,7 +50,9 @@ class Root:
         """Install the smallest Debian, and this machine's settings of where packages are."""
         mirror = next(iter(_mirrors()), None)
         wanted = ["--variant=minbase", "--include=ca-certificates", suite, str(self.folder)]
-        subprocess.run(["debootstrap", *wanted, *([mirror] if mirror else [])], check=True)
+        # What it mounts in the folder, such as /proc, ends with it, however it ends.
+        own = ["unshare", "--mount", "--propagation", "private", "debootstrap"]
+        subprocess.run([*own, *wanted, *([mirror] if mirror else [])], check=True)
         for name in SETTINGS:
             there = Path("/") / name
             if there.is_dir():
@@ -116,6 +118,11 @@ def _mirrors() -> Iterator[str]:
             yield from re.findall(r"^(?:URIs:|deb) *(?:\[.*\] *)?(\S+)", path.read_text(), re.M)
 
 
+def _mounts() -> list[str]:
+    """What is mounted where, as this process sees it: nothing is deleted through a mount."""
+    return Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
+
+
 def main() -> None:
     """Play all of it, then the command as the image would run it, without a network."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -137,7 +144,7 @@ def main() -> None:
         print(f"Without a network: {shlex.join([*root.entry, *words])}", flush=True)
         root.run([*root.entry, *words], network=False)
     print("All steps were played, and both commands ended well.")
-    if not asked.keep:
+    if not asked.keep and not any(str(folder) in one for one in _mounts()):
         shutil.rmtree(folder)
 
 

@@ -1,7 +1,7 @@
 """One policy for all tasks, out of a file for each: a leaderboard ranks whole runs of one policy.
 
     python eleven.py FOLDER
-    CHECKPOINT=FOLDER duobench eval --policy eleven:Eleven --out runs/eleven
+    CHECKPOINT=FOLDER duobench eval --policy eleven:Networks --out runs/networks
 
 The folder holds files TASK.npz: networks, as `network.py` trains them, or demonstrations among
 which the nearest state is looked up, as `keep` writes them. The first command lists their SHA-256
@@ -77,6 +77,14 @@ class Eleven:
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
         return self._now.act(observation)
+
+
+class Networks(Eleven):
+    """Eleven under a name of its own, for a folder of networks."""
+
+
+class NearestStates(Eleven):
+    """The same for a folder of demonstrations."""
 
 
 if __name__ == "__main__":
