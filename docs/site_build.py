@@ -20,11 +20,12 @@ MENDED = (
     (r"<pre>", '<pre tabindex="0">'),
     (r'<div class="table-wrapper', '<div tabindex="0" class="table-wrapper'),
     (r'<aside class="sidebar-drawer', '<aside aria-label="All pages" class="sidebar-drawer'),
+    (r'<div id="search-results">', '<h1>Search</h1><div id="search-results">'),
     (r'<aside class="toc-drawer', '<aside aria-label="On this page" class="toc-drawer'),
     (r"(?s)<dl>\n((?:<dd>.*?</dd>\n)+)</dl>", r'<span class="sig-lines">\1</span>'),
 )
 """What the theme's pages need so that keys reach all that scrolls, regions have names of their own,
-and a signature of several lines is no list without terms."""
+the search has a heading, and a signature of several lines is no list without terms."""
 LINE = (r"(?s)<dd>(.*?)</dd>", r'<span class="sig-line">\1</span>')
 """A line of such a signature."""
 

@@ -67,7 +67,10 @@ def begin(task: Task) -> Iterator[str]:
     yield ""
     yield gallery_page.explanation(task.id)
     yield ""
-    yield f"![The scripted expert in {task.title}]({CLIP.format(task.id)})"
+    yield f"```{{image}} {CLIP.format(task.id)}"
+    yield f":alt: The scripted expert in {task.title}"
+    yield ":class: film"
+    yield "```"
     yield ""
     yield f'<a href="replays/{task.id}.html">A whole episode in 3D</a>, to turn and to stop.'
     yield ""
