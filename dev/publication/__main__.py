@@ -27,7 +27,7 @@ from duobench.tasks import catalog
 
 EXAMPLES = ROOT / "examples/object_states"
 DATA, LEROBOT, STATES = "data/recordings", "data/lerobot", "work/states"
-SCRIPTED = ("expert", "blind", "hold", "random", "zero")
+SCRIPTED = ("expert", "blind", "hold", "random")
 NEAREST, NETWORKS = "nearest", "networks"
 LEARNED = {NEAREST: "eleven:NearestStates", NETWORKS: "eleven:Networks"}
 """Checkpoints that are made, and what plays them."""

@@ -5,7 +5,8 @@
 
 The folder holds files TASK.npz: networks, as `network.py` trains them, or demonstrations among
 which the nearest state is looked up, as `keep` writes them. The first command lists their SHA-256
-in `files.sha256`, whose own is the version of the policy.
+in `files.sha256`, whose own is the version of the policy. A published folder holds this module
+beside its files, and is played from within it without the variable.
 """
 
 from __future__ import annotations
@@ -52,8 +53,9 @@ class Eleven:
     """Knows its task by the instruction, and asks the policy of that task."""
 
     def __init__(self) -> None:
-        """Read the files of the folder that the variable CHECKPOINT names."""
-        folder = checkpoint()
+        """Read the files beside this one where they are listed, else those of CHECKPOINT."""
+        here = Path(__file__).parent
+        folder = here if (here / LIST).exists() else checkpoint()
         told = (folder / LIST).read_text(encoding="utf-8") if (folder / LIST).exists() else ""
         if not told or told != listing(folder):
             raise PolicyError(

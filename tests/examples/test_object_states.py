@@ -99,6 +99,9 @@ def test_one_policy_plays_the_file_of_the_task_that_is_instructed(
     policy = eleven.Eleven()
     listed = hashlib.sha256((tmp_path / eleven.LIST).read_bytes()).hexdigest()
     assert listed.startswith(policy.metadata.version)
+    monkeypatch.setenv("CHECKPOINT", "nowhere")
+    monkeypatch.setattr(eleven, "__file__", str(tmp_path / "eleven.py"))  # as a card says
+    assert eleven.Eleven().metadata == policy.metadata
     with pytest.raises(PolicyError, match="Fold the towel"):
         policy.reset("Fold the towel.", 0)
     env = duobench.make(

@@ -46,6 +46,7 @@ def test_card_has_the_numbers_and_the_bundle_of_the_run(tmp_path: Path, weights:
     text = write_checkpoint_card(weights, run.path, NAME, "mit").read_text(encoding="utf-8")
     assert 'license: "mit"' in text
     assert "sees head." in text
+    assert "\ncd checkpoint\nduobench eval --policy " in text  # where its module lies
     assert "| seed | 7 |" in text
     (part,) = read_parts(run)
     for task, score in [*((one.task.id, one.score) for one in part.results.tasks)]:
@@ -96,3 +97,4 @@ def test_a_card_does_not_change_what_a_checkpoint_of_lerobot_is(
     for row in ("| policy | act |", "| steps | 5 |", "| data set | us/demos |"):
         assert row in text
     assert "--policy lerobot:checkpoint " in text
+    assert "cd checkpoint" not in text
