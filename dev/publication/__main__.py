@@ -28,6 +28,8 @@ from duobench.tasks import catalog
 EXAMPLES = ROOT / "examples/object_states"
 DATA, LEROBOT, STATES = "data/recordings", "data/lerobot", "work/states"
 SCRIPTED = ("expert", "blind", "hold", "random")
+DEMONSTRATOR = "expert:human"
+"""Who demonstrates: that of the page of baselines, whose networks are trained on the same."""
 NEAREST, NETWORKS = "nearest", "networks"
 LEARNED = {NEAREST: "eleven:NearestStates", NETWORKS: "eleven:Networks"}
 """Checkpoints that are made, and what plays them."""
@@ -75,7 +77,8 @@ class Publication:
     def record(self) -> None:
         """Record, and export with images and with object states."""
         count = str(self.episodes)
-        self.duobench("record", "--episodes", count, "--out", DATA, *self.side_by_side())
+        told = ("--policy", DEMONSTRATOR, "--episodes", count, "--out", DATA)
+        self.duobench("record", *told, *self.side_by_side())
         small = ("--cameras", "head", "--size", "64", "64") if self.is_quick else ()
         self.duobench("export", "lerobot", DATA, "--out", LEROBOT, *small, *self.side_by_side())
         states = ("--per-task", "--cameras", "none", "--object-state", "--action", "cartesian")
