@@ -144,5 +144,5 @@ def test_vector_environments_pay_the_chosen_reward(mode: str) -> None:
 def test_a_reward_that_is_not_there_is_refused(make: Make, made: Callable[[Make], object]) -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'progress'"):
         made(make)
-    with pytest.raises(UnknownNameError, match="Known: progress, stage"):
+    with pytest.raises(UnknownNameError, match="Known: dense, progress, stage"):
         make(reward=None)

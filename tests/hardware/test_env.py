@@ -148,6 +148,11 @@ def test_a_declared_stage_counts_from_the_next_step_on(made: Made) -> None:
     assert (judge.stage, judge.labels.all) == (0, ())
 
 
+def test_no_person_measures_how_near_a_stage_is(made: Made) -> None:
+    with pytest.raises(OptionError, match="Only the simulation can measure"):
+        made(reward="dense")
+
+
 def test_the_reward_progress_takes_back_what_a_person_takes_back(made: Made) -> None:
     _, env = made(reward="progress")
     judge = env.get_wrapper_attr("judge")

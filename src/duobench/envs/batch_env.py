@@ -33,7 +33,7 @@ from duobench.envs.duo_env import ROUNDING, Info, Observation, ResetNeededError
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.episode_wrappers import SEEDS
 from duobench.envs.observation_wrappers import PIXELS, flat_entries
-from duobench.envs.rewards import reward_of
+from duobench.envs.rewards import DENSE, reward_of
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, OptionError, SimulationError
 from duobench.looks.catalog import as_look
@@ -105,6 +105,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         """The physics of all episodes."""
         self.judge = ProgressBatch(self._base.definition.stages, self.simulations)
         """Who says which stages they have reached."""
+        self._worth: Array = np.zeros(num_envs)
         self._limits = [self._base.backend.limits]
         if config.speed_fraction != 1.0:
             self._limits.append(
@@ -193,6 +194,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             texts = list(info["stage_to_subinstructions"].values())
             # Once the task is solved, what was to be done last is still the answer.
             self._texts[number] = [*texts, texts[-1]]
+        if self._config.reward == DENSE:
+            self.simulations.look_at(numbers)
+        self._worth[numbers] = self._measured()[numbers]
 
     def step(self, actions: Any) -> tuple[Observation, Array, Booleans, Booleans, Info]:
         """Advance all episodes by one step; those that are over begin anew instead.
@@ -208,20 +212,25 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             raise ResetNeededError("An episode is over; reset it, by reset_mask if others go on.")
         actions, where = self._checked(actions), ~self._is_over
         begin = {n: self._start(n, None, {}) for n in np.flatnonzero(self._is_over).tolist()}
-        before = self.judge.stage.copy()
         try:
             clipped = self._advance(actions, where)
         except SimulationError:
             self._starts = []
             raise
-        stage, last = self.judge.stage, self._max_stage
-        rewards = where * reward_of(self._config.reward, before, stage, last)
-        terminated = where & (stage == last)
+        last = self._max_stage
+        before, self._worth = self._worth, self._measured()
+        rewards = where * reward_of(self._config.reward, before, self._worth, last)
+        terminated = where & (self.judge.stage == last)
         truncated = where & (self._steps >= self._horizon)
         self._is_over = terminated | truncated
         if begin:
             self._begin(begin)
         return self._observations(), rewards, terminated, truncated, self._info(clipped)
+
+    def _measured(self) -> Array:
+        """What rewards are made of (n,): the stage, and how near the next one is."""
+        stage = self.judge.stage.astype(np.float64)
+        return stage + self.judge.nearness() if self._config.reward == DENSE else stage
 
     def _advance(self, actions: Array, where: Booleans) -> Booleans:
         """Advance some episodes by a control step, and say which numbers (n, 16) were clipped."""

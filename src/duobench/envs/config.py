@@ -71,8 +71,8 @@ class EnvConfig:
     from it and the task's paraphrases ("varied")."""
     reward: str = STAGE
     """What a step pays: stage / last stage, as in the paper ("stage"), or what the step adds to it
-    ("progress"). With "stage", waiting before the last stage returns more than finishing: train
-    with "progress"."""
+    ("progress"), or to that and how near the next stage is ("dense"). With "stage", waiting before
+    the last stage returns more than finishing: train with one of the others."""
     split: str = EVAL
     """Layouts that resets sample from: "eval", or "train" for demonstrations."""
     speed_fraction: float = 1.0

@@ -24,7 +24,7 @@ from duobench.envs.duo_env import (
     base_of,
 )
 from duobench.envs.episode_state import EpisodeState, required
-from duobench.envs.rewards import REWARDS, STAGE, reward_of
+from duobench.envs.rewards import DENSE, PROGRESS, REWARDS, STAGE, reward_of
 from duobench.errors import OptionError, check_known
 from duobench.randomness import EVAL, SPLITS, instruction_number
 from duobench.stages.logic import Words
@@ -100,7 +100,8 @@ class Judge(Protocol):
 
     One that can say why the next stage is not reached also has `explain(on)`, which prepares it,
     and after every step `unmet`, the reasons in words; one that sees what is lost has `standing`,
-    the stage from which to go on. See `stages.progress.Progress`.
+    the stage from which to go on; one that measures has `near()`, how near the next stage is. See
+    `stages.progress.Progress`.
     """
 
     def begin(self) -> None:
@@ -147,6 +148,7 @@ class TaskStages(DuoWrapper):
         UnknownNameError: A stage names what is not there, or there is no such reward; near misses
             are listed.
         TypeError: There is neither a judge nor a simulation.
+        OptionError: The reward is "dense", and the judge measures nothing, as a person does.
     """
 
     def __init__(self, env: gym.Env, judge: Judge | None = None, *, reward: str = STAGE) -> None:
@@ -159,6 +161,12 @@ class TaskStages(DuoWrapper):
             raise TypeError(f"Expected a simulated environment or a judge, {what}.")
         self.judge: Judge = judge or base.make_judge()
         """Who says which stage is reached."""
+        if reward == DENSE and not hasattr(self.judge, "near"):
+            raise OptionError(
+                f'Only the simulation can measure reward="{DENSE}"; "{PROGRESS}" and "{STAGE}" are '
+                "paid for stages that a person declares."
+            )
+        self._near: float = 0
         self._max_stage = self.base.definition.max_stage
         self._subinstructions: dict[int, str] = {}
         self._is_explained = False
@@ -186,6 +194,7 @@ class TaskStages(DuoWrapper):
         self._is_judged = False
         observation, info = self.env.reset(seed=seed, options=options)
         self.judge.begin()
+        self._measure()
         self._subinstructions = self.base.subinstructions
         self._report(info)
         return observation, info
@@ -193,12 +202,14 @@ class TaskStages(DuoWrapper):
     def step(self, action: Any) -> Transition:
         """Advance one control step and have it judged."""
         self._is_judged = False
-        before = self.judge.stage
+        before = self.judge.stage + self._near
         observation, _, terminated, truncated, info = self.env.step(action)
         self.judge.judge()
         self._is_judged = True
         success = self._report(info)
-        reward = reward_of(self._reward, before, self.judge.stage, self._max_stage)
+        self._measure()
+        after = self.judge.stage + self._near
+        reward = reward_of(self._reward, before, after, self._max_stage)
         return observation, reward, terminated or success, truncated, info
 
     def save_state(self) -> EpisodeState:
@@ -211,9 +222,14 @@ class TaskStages(DuoWrapper):
         self._is_judged = False
         observation, info = super().restore_state(state)
         self.judge.set_state(progress)
+        self._measure()
         self._subinstructions = self.base.subinstructions
         self._report(info)
         return observation, info
+
+    def _measure(self) -> None:
+        if self._reward == DENSE:
+            self._near = getattr(self.judge, "near")()  # noqa: B009 - not every judge has it
 
     def _report(self, info: Info) -> bool:
         """Add what is known about progress to info, and return whether the task is solved."""

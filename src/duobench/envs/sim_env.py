@@ -256,6 +256,10 @@ class SimJudge(Progress):
         """Evaluate the stage rule."""
         self.update(self._env.simulation)
 
+    def near(self) -> float:
+        """How near the next stage is, from 0 to below 1."""
+        return self.nearness(self._env.simulation)
+
     def set_state(self, state: ProgressState, variants: Mapping[str, str] | None = None) -> None:
         """Continue from a state, in the environment's layout where no variants are given."""
         super().set_state(state, self._env.layout.variants if variants is None else variants)

@@ -39,7 +39,7 @@ class SimulationBatch(Questions):
         self.simulation, self.count = simulation, count
         self.contacts = ContactTable(model, count)
         self.centres, self._ctrl = batch.xipos, batch.ctrl
-        self._tools = batch.site_xpos, batch.site_xmat
+        self._tool_frames = batch.site_xpos, batch.site_xmat
         varies = any(prop.choice is not None for prop in self.props.values())
         switched = ("geom_contype", "geom_conaffinity") if varies else ()
         self._switches = {name: batch.expand(name) for name in switched}
@@ -93,9 +93,7 @@ class SimulationBatch(Questions):
         warned = self._batch.warning[worlds, :, 1]
         wrong = worlds[warned.any(axis=1)].tolist()
         raise_on_warning(warned.sum(axis=0).tolist(), f"in environments {wrong}")
-        self.copy_contacts(worlds)
-        self.contacts.update(self.centres)
-        self.forget()
+        self.look_at(worlds)
 
     def _run(self, worlds: Integers, commands: Array) -> None:
         batch, actuators = self._batch, self.simulation.duo.actuators
@@ -123,6 +121,12 @@ class SimulationBatch(Questions):
         missing = np.add.reduceat(products, self._rows, axis=-1) - smooth - constraint
         # Written so that what is not a number counts as unsolved.
         return np.abs(missing).max(axis=(1, 2)) <= SOLVED
+
+    def look_at(self, worlds: Integers) -> None:
+        """Read what touches in some simulations, and in no other, and forget what was read."""
+        self.copy_contacts(worlds)
+        self.contacts.update(self.centres)
+        self.forget()
 
     def forget(self) -> None:
         """Forget what was read of the state before."""
@@ -163,7 +167,7 @@ class SimulationBatch(Questions):
 
     def tool_poses(self) -> Array:
         """Tool centre points (n, 14), as `Duo.read` gives them."""
-        positions, rotations = (array[:, self.simulation.duo.sites] for array in self._tools)
+        positions, rotations = (array[:, self.simulation.duo.sites] for array in self._tool_frames)
         turns = np.empty((*positions.shape[:2], 4))
         for turn, rotation in zip(turns.reshape(-1, 4), rotations.reshape(-1, 9), strict=True):
             mujoco.mju_mat2Quat(turn, rotation)

@@ -15,9 +15,10 @@ import numpy as np
 from duobench.errors import check_known
 from duobench.objects.prop import Prop
 from duobench.objects.solid import corner_points
+from duobench.scene.naming import tcp_name
 from duobench.sim.contacts import HingeAxis
 from duobench.spatial import hypot
-from duobench.types import Array
+from duobench.types import SIDES, Array, Side
 
 if TYPE_CHECKING:
     import mujoco
@@ -33,6 +34,8 @@ class Questions(ABC):
         # Views of the engine's memory; they live as long as its data.
         self._xpos, self._xmat, self._qpos, self._qvel = data.xpos, data.xmat, data.qpos, data.qvel
         self._xanchor, self._xaxis = data.xanchor, data.xaxis
+        self._xipos, self._site_xpos = data.xipos, data.site_xpos
+        self._tools = {side: int(model.site(tcp_name(side)).id) for side in SIDES}
         self.props = props
         self._bodies = {model.body(number).name: number for number in range(model.nbody)}
         self._corners = {
@@ -77,6 +80,12 @@ class Questions(ABC):
     def axes(self, body: str) -> Sequence[Any]:
         """The nine numbers of a body's rotation matrix in the table frame, row by row."""
         return self._numbers(self._xmat, self.body_id(body))
+
+    def reach(self, arm: Side, body: str) -> Any:
+        """Distance in metres from an arm's tool centre point to a body's centre of mass."""
+        tool = self._numbers(self._site_xpos, self._tools[arm])
+        centre = self._numbers(self._xipos, self.body_id(body))
+        return hypot(*(a - b for a, b in zip(tool, centre, strict=True)))
 
     def turned(self, body: str, vector: Sequence[float]) -> tuple[Any, Any, Any]:
         """A vector of a body's frame in the table frame."""

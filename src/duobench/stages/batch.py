@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.stages.logic import AllOf, AnyOf, HeldFor, Memory, Not, Predicate, Since, StateView
+from duobench.stages.nearness import Nearness
 from duobench.stages.predicates import AtLeast
 from duobench.stages.progress import (
     LOST_STEPS,
@@ -105,6 +106,16 @@ class ProgressBatch:
             gone = 0 if stage.stays is None else ~self._ask(stage.stays, reached)
             self._lost[number] = np.where(reached, (lost + 1) * gone, lost)
         self._remembered = {memory: self._recalled(memory, where) for memory in self._memories}
+
+    def nearness(self) -> NDArray[np.float64]:
+        """What `Progress.nearness` gives, for all episodes (n,)."""
+        self._answers, self._known = {}, {}
+        self._view = self._look(self._simulations, self._heights, self._simulations.variants)
+        measure = Nearness(
+            self._view, lambda predicate: self._ask(predicate, self._all), self._lasted.__getitem__
+        )
+        near = [measure.of(stage.holds) + np.zeros(len(self.stage)) for stage in self._stages]
+        return np.choose(self.stage, [*near, np.zeros(len(self.stage))])
 
     def _recalled(self, memory: Memory, where: Booleans) -> Booleans:
         before = self._remembered[memory]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from duobench.spatial import SE3, hypot, root, sum_of_products
 from duobench.stages.logic import Predicate, StateView, any_of, leaf
-from duobench.stages.predicates import mm
+from duobench.stages.predicates import USUAL_WAY, mm
 
 if TYPE_CHECKING:
     from duobench.sim.questions import Questions
@@ -77,6 +77,12 @@ def tip_in(simulation: Questions, peg: Port, socket: Port) -> tuple[float, float
     return height, root(sum_of_products(beside, beside))
 
 
+def tip_off(simulation: Questions, peg: Port, socket: Port, depth: float) -> float:
+    """How far a peg's tip is from where it is to be in a socket, in usual ways."""
+    height, aside = tip_in(simulation, peg, socket)
+    return hypot(height + depth, aside) / USUAL_WAY
+
+
 def tip_in_words(simulation: Questions, peg: Port, socket: Port) -> str:
     """The same as a sentence."""
     height, aside = tip_in(simulation, peg, socket)
@@ -117,6 +123,7 @@ def inserted(peg: Port, socket: Port, depth: float) -> Predicate:
         f"peg of {peg.body} is {depth * 1000:.0f} mm inside {socket.body}",
         test,
         otherwise=otherwise,
+        off=lambda state: tip_off(state.simulation, peg, socket, depth),
     )
 
 

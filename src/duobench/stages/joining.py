@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from duobench.stages.insertion import Port, in_any_way, inserted, led_in, tip_in_words
+from duobench.stages.insertion import Port, in_any_way, inserted, led_in, tip_in_words, tip_off
 from duobench.stages.logic import Predicate, held_for, leaf, since
 from duobench.stages.predicates import grasped_apart
 
@@ -36,6 +36,7 @@ def engaged(peg: Port, socket: Port, depth: float = 0.0) -> Predicate:
         f"peg of {peg.body} is in a socket of {socket.body}",
         lambda state: led_in(state.simulation, peg, socket, depth, SOCKET_REACH),
         otherwise=lambda state: tip_in_words(state.simulation, peg, socket),
+        off=lambda state: tip_off(state.simulation, peg, socket, depth),
     )
 
 

@@ -95,6 +95,9 @@ class Predicate:
     otherwise: Callable[[StateView], str] | None = field(default=None, repr=False)
     """What is the case where it does not hold, as a short sentence with the number that was missed:
     "cube is raised by 4 mm, not by 10 mm"."""
+    off: Callable[[StateView], float] | None = field(default=None, repr=False)
+    """How far off it is where it does not hold: 0 nearly holds, 1 is a usual way to go. For rewards
+    alone, see `stages.nearness`; it takes many simulations where `test` does."""
     vectorized: bool = field(default=False, repr=False)
     """Whether `test` also takes the view of n simulations at once, whose numbers are arrays (n,),
     and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""

@@ -7,9 +7,11 @@ and backwards through the hole has not come through when it is pulled out again.
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from duobench.spatial import hypot
 from duobench.stages.logic import Predicate, StateView, all_of, leaf, since
-from duobench.stages.predicates import mm
+from duobench.stages.predicates import USUAL_WAY, mm
 
 EXIT_DEPTH = 0.05
 """How far from the plane, in metres, an object is still in front of the hole. It is more than an
@@ -61,6 +63,11 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
             beyond, off_axis = where(state)
             return (abs(beyond) <= depth) & (off_axis <= radius)
 
+        def off(state: StateView) -> float:
+            beyond, off_axis = where(state)
+            away = np.maximum(abs(beyond) - depth, 0.0), np.maximum(off_axis - radius, 0.0)
+            return hypot(*away) / USUAL_WAY
+
         def otherwise(state: StateView) -> str:
             beyond, off_axis = where(state)
             side = "behind" if beyond >= 0 else "before"
@@ -71,6 +78,7 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
             f"{depth * 1000:.0f} mm before or behind it",
             test,
             otherwise=otherwise,
+            off=off,
         )
 
     near = leaf(

@@ -18,6 +18,7 @@ from duobench.stages.logic import (
 )
 from duobench.stages.predicates import (
     LIFTED_HEIGHT,
+    USUAL_WAY,
     arm_touches,
     grasped,
     mm,
@@ -62,6 +63,7 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
         otherwise=lambda state: (
             f"{prop} is {mm(gap(state))} above {body}, not at most {mm(height)}"
         ),
+        off=lambda state: (gap(state) - height) / USUAL_WAY,
     )
 
 

@@ -4,7 +4,10 @@ Their logic, how they combine and what they remember, is in `stages.logic`.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
 
 from duobench.scene.naming import TABLE
 from duobench.spatial import hypot
@@ -16,6 +19,9 @@ Point = tuple[float, float, float]
 STILL_SPEED = 0.05
 STILL_ANGULAR_SPEED = 0.5
 """An object slower than this is still: m/s and rad/s."""
+USUAL_WAY = 0.1
+"""Way in metres, of a tool or of an object, from which on what is asked for is rather far than
+near; for rewards alone."""
 LIFTED_HEIGHT = 0.010
 """How far a lifted object is raised at least, in metres [task definitions]."""
 FLICKER_SECONDS = 0.1
@@ -35,12 +41,18 @@ def mm(metres: float) -> str:
     return f"{round(metres * 1000, 1) + 0.0:g} mm"
 
 
+def _reach(arm: Side, body: str) -> Callable[[StateView], float]:
+    """How far a tool is from a body, in usual ways."""
+    return lambda state: state.simulation.reach(arm, body) / USUAL_WAY
+
+
 @shared
 def touches(arm: Side, body: str) -> Predicate:
     """A finger or the palm of that gripper is in contact with the body."""
     return leaf(
         f"{arm} touches {body}",
         lambda state: state.simulation.contacts.gripper(arm, body),
+        off=_reach(arm, body),
         otherwise=lambda _state: f"{arm} does not touch {body}",
     )
 
@@ -51,6 +63,7 @@ def arm_touches(arm: Side, body: str) -> Predicate:
     return leaf(
         f"{arm} arm touches {body}",
         lambda state: state.simulation.contacts.arm(arm, body),
+        off=_reach(arm, body),
         otherwise=lambda _state: f"{arm} arm does not touch {body}",
     )
 
@@ -61,6 +74,7 @@ def grasped(arm: Side, body: str) -> Predicate:
     return leaf(
         f"{arm} grasps {body}",
         lambda state: state.simulation.contacts.grasped(arm, body),
+        off=_reach(arm, body),
         otherwise=lambda _state: f"{arm} does not grasp {body}",
     )
 
@@ -81,7 +95,7 @@ def supports(arm: Side, lid: str) -> Predicate:
         sim = state.simulation
         return sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
 
-    whole = grasped(arm, lid) | leaf(f"{arm} pushes {lid} open", pushes)
+    whole = grasped(arm, lid) | leaf(f"{arm} pushes {lid} open", pushes, off=_reach(arm, lid))
     return whole.called(
         f"{arm} supports {lid}",
         lambda _state: f"{arm} neither pushes {lid} towards open nor grasps it",
@@ -134,14 +148,14 @@ def off_table(body: str, *supports: str) -> Predicate:
 def raised(prop: str, height: float) -> Predicate:
     """Its lowest point is at least `height` metres above where it was at the episode's start."""
 
-    def otherwise(state: StateView) -> str:
-        so_far = state.simulation.min_height(prop) - state.start_heights[prop]
-        return f"{prop} is raised by {mm(so_far)}, not by {mm(height)}"
+    def so_far(state: StateView) -> float:
+        return state.simulation.min_height(prop) - state.start_heights[prop]
 
     return leaf(
         f"{prop} is raised by {height * 1000:.0f} mm",
         lambda state: state.simulation.min_height(prop) >= state.start_heights[prop] + height,
-        otherwise=otherwise,
+        otherwise=lambda state: f"{prop} is raised by {mm(so_far(state))}, not by {mm(height)}",
+        off=lambda state: (height - so_far(state)) / height,
     )
 
 
@@ -206,6 +220,7 @@ def upright(prop: str, angle: float) -> Predicate:
         f"{prop} is upright within {math.degrees(angle):.0f} degrees",
         lambda state: state.simulation.axes(prop)[8] >= limit,
         otherwise=otherwise,
+        off=lambda state: limit - state.simulation.axes(prop)[8],
     )
 
 
@@ -229,12 +244,7 @@ class BoxRegion:
 
     def distance(self, point: Point) -> float:
         """How far outside a point of the body's frame lies, in metres; 0 inside."""
-        return math.hypot(
-            *(
-                max(low - value, value - high, 0.0)
-                for low, value, high in zip(self.low, point, self.high, strict=True)
-            )
-        )
+        return hypot(*map(_beyond, self.low, point, self.high))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -261,25 +271,32 @@ class CylinderRegion:
     def distance(self, point: Point) -> float:
         """How far outside a point of the body's frame lies, in metres; 0 inside."""
         x, y, z = point
-        offset = math.dist((x, y), self.centre)
-        return math.hypot(max(offset - self.radius, 0.0), max(self.low - z, z - self.high, 0.0))
+        offset = hypot(x - self.centre[0], y - self.centre[1])
+        return hypot(_beyond(0.0, offset, self.radius), _beyond(self.low, z, self.high))
 
 
 Region = BoxRegion | CylinderRegion
+
+
+def _beyond(low: float, value: float, high: float) -> float:
+    """How far a number is outside a range; 0 inside."""
+    return np.maximum(np.maximum(low - value, value - high), 0.0)
 
 
 @shared
 def inside(prop: str, region: Region) -> Predicate:
     """Its centre (the origin of its frame) lies in a region that is fixed to another body."""
 
-    def otherwise(state: StateView) -> str:
-        away = region.distance(state.relative_position(prop, region.body))
-        return f"the centre of {prop} is {mm(away)} outside its place at {region.body}"
+    def away(state: StateView) -> float:
+        return region.distance(state.relative_position(prop, region.body))
 
     return leaf(
         f"{prop} is inside {region.body}",
         lambda state: region.contains(state.relative_position(prop, region.body)),
-        otherwise=otherwise,
+        otherwise=lambda state: (
+            f"the centre of {prop} is {mm(away(state))} outside its place at {region.body}"
+        ),
+        off=lambda state: away(state) / USUAL_WAY,
     )
 
 
@@ -309,6 +326,7 @@ def hinge_open(hinge: str, angle: float) -> Predicate:
         otherwise=lambda state: (
             f"{hinge} is open by {state.simulation.angle(hinge):.2f} rad, not by {angle:.2f}"
         ),
+        off=lambda state: (angle - state.simulation.angle(hinge)) / angle,
     )
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from duobench.errors import UnknownNameError
 from duobench.stages.logic import Clock, HeldFor, Memory, Predicate, Since, StateView, Words
+from duobench.stages.nearness import Nearness
 from duobench.stages.predicates import VariantIs
 from duobench.types import CONTROL_HZ
 
@@ -186,6 +187,17 @@ class Progress:
         """The stage from which to go on: the last one before the lowest that was lost since."""
         return next((n for n, lost in enumerate(self._lost) if lost >= LOST_STEPS), self.stage)
 
+    def nearness(self, simulation: Simulation) -> float:
+        """How near the next stage is, from 0 to below 1, as `stages.nearness` measures it.
+
+        It follows from the state of the simulation and from what is remembered; 0 after the last.
+        """
+        if self.success:
+            return 0.0
+        state = self._view(simulation)
+        measure = Nearness(state, lambda predicate: predicate.ask(state), self._lasted.__getitem__)
+        return float(measure.of(self._stages[self.stage].holds))
+
     def reset(self, simulation: Simulation, variants: Mapping[str, str]) -> None:
         """Begin an episode at the simulation's current state.
 
@@ -234,14 +246,7 @@ class Progress:
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        state = StateView(
-            simulation=simulation,
-            start_heights=self._start_heights,
-            variants=self._variants,
-            remembered=self._remembered,
-            lasted=self._lasted,
-            past=self._past,
-        )
+        state = self._view(simulation)
         for clock in self._clocks:
             self._lasted[clock] = clock.after(state, self._lasted[clock])
         self.final_holds = self._stages[-1].holds(state)
@@ -257,6 +262,16 @@ class Progress:
         if self._explained is not None:
             self._explain(self._explained, state)
         return self.stage
+
+    def _view(self, simulation: Simulation) -> StateView:
+        return StateView(
+            simulation=simulation,
+            start_heights=self._start_heights,
+            variants=self._variants,
+            remembered=self._remembered,
+            lasted=self._lasted,
+            past=self._past,
+        )
 
     def _explain(self, sinces: Iterable[Since], state: StateView) -> None:
         for part in sinces:
