@@ -215,7 +215,7 @@ class SuiteChoice:
 
     suite: str | None = None
     """paper (100 episodes of each task, 30 actions executed of a chunk), quick (10 episodes),
-    robust (20 episodes under each of 41 shifts, see page robustness), or none for your own."""
+    robust (20 episodes under each of 41 shifts; see duobench docs robustness); or your own."""
     tasks: tuple[str, ...] = ()
     """Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named."""
     episodes: int | None = None
@@ -223,9 +223,10 @@ class SuiteChoice:
     first_episode: int = 0
     """Index of the first episode; seeds follow from task and index alone."""
     look: str = looks.DEFAULT
-    """Look of the images that the policy sees: wood_table, dark, random:7, ... (page looks)."""
+    """Look of the images that the policy sees: wood_table, dark, random:7, ... (see duobench
+    docs looks)."""
     shift: str = NO_SHIFT.name
-    """Play under one shift, such as look-3; see page robustness."""
+    """Play under one shift, such as look-3; see duobench docs robustness."""
     axes: tuple[str, ...] = ()
     """Of the suite robust, these axes alone: look, camera, layout, physics, instruction, sensing,
     latency, all."""
@@ -235,7 +236,8 @@ class SuiteChoice:
     """Play an episode without success on after its horizon, until it has had so many horizons in
     all, such as 1.5. Scores and records end at the horizon."""
     salt: Path | None = None
-    """File of duobench salt, from which seeds follow that nobody knows before; page hosting."""
+    """File of duobench salt, from which seeds follow that nobody knows before; see duobench
+    docs hosting."""
 
     def make(self, execution: ChunkExecution = WHOLE_CHUNKS) -> Suite:
         """The suite, its chunks executed as told; without a number of actions as the name says.

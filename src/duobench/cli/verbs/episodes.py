@@ -140,7 +140,7 @@ def replay(
         out: Folder of the videos.
         cameras: What the videos show, side by side: overview, head, left_wrist, right_wrist.
         size: Height and width of one image in pixels, both even.
-        look: Look of the images: wood_table, dark, random:7, ... (page looks).
+        look: Look of the images: wood_table, dark, random:7, ... (see duobench docs looks).
     """
     dataset = opened(data)
     if mode == "actions":
@@ -307,9 +307,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             debugger: the policy can see the simulator, hang, and end the run.
         shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1.
             All parts go into one --out, or into several whose contents are copied into one
-            afterwards: page scale.
-        executor: ray plays on a Ray cluster that is there (extra ray, page scale): --workers
-            simulators on its nodes, the policy in actors, and this process, which alone writes.
+            afterwards; see duobench docs scale.
+        executor: ray plays on a Ray cluster that is there (extra ray; see duobench docs scale):
+            --workers simulators on its nodes, policies in actors; this process alone writes.
         cluster: The Ray cluster.
         videos: How many episodes of each task have a video: 1, and 0 under each shift of the suite
             robust, unless another number is given.
