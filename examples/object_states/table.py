@@ -4,7 +4,8 @@
 
 Each network that was played leaves a small file in `results/`; what is there is not done again, so
 the same command goes on where it was stopped. `--print` prints the table of what is there, and
-`--failures` what did not hold at the end of episodes that failed.
+`--failures` what did not hold at the end of episodes that failed. With `--passes N` every network
+makes exactly so many passes over its demonstrations, and `--curve` prints what those reached.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +45,8 @@ _NUMBERS = re.compile(r"-?\d+(?:\.\d+)?(?: to -?\d+(?:\.\d+)?)?")
 
 def setting(asked: argparse.Namespace) -> str:
     """What is not the recipe itself."""
-    return f"{asked.demonstrations}" + ("" if asked.until == "end" else f"-{asked.until}")
+    until = "" if asked.until == "end" else f"-{asked.until}"
+    return f"{asked.demonstrations}{until}" + (f"-passes-{asked.passes}" if asked.passes else "")
 
 
 def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
@@ -68,6 +71,8 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
         data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
         before = _processor_seconds()
         how = network.Training(device=asked.device)
+        if asked.passes:
+            how = replace(how, least=asked.passes, most=asked.passes)
         about = network.train(data, checkpoint, seed, how)
         about |= {"device": asked.device, "seconds": round(_processor_seconds() - before)}
         _write(told, about)
@@ -161,6 +166,29 @@ def failures(results: Path, name: str) -> Iterator[str]:
             yield f"| {begin} | {stage} ({count}) | {told} |"
 
 
+def curve(results: Path) -> Iterator[str]:
+    """Rows in Markdown: success against demonstrations and passes over them.
+
+    Down a column passes are the same; along a diagonal to the lower left, where demonstrations
+    double as passes halve, steps are.
+    """
+    found: dict[str, dict[tuple[int, int], dict[str, Any]]] = {}
+    for folder in results.glob("*-passes-*"):
+        for task, seeds in read(results, folder.name).items():
+            for one in seeds:
+                place = one["demonstrations"], one["training"]["passes"]
+                found.setdefault(task, {})[place] = one
+    every = sorted({passes for cells in found.values() for _, passes in cells})
+    yield f"| task | demonstrations | {' | '.join(f'{passes} passes' for passes in every)} |"
+    yield f"| --- | ---: |{' ---: |' * len(every)}"
+    for task in sorted(found, key=catalog.names().index):
+        cells = found[task]
+        for nth, count in enumerate(sorted({count for count, _ in cells})):
+            told = [cells.get((count, passes)) for passes in every]
+            row = [f"{100 * one['successes'] / one['episodes']:.0f}" if one else "" for one in told]
+            yield f"| {'' if nth else f'`{task}`'} | {count} | {' | '.join(row)} |"
+
+
 def interval(rates: Sequence[float], episodes: int) -> tuple[float, float]:
     """Wilson's interval of 95 % for the mean rate of networks that play the same episodes.
 
@@ -206,20 +234,27 @@ if __name__ == "__main__":
     parser.add_argument("--tasks", nargs="+", default=catalog.names())
     parser.add_argument("--demonstrations", type=int, default=50)
     parser.add_argument("--until", choices=UNTIL, default="end", help="where they are cut")
+    parser.add_argument("--passes", type=int, help="over them, in place of as many as help")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--device", default="cpu", help="what PyTorch trains on")
     parser.add_argument("--print", action="store_true", help="only print what is there")
     parser.add_argument("--failures", action="store_true", help="print what failed instead")
+    parser.add_argument("--curve", action="store_true", help="print what --passes reached instead")
     given = parser.parse_args()
-    if not (given.print or given.failures):
+    if given.passes is not None and given.passes <= network.Training.decay:
+        parser.error(f"the last {network.Training.decay} passes lower the rate: ask for more")
+    if not (given.print or given.failures or given.curve):
         if given.export is None:
             parser.error("the folder of an export is missing")
         try:
             run(given)
         except DuoBenchError as error:
             parser.exit(1, f"error: {error}\n")
+    if given.curve:
+        print("\n".join(curve(given.results)))
+        sys.exit()
     told = failures if given.failures else table
     print("\n".join(told(given.results, setting(given))))
     if not any(read(given.results, setting(given)).values()):

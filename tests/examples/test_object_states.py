@@ -1,6 +1,7 @@
 """The baselines on object states: recorded, exported and played as a reader would."""
 
 import hashlib
+import json
 import os
 import signal
 import subprocess
@@ -359,7 +360,7 @@ def test_the_table_goes_on_where_it_was_stopped(
     asked = SimpleNamespace(
         export=exports, out=tmp_path / "runs", results=tmp_path / "results", demonstrations=2
     )
-    asked.__dict__.update(until="end", seeds=2, episodes=1, device="cpu")
+    asked.__dict__.update(until="end", passes=None, episodes=1, device="cpu")
     for seed in range(2):
         assert "of 1" in table.job(asked, TASK, seed)
     assert "is there" in table.job(asked, TASK, 0)
@@ -370,6 +371,34 @@ def test_the_table_goes_on_where_it_was_stopped(
     assert rows[2].startswith(f"| `{TASK}` | ")
     rows = list(table.failures(asked.results, table.setting(asked)))
     assert rows[2].startswith(f"| `{TASK}` | 2 | ")
+
+
+@pytest.mark.usefixtures("example")
+def test_success_is_told_by_demonstrations_and_passes(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import network  # pyright: ignore[reportMissingImports]
+    import table  # pyright: ignore[reportMissingImports]
+
+    short = brief(2)
+    monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
+    monkeypatch.chdir(EXAMPLES)
+    words = {"export": exports, "out": tmp_path / "runs", "results": tmp_path / "results"}
+    asked = SimpleNamespace(until="end", episodes=1, device="cpu", demonstrations=2, **words)
+    for asked.passes in (short.decay + 1, short.decay + 2):
+        table.job(asked, TASK, 0)
+    file = table.result(asked, TASK, 0)
+    told = json.loads(file.read_text())
+    assert told["training"]["passes"] == asked.passes
+    fewer = tmp_path / "results" / f"1-passes-{asked.passes}" / file.name
+    fewer.parent.mkdir()
+    fewer.write_text(json.dumps({**told, "demonstrations": 1, "successes": 1}))
+    head, _, *rows = table.curve(asked.results)
+    first, second = short.decay + 1, short.decay + 2
+    assert head == f"| task | demonstrations | {first} passes | {second} passes |"
+    assert rows == [f"| `{TASK}` | 1 |  | 100 |", rows[1]]
+    assert rows[1].startswith("|  | 2 | ")
 
 
 @pytest.mark.usefixtures("example")
@@ -387,7 +416,8 @@ def test_the_interval_holds_the_spread_of_the_seeds() -> None:
 def test_a_table_of_nothing_and_results_of_another_suite(exports: Path, tmp_path: Path) -> None:
     import table  # pyright: ignore[reportMissingImports]
 
-    words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end", "seeds": 1}
+    words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end"}
+    words |= {"passes": None, "seeds": 1}
     asked = SimpleNamespace(export=exports, tasks=["bin_sort"], workers=1, **words)
     assert len(list(table.table(tmp_path, "2"))) == 2  # its head alone
     with pytest.raises(DataError, match="bin_sort holds no export of one task"):
@@ -407,7 +437,8 @@ def test_a_killed_process_of_the_table_is_told_in_a_sentence(
 ) -> None:
     import table  # pyright: ignore[reportMissingImports]
 
-    words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end", "seeds": 1}
+    words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end"}
+    words |= {"passes": None, "seeds": 1}
     asked = SimpleNamespace(export=exports, tasks=[TASK], workers=1, **words)
     monkeypatch.setattr(table, "job", kill_this_process)
     with pytest.raises(EvaluationError, match=r"was killed.* goes on where it was"):
