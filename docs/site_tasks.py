@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Iterator
 from importlib import import_module
 from inspect import cleandoc
@@ -16,7 +17,6 @@ from gallery_shots import FOLDER, camera_file
 from tables import object_states_of, table
 
 from duobench.results.entrants import AUTHORS, PAPER, WARNING, published, value_of
-from duobench.results.scores import wilson_interval
 from duobench.robot.cameras import OVERVIEW
 from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
@@ -25,6 +25,8 @@ DOCS = Path(__file__).parent
 LEARNED = DOCS.parent / "examples" / "object_states" / "results"
 """What the networks on object states reached, a folder for each number of demonstrations."""
 RESULTS = DOCS / "reference" / "results.md"
+sys.path.append(str(LEARNED.parent))
+interval = import_module("table").interval  # of the example
 CLIP = "films/{}.webp"
 """Where the film of a task is, beside its page."""
 CLIP_QUALITY = 60
@@ -231,17 +233,21 @@ def expert(task: Task) -> Iterator[tuple[str, ...]]:
 
 
 def learned(task: Task) -> Iterator[tuple[str, ...]]:
-    """What the networks reached, all seeds together."""
-    for folder in sorted(LEARNED.iterdir()):
+    """What the networks reached, all seeds together, in intervals that hold their spread."""
+    for folder in sorted(LEARNED.glob("[0-9]*"), key=lambda one: one.name.zfill(9)):
+        if not folder.name.isdecimal():
+            continue  # demonstrations that were cut, or so many passes over them
         files = sorted(folder.glob(f"{task.id}-*.json"))
         runs = [json.loads(file.read_text(encoding="utf-8")) for file in files]
         if not runs:
             continue
         episodes, successes = (sum(run[key] for run in runs) for key in ("episodes", "successes"))
-        low, high = wilson_interval(successes, episodes)
+        rates = [run["successes"] / run["episodes"] for run in runs]
+        low, high = interval(rates, runs[0]["episodes"])
         progress = sum(run["progress"] * run["episodes"] for run in runs) / episodes
+        seeds = "one seed" if len(runs) == 1 else f"{len(runs)} seeds"
         yield (
-            f"network on object states, {folder.name} demonstrations, {len(runs)} trainings",
+            f"network on object states, {folder.name} demonstrations, {seeds}",
             f"{100 * successes / episodes:.1f}",
             f"{100 * low:.1f}–{100 * high:.1f}",
             f"{progress:.3f}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import site_outline
+import site_tasks
 from tables import TABLES, written
 
 import duobench
@@ -23,8 +25,9 @@ from duobench.results.report import SUMMARY_SCHEMA
 from duobench.results.run import RUN_SCHEMA, TimeLimits
 from duobench.robot.joints import HOME_JOINTS
 from duobench.scene.compose import SUBSTEPS
+from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
-from tests.docs.markdown import DOCS, PAGES, ROOT, blocks, links, page_of, table, text_of
+from tests.docs.markdown import DOCS, PAGES, ROOT, blocks, links, page_of, table, tables, text_of
 
 STAGES, FRAMES, EVALUATION, POLICIES = (
     page_of(name) for name in ("stages", "frames", "evaluation", "policies")
@@ -184,3 +187,18 @@ def test_the_table_of_metadata_names_its_fields() -> None:
 def test_pages_without_code_have_none() -> None:
     for page in (STAGES, FRAMES, EVALUATION):
         assert blocks(page, "python") == blocks(page, "sh") == []
+
+
+def test_the_page_of_a_task_tells_the_numbers_of_the_page_of_baselines() -> None:
+    fifty, two_hundred = (
+        {row["task"]: row["success (95 %)"] for row in rows if "by seed" in row}
+        for rows in tables(page_of("baselines"))
+        if "success (95 %)" in rows[0]
+    )
+    for task in map(catalog.get, catalog.names()):
+        cells = list(site_tasks.learned(task))
+        assert len(cells) == 2
+        for (_, rate, interval, *_), page in zip(cells, (fifty, two_hundred), strict=True):
+            told = [float(number) for number in re.findall(r"\d+", page[task.id])]
+            exact = [float(rate), *map(float, interval.split("–"))]
+            assert told == pytest.approx(exact, abs=0.55)  # rounded, of what is rounded
