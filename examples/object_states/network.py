@@ -107,7 +107,7 @@ def train(
     learned, held = data.split(how.held_out)
     scale = _scale(learned)
     shown, test = (_Rows(part, scale, how.device) for part in (learned, held))
-    net = _module(shown.x.shape[1], shown.positions.shape[1], scale).to(how.device)
+    net = module(shown.x.shape[1], shown.positions.shape[1], scale).to(how.device)
     adam = torch.optim.AdamW(net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True)
     noise = torch.from_numpy((NOISE / scale["x_scale"]).astype(np.float32)).to(how.device)
     per_pass = math.ceil(len(shown.x) / how.batch)
@@ -194,7 +194,7 @@ class _Rows:
             return float(torch.cat([self.error(net, rows, self.x[rows]) for rows in parts]).mean())
 
 
-def _module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
+def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
     """The network, as PyTorch trains it."""
     import torch
     from torch import nn

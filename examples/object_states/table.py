@@ -5,7 +5,8 @@
 Each network that was played leaves a small file in `results/`; what is there is not done again, so
 the same command goes on where it was stopped. `--print` prints the table of what is there, and
 `--failures` what did not hold at the end of episodes that failed. With `--passes N` every network
-makes exactly so many passes over its demonstrations, and `--curve` prints what those reached.
+makes exactly so many passes over its demonstrations, and `--curve` prints what those reached. With
+`--images DEMOS` they see images, rendered from these recordings.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ _NUMBERS = re.compile(r"-?\d+(?:\.\d+)?(?: to -?\d+(?:\.\d+)?)?")
 def setting(asked: argparse.Namespace) -> str:
     """What is not the recipe itself."""
     until = "" if asked.until == "end" else f"-{asked.until}"
-    return f"{asked.demonstrations}{until}" + (f"-passes-{asked.passes}" if asked.passes else "")
+    passes = f"-passes-{asked.passes}" if asked.passes else ""
+    return f"{asked.demonstrations}{until}{passes}" + ("-images" if asked.images else "")
 
 
 def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
@@ -65,21 +67,20 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
             )
         return f"{file} is there"
     folder = asked.out / setting(asked) / task
-    checkpoint, told = folder / f"{seed}.npz", folder / f"{seed}.json"
+    checkpoint = folder / f"{seed}.{'pt' if asked.images else 'npz'}"
+    told = folder / f"{seed}.json"
     if not told.exists():
         folder.mkdir(parents=True, exist_ok=True)
         data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
         before = _processor_seconds()
-        how = network.Training(device=asked.device)
-        if asked.passes:
-            how = replace(how, least=asked.passes, most=asked.passes)
-        about = network.train(data, checkpoint, seed, how)
+        about = learn(asked, task, data, checkpoint, seed)
         about |= {"device": asked.device, "seconds": round(_processor_seconds() - before)}
         _write(told, about)
     os.environ["CHECKPOINT"] = str(checkpoint.absolute())
     before = _processor_seconds()
     suite = Suite(tasks=tuple(find_tasks([task])), episodes=asked.episodes)
-    results = evaluate("network:Network", suite, RunFolder(folder / f"run-{seed}"))
+    policy = "images:Images" if asked.images else "network:Network"
+    results = evaluate(policy, suite, RunFolder(folder / f"run-{seed}"))
     score, played = results.overall, results.tasks[0]
     content = {
         "task": task,
@@ -100,6 +101,21 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
     }
     _write(file, content)
     return f"{file}: {score.successes} of {score.episodes}"
+
+
+def learn(
+    asked: argparse.Namespace, task: str, data: Demonstrations, checkpoint: Path, seed: int
+) -> dict[str, Any]:
+    """Train one network; what is told of it."""
+    if asked.images:
+        import images
+
+        how = images.Training(passes=asked.passes or images.Training.passes)
+        return images.train(data, images.watch(asked.images, task, data), checkpoint, seed, how)
+    how = network.Training(device=asked.device)
+    if asked.passes:
+        how = replace(how, least=asked.passes, most=asked.passes)
+    return network.train(data, checkpoint, seed, how)
 
 
 def _processor_seconds() -> float:
@@ -173,7 +189,7 @@ def curve(results: Path) -> Iterator[str]:
     double as passes halve, steps are.
     """
     found: dict[str, dict[tuple[int, int], dict[str, Any]]] = {}
-    for folder in results.glob("*-passes-*"):
+    for folder in results.glob("*-passes-*[0-9]"):
         for task, seeds in read(results, folder.name).items():
             for one in seeds:
                 place = one["demonstrations"], one["training"]["passes"]
@@ -235,6 +251,7 @@ if __name__ == "__main__":
     parser.add_argument("--demonstrations", type=int, default=50)
     parser.add_argument("--until", choices=UNTIL, default="end", help="where they are cut")
     parser.add_argument("--passes", type=int, help="over them, in place of as many as help")
+    parser.add_argument("--images", type=Path, metavar="DEMOS", help="recordings to render")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
@@ -243,7 +260,7 @@ if __name__ == "__main__":
     parser.add_argument("--failures", action="store_true", help="print what failed instead")
     parser.add_argument("--curve", action="store_true", help="print what --passes reached instead")
     given = parser.parse_args()
-    if given.passes is not None and given.passes <= network.Training.decay:
+    if given.passes is not None and not given.images and given.passes <= network.Training.decay:
         parser.error(f"the last {network.Training.decay} passes lower the rate: ask for more")
     if not (given.print or given.failures or given.curve):
         if given.export is None:

@@ -323,7 +323,7 @@ def test_network_is_trained_and_played(exports: Path, tmp_path: Path) -> None:
     assert set(np.unique(chunk[:, [7, 15]])) <= set(shown)
 
     rows = network._Rows(data, policy._net, "cpu")  # NumPy plays what PyTorch trained
-    module = network._module(rows.x.shape[1], rows.positions.shape[1], policy._net)
+    module = network.module(rows.x.shape[1], rows.positions.shape[1], policy._net)
     module.load_state_dict({k: torch.tensor(v) for k, v in policy._net.items() if "." in k})
     with torch.no_grad():
         expected = module(rows.x[:1], rows.positions[:1], rows.rotations[:1]).numpy()
@@ -360,7 +360,7 @@ def test_the_table_goes_on_where_it_was_stopped(
     asked = SimpleNamespace(
         export=exports, out=tmp_path / "runs", results=tmp_path / "results", demonstrations=2
     )
-    asked.__dict__.update(until="end", passes=None, episodes=1, device="cpu")
+    asked.__dict__.update(until="end", passes=None, images=None, episodes=1, device="cpu")
     for seed in range(2):
         assert "of 1" in table.job(asked, TASK, seed)
     assert "is there" in table.job(asked, TASK, 0)
@@ -385,6 +385,7 @@ def test_success_is_told_by_demonstrations_and_passes(
     monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
     monkeypatch.chdir(EXAMPLES)
     words = {"export": exports, "out": tmp_path / "runs", "results": tmp_path / "results"}
+    words["images"] = None
     asked = SimpleNamespace(until="end", episodes=1, device="cpu", demonstrations=2, **words)
     for asked.passes in (short.decay + 1, short.decay + 2):
         table.job(asked, TASK, 0)
@@ -417,7 +418,7 @@ def test_a_table_of_nothing_and_results_of_another_suite(exports: Path, tmp_path
     import table  # pyright: ignore[reportMissingImports]
 
     words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end"}
-    words |= {"passes": None, "seeds": 1}
+    words |= {"passes": None, "images": None, "seeds": 1}
     asked = SimpleNamespace(export=exports, tasks=["bin_sort"], workers=1, **words)
     assert len(list(table.table(tmp_path, "2"))) == 2  # its head alone
     with pytest.raises(DataError, match="bin_sort holds no export of one task"):
@@ -438,7 +439,7 @@ def test_a_killed_process_of_the_table_is_told_in_a_sentence(
     import table  # pyright: ignore[reportMissingImports]
 
     words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end"}
-    words |= {"passes": None, "seeds": 1}
+    words |= {"passes": None, "images": None, "seeds": 1}
     asked = SimpleNamespace(export=exports, tasks=[TASK], workers=1, **words)
     monkeypatch.setattr(table, "job", kill_this_process)
     with pytest.raises(EvaluationError, match=r"was killed.* goes on where it was"):
@@ -447,3 +448,38 @@ def test_a_killed_process_of_the_table_is_told_in_a_sentence(
 
 def kill_this_process(*_: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.mark.usefixtures("example")
+def test_a_network_that_sees_images_is_trained_and_played(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import images  # pyright: ignore[reportMissingImports]
+    import table  # pyright: ignore[reportMissingImports]
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+
+    monkeypatch.chdir(EXAMPLES)
+    data, demos = Demonstrations.load(exports / TASK), exports.with_name("demos")
+    pictures = images.watch(demos, TASK, data)
+    rows = -(-len(data.state) // images.EVERY)
+    assert [one.shape for one in pictures] == [(rows, images.SIZE, images.SIZE, 3)] * 3
+    second = data._only(np.arange(len(data.state)) >= data.lengths[0], np.array([False, True]))
+    with pytest.raises(DataError, match=r"Episode 0 of .* is not that of the export"):
+        images.watch(demos, TASK, second)
+
+    words = {"export": exports, "out": tmp_path / "runs", "results": tmp_path / "results"}
+    asked = SimpleNamespace(until="end", passes=2, images=demos, episodes=1, **words)
+    asked.__dict__.update(demonstrations=2, device="cpu")
+    assert "of 1" in table.job(asked, TASK, 0)
+    told = json.loads(table.result(asked, TASK, 0).read_text())
+    assert told["training"]["passes"] == 2
+    assert table.result(asked, TASK, 0).parent.name == "2-passes-2-images"
+    monkeypatch.setenv("CHECKPOINT", str(tmp_path / f"runs/2-passes-2-images/{TASK}/0.pt"))
+    policy = images.Images()
+    policy.reset("", 0)
+    env = duobench.make(TASK, image_size=(96, 96), action_mode="cartesian")
+    assert policy.act(env.reset(seed=0)[0]).shape == (30, 16)
+    monkeypatch.setenv("CHECKPOINT", str(tmp_path))
+    with pytest.raises(PolicyError, match="no file of a network"):
+        images.Images()
