@@ -207,7 +207,7 @@ def reached(task: Task) -> Iterator[str]:
     yield ""
     rows = [*expert(task), *learned(task)]
     yield table(("here", "success %:", "95 % interval:", "final progress:", "episodes:"), rows)
-    yield "The scripted expert reads the simulator, the networks its object state: both are "
+    yield "The expert reads the simulator, networks on object states these: both are "
     yield "privileged. [Results](../reference/results.md), [baselines](../reference/baselines.md)."
     yield ""
     yield f"Published results, {WARNING}:"
@@ -235,7 +235,8 @@ def expert(task: Task) -> Iterator[tuple[str, ...]]:
 def learned(task: Task) -> Iterator[tuple[str, ...]]:
     """What the networks reached, all seeds together, in intervals that hold their spread."""
     for folder in sorted(LEARNED.glob("[0-9]*"), key=lambda one: one.name.zfill(9)):
-        if not folder.name.isdecimal():
+        number, _, images = folder.name.partition("-")
+        if images not in {"", "images"}:
             continue  # demonstrations that were cut, or so many passes over them
         files = sorted(folder.glob(f"{task.id}-*.json"))
         runs = [json.loads(file.read_text(encoding="utf-8")) for file in files]
@@ -247,7 +248,7 @@ def learned(task: Task) -> Iterator[tuple[str, ...]]:
         progress = sum(run["progress"] * run["episodes"] for run in runs) / episodes
         seeds = "one seed" if len(runs) == 1 else f"{len(runs)} seeds"
         yield (
-            f"network on object states, {folder.name} demonstrations, {seeds}",
+            f"network on {images or 'object states'}, {number} demonstrations, {seeds}",
             f"{100 * successes / episodes:.1f}",
             f"{100 * low:.1f}–{100 * high:.1f}",
             f"{progress:.3f}",
