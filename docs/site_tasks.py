@@ -207,8 +207,9 @@ def reached(task: Task) -> Iterator[str]:
     yield ""
     rows = [*expert(task), *learned(task)]
     yield table(("here", "success %:", "95 % interval:", "final progress:", "episodes:"), rows)
-    yield "The expert reads the simulator, networks on object states these: both are "
-    yield "privileged. [Results](../reference/results.md), [baselines](../reference/baselines.md)."
+    yield "The expert reads the simulator, and networks on object states are told where objects "
+    yield "are: both are privileged. [Results](../reference/results.md), "
+    yield "[baselines](../reference/baselines.md)."
     yield ""
     yield f"Published results, {WARNING}:"
     yield ""
