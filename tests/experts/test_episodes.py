@@ -78,24 +78,24 @@ def test_what_is_nearer_is_paid_and_taken_back_alone_or_on_threads(name: str) ->
     last, middle = catalog.get(name).max_stage, len(episode.actions) // 2
     stages = [info["stage"] for *_, info in episode.results]
     env = duobench.make(name, cameras=False, reward=DENSE)
-    vector = duobench.make_vec(name, 2, threads=1, cameras=False, reward=DENSE)
-    vector.reset(options={"states": [episode.states[0], episode.states[middle]]})
     restore, judge = (env.get_wrapper_attr(word) for word in ("restore_state", "judge"))
     restore(episode.states[0])
-    start, paid = judge.near(), []
-    for step, action in enumerate(episode.actions):
-        paid.append(env.step(action)[1])
-        both = np.stack([action, episode.actions[min(middle + step, len(episode.actions) - 1)]])
-        assert vector.step(both)[1][0] == pytest.approx(paid[-1], abs=1e-12)
+    start = judge.near()
+    paid = [env.step(action)[1] for action in episode.actions]
     assert sum(paid) == pytest.approx(1.0 - start / last)
     assert 0.0 <= start < 0.9
     worth = start / last + np.cumsum(paid)
     for stage, so_far in zip(stages[1:], worth, strict=True):
         assert stage / last <= so_far + 1e-12 < (stage + 1) / last or stage == last
-    restore(episode.states[middle])
-    again = [env.step(action)[1] for action in episode.actions[middle:]]
-    assert again == paid[middle:], "it follows from the state alone"
     assert np.count_nonzero(paid) > len(paid) / 4
+    restore(episode.states[middle])
+    again = [env.step(action)[1] for action in episode.actions[middle : middle + AFTERWARDS]]
+    assert again == paid[middle : middle + AFTERWARDS], "it follows from the state alone"
+    vector = duobench.make_vec(name, 2, threads=1, cameras=False, reward=DENSE)
+    vector.reset(options={"states": [episode.states[0], episode.states[middle]]})
+    for first, second in enumerate(range(middle, len(paid))):
+        both = vector.step(np.stack([episode.actions[first], episode.actions[second]]))[1]
+        assert both == pytest.approx([paid[first], paid[second]], abs=1e-12)
     vector.close()
     env.close()
 
