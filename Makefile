@@ -134,7 +134,7 @@ release: $(RELEASE_VENV)/.installed  ## The same, then install them without netw
 publication: $(LEROBOT_VENV)/.installed  ## Make what would be published: data, checkpoints, bundles, leaderboard.
 	OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m dev.publication --out publication
 
-publication-quick: setup  ## The same of two episodes a task, without training, to see that it works.
+publication-quick: setup  ## The same of two demonstrations a task, without training, to see that it works.
 	rm -rf publication-quick
 	OMP_NUM_THREADS=1 $(BIN)/python -m dev.publication --out publication-quick --quick
 

@@ -3,9 +3,10 @@
     python -m dev.publication --out publication [--quick] [--workers N] [--networks FOLDER]
 
 In full: fifty demonstrations of every task, a network for each, and a hundred episodes a task of
-every policy, for hours. `--quick` takes two of each and trains nothing: its numbers mean nothing,
-and its pages say so. Each step runs the command that a reader would run; what a step has finished
-is not done again, so the same command goes on where it was stopped. Nothing is uploaded.
+every policy, for hours. `--quick` takes two demonstrations and one episode, and trains nothing: its
+numbers mean nothing, and its pages say so. Each step runs the command that a reader would run; what
+a step has finished is not done again, so the same command goes on where it was stopped. Nothing is
+uploaded.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ NEAREST, NETWORKS = "nearest", "networks"
 LEARNED = {NEAREST: "eleven:NearestStates", NETWORKS: "eleven:Networks"}
 """Checkpoints that are made, and what plays them."""
 QUICK = (
-    "**Made to try the machinery**: two demonstrations and two episodes of each task. Its numbers "
+    "**Made to try the machinery**: two demonstrations and one episode of each task. Its numbers "
     "say nothing about any policy, and nothing in it is ranked."
 )
 
@@ -54,7 +55,7 @@ class Publication:
 
     @property
     def is_quick(self) -> bool:
-        """Whether it is of two episodes a task."""
+        """Whether it is of two demonstrations a task."""
         return self.episodes < 10  # noqa: PLR2004 - what a network holds out of its demonstrations
 
     def make(self) -> None:
@@ -134,7 +135,7 @@ class Publication:
         told = {} if is_scripted else {"CHECKPOINT": str(self.checkpoint(policy))}
         name = LEARNED.get(policy, policy)
         run = f"work/runs/{policy}"
-        count = ("--episodes", str(2 if self.is_quick else 100), "--videos", "0")
+        count = ("--episodes", str(1 if self.is_quick else 100), "--videos", "0")
         words = ("eval", "--policy", name, *count, "--out", run, *self.side_by_side())
         self.duobench(*words, **told)
         self.duobench("bundle", run, "--out", f"work/{bundle.name}")
