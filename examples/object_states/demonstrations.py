@@ -76,6 +76,13 @@ class Demonstrations:
         lengths = np.unique(number[kept], return_counts=True)[1]
         return Demonstrations(state, objects, labels, lengths, tuple(names))
 
+    def __add__(self, other: Demonstrations) -> Demonstrations:
+        """Those of the other one behind these."""
+        kept = (getattr(self, name) for name in ("state", "objects", "labels", "lengths"))
+        more = (getattr(other, name) for name in ("state", "objects", "labels", "lengths"))
+        parts = (np.concatenate(both) for both in zip(kept, more, strict=True))
+        return Demonstrations(*parts, self.names)
+
     def split(self, every: int) -> tuple[Demonstrations, Demonstrations]:
         """Those to learn from, and every n-th one, by which is seen whether that goes on."""
         episode = np.repeat(np.arange(len(self.lengths)), self.lengths)

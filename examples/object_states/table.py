@@ -6,7 +6,8 @@ Each network that was played leaves a small file in `results/`; what is there is
 the same command goes on where it was stopped. `--print` prints the table of what is there, and
 `--failures` what did not hold at the end of episodes that failed. With `--passes N` every network
 makes exactly so many passes over its demonstrations, and `--curve` prints what those reached. With
-`--images DEMOS` they see images, rendered from these recordings.
+`--images DEMOS` they see images, rendered from these recordings. With `--self-imitation N` each
+plays by itself until N episodes have succeeded, and learns from these as well.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from typing import Any
 import network
 import numpy as np
 from demonstrations import UNTIL, Demonstrations
+from self_imitation import practise
 
 from duobench.errors import DuoBenchError, EvaluationError, OtherRunError, check_known
 from duobench.randomness import SUITE_VERSION
@@ -48,7 +50,8 @@ def setting(asked: argparse.Namespace) -> str:
     """What is not the recipe itself."""
     until = "" if asked.until == "end" else f"-{asked.until}"
     passes = f"-passes-{asked.passes}" if asked.passes else ""
-    return f"{asked.demonstrations}{until}{passes}" + ("-images" if asked.images else "")
+    own = f"-self-{asked.self_imitation}" if asked.self_imitation else ""
+    return f"{asked.demonstrations}{until}{passes}{own}" + ("-images" if asked.images else "")
 
 
 def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
@@ -66,21 +69,12 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
                 "folder of results."
             )
         return f"{file} is there"
-    folder = asked.out / setting(asked) / task
-    checkpoint = folder / f"{seed}.{'pt' if asked.images else 'npz'}"
-    told = folder / f"{seed}.json"
-    if not told.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
-        before = _processor_seconds()
-        about = learn(asked, task, data, checkpoint, seed)
-        about |= {"device": asked.device, "seconds": round(_processor_seconds() - before)}
-        _write(told, about)
+    checkpoint, told = trained(asked, task, seed)
     os.environ["CHECKPOINT"] = str(checkpoint.absolute())
     before = _processor_seconds()
     suite = Suite(tasks=tuple(find_tasks([task])), episodes=asked.episodes)
     policy = "images:Images" if asked.images else "network:Network"
-    results = evaluate(policy, suite, RunFolder(folder / f"run-{seed}"))
+    results = evaluate(policy, suite, RunFolder(checkpoint.parent / f"run-{seed}"))
     score, played = results.overall, results.tasks[0]
     content = {
         "task": task,
@@ -95,12 +89,38 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
         "unmet": {
             one.stage: {text: count for count, text in one.unmet} for one in failed_stages(played)
         },
-        "training": json.loads(told.read_text()),
+        "training": told,
         "evaluation": {"seconds": round(_processor_seconds() - before)},
         "checkpoint": hashlib.sha256(checkpoint.read_bytes()).hexdigest()[:16],
     }
     _write(file, content)
     return f"{file}: {score.successes} of {score.episodes}"
+
+
+def trained(asked: argparse.Namespace, task: str, seed: int) -> tuple[Path, dict[str, Any]]:
+    """One network, trained unless it is there, and what is told of that."""
+    folder = asked.out / setting(asked) / task
+    checkpoint = folder / f"{seed}.{'pt' if asked.images else 'npz'}"
+    told = folder / f"{seed}.json"
+    if not told.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        data, own = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until), {}
+        first = trained(without_own(asked), task, seed)[0] if asked.self_imitation else None
+        before = _processor_seconds()
+        if first:
+            os.environ["CHECKPOINT"] = str(first.absolute())
+            place = folder / f"own-{seed}"
+            done, own = practise("network:Network", task, place, asked.self_imitation)
+            data += done
+        about = learn(asked, task, data, checkpoint, seed) | own
+        about |= {"device": asked.device, "seconds": round(_processor_seconds() - before)}
+        _write(told, about)
+    return checkpoint, json.loads(told.read_text())
+
+
+def without_own(asked: argparse.Namespace) -> argparse.Namespace:
+    """The same on demonstrations alone."""
+    return argparse.Namespace(**vars(asked) | {"self_imitation": None})
 
 
 def learn(
@@ -252,6 +272,9 @@ if __name__ == "__main__":
     parser.add_argument("--until", choices=UNTIL, default="end", help="where they are cut")
     parser.add_argument("--passes", type=int, help="over them, in place of as many as help")
     parser.add_argument("--images", type=Path, metavar="DEMOS", help="recordings to render")
+    parser.add_argument(
+        "--self-imitation", type=int, metavar="N", help="own successes to learn from"
+    )
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
@@ -262,6 +285,8 @@ if __name__ == "__main__":
     given = parser.parse_args()
     if given.passes is not None and not given.images and given.passes <= network.Training.decay:
         parser.error(f"the last {network.Training.decay} passes lower the rate: ask for more")
+    if given.images and given.self_imitation:
+        parser.error("own successes are learned from without images")
     if not (given.print or given.failures or given.curve):
         if given.export is None:
             parser.error("the folder of an export is missing")

@@ -346,6 +346,14 @@ def test_training_goes_on_while_what_is_held_out_gets_better() -> None:
     assert network._is_over(better[:10], how)
 
 
+def options(exports: Path, folder: Path, **words: object) -> SimpleNamespace:
+    """What the table is asked by its command line."""
+    usual: dict[str, object] = {"export": exports, "out": folder / "runs", "demonstrations": 2}
+    usual |= {"results": folder / "results", "until": "end", "episodes": 1, "device": "cpu"}
+    usual |= {"passes": None, "images": None, "self_imitation": None, "tasks": [TASK]}
+    return SimpleNamespace(**usual | {"seeds": 1, "workers": 1} | words)
+
+
 @pytest.mark.usefixtures("example")
 def test_the_table_goes_on_where_it_was_stopped(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -357,10 +365,7 @@ def test_the_table_goes_on_where_it_was_stopped(
     short = brief(2)
     monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
     monkeypatch.chdir(EXAMPLES)
-    asked = SimpleNamespace(
-        export=exports, out=tmp_path / "runs", results=tmp_path / "results", demonstrations=2
-    )
-    asked.__dict__.update(until="end", passes=None, images=None, episodes=1, device="cpu")
+    asked = options(exports, tmp_path)
     for seed in range(2):
         assert "of 1" in table.job(asked, TASK, seed)
     assert "is there" in table.job(asked, TASK, 0)
@@ -374,6 +379,61 @@ def test_the_table_goes_on_where_it_was_stopped(
 
 
 @pytest.mark.usefixtures("example")
+def test_what_a_policy_achieved_is_there_to_be_learned_from(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
+    from self_imitation import practise  # pyright: ignore[reportMissingImports]
+
+    shown = Demonstrations.load(exports / TASK)
+    monkeypatch.chdir(EXAMPLES)
+    own, told = practise("nearest:Nearest", TASK, tmp_path, 1)
+    assert told["successes"] == 1 <= told["played"]
+    assert len(own.lengths) == 1
+    assert own.names == shown.names
+    again, _ = practise("nearest:Nearest", TASK, tmp_path, 1)
+    assert np.array_equal(own.labels, again.labels)
+    both = shown + own
+    assert both.lengths.tolist() == [*shown.lengths, *own.lengths]
+    assert np.array_equal(both.state[-own.lengths[0] :], own.state)
+
+
+@pytest.mark.usefixtures("example")
+def test_a_network_learns_from_what_the_one_before_it_achieved(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import network  # pyright: ignore[reportMissingImports]
+    import table  # pyright: ignore[reportMissingImports]
+    from self_imitation import practise  # pyright: ignore[reportMissingImports]
+
+    learned, played = [], []
+
+    def train(data: Any, out: Path, *_: object) -> dict[str, int]:
+        learned.append(len(data.lengths))
+        out.write_bytes(bytes([len(learned)]))
+        return {"passes": 1}
+
+    def by_nearest(policy: str, task: str, folder: Path, count: int) -> Any:
+        played.append((policy, os.environ["CHECKPOINT"]))
+        os.environ["CHECKPOINT"] = str(exports / TASK)
+        return practise("nearest:Nearest", task, folder, count)
+
+    monkeypatch.chdir(EXAMPLES)
+    monkeypatch.setattr(network, "train", train)
+    monkeypatch.setattr(table, "practise", by_nearest)
+    asked = options(exports, tmp_path, self_imitation=1)
+    checkpoint, told = table.trained(asked, TASK, 0)
+    first = tmp_path / "runs" / "2" / TASK / "0.npz"
+    assert played == [("network:Network", str(first))]
+    assert learned == [2, 3]
+    assert told["played"] >= told["successes"] == 1
+    assert table.setting(asked) == "2-self-1"
+    assert table.trained(asked, TASK, 0) == (checkpoint, told)
+    assert learned == [2, 3]
+
+
+@pytest.mark.usefixtures("example")
 def test_success_is_told_by_demonstrations_and_passes(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -384,9 +444,7 @@ def test_success_is_told_by_demonstrations_and_passes(
     short = brief(2)
     monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
     monkeypatch.chdir(EXAMPLES)
-    words = {"export": exports, "out": tmp_path / "runs", "results": tmp_path / "results"}
-    words["images"] = None
-    asked = SimpleNamespace(until="end", episodes=1, device="cpu", demonstrations=2, **words)
+    asked = options(exports, tmp_path)
     for asked.passes in (short.decay + 1, short.decay + 2):
         table.job(asked, TASK, 0)
     file = table.result(asked, TASK, 0)
@@ -417,16 +475,14 @@ def test_the_interval_holds_the_spread_of_the_seeds() -> None:
 def test_a_table_of_nothing_and_results_of_another_suite(exports: Path, tmp_path: Path) -> None:
     import table  # pyright: ignore[reportMissingImports]
 
-    words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end"}
-    words |= {"passes": None, "images": None, "seeds": 1}
-    asked = SimpleNamespace(export=exports, tasks=["bin_sort"], workers=1, **words)
-    assert len(list(table.table(tmp_path, "2"))) == 2  # its head alone
+    asked = options(exports, tmp_path, tasks=["bin_sort"])
+    assert len(list(table.table(asked.results, "2"))) == 2  # its head alone
     with pytest.raises(DataError, match="bin_sort holds no export of one task"):
         table.run(asked)
     asked.tasks = ["bin_srot"]
     with pytest.raises(UnknownNameError, match="Did you mean 'bin_sort'"):
         table.run(asked)
-    (tmp_path / "2").mkdir()
+    table.result(asked, TASK, 0).parent.mkdir(parents=True)
     table.result(asked, TASK, 0).write_text('{"suite": "1"}')
     with pytest.raises(OtherRunError, match=r"is of suite 1.* name another folder of results"):
         table.job(asked, TASK, 0)
@@ -438,12 +494,9 @@ def test_a_killed_process_of_the_table_is_told_in_a_sentence(
 ) -> None:
     import table  # pyright: ignore[reportMissingImports]
 
-    words = {"out": tmp_path, "results": tmp_path, "demonstrations": 2, "until": "end"}
-    words |= {"passes": None, "images": None, "seeds": 1}
-    asked = SimpleNamespace(export=exports, tasks=[TASK], workers=1, **words)
     monkeypatch.setattr(table, "job", kill_this_process)
     with pytest.raises(EvaluationError, match=r"was killed.* goes on where it was"):
-        table.run(asked)
+        table.run(options(exports, tmp_path))
 
 
 def kill_this_process(*_: object) -> None:
@@ -468,9 +521,7 @@ def test_a_network_that_sees_images_is_trained_and_played(
     with pytest.raises(DataError, match=r"Episode 0 of .* is not that of the export"):
         images.watch(demos, TASK, second)
 
-    words = {"export": exports, "out": tmp_path / "runs", "results": tmp_path / "results"}
-    asked = SimpleNamespace(until="end", passes=2, images=demos, episodes=1, **words)
-    asked.__dict__.update(demonstrations=2, device="cpu")
+    asked = options(exports, tmp_path, passes=2, images=demos)
     assert "of 1" in table.job(asked, TASK, 0)
     told = json.loads(table.result(asked, TASK, 0).read_text())
     assert told["training"]["passes"] == 2
