@@ -275,6 +275,7 @@ TABLES: Mapping[str, Places] = {
         "learned from 50": learned("--print"),
         "learned from 200": learned("--print", "--demonstrations", "200"),
         "failures with 50": learned("--failures"),
+        "learned from own successes": learned("--print", "--self-imitation", "150"),
         "learned from images": learned("--print", "--demonstrations", "200", "--images", "."),
     },
     "results": {"learned from object states": learned("--print")},

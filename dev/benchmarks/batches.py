@@ -63,8 +63,12 @@ def measure_judging(name: str, repeats: int = 20) -> Iterator[Measurement]:
         simulations.forget()
         judge.update(everywhere)
 
+    def dense_judgement() -> None:
+        judgement()
+        judge.nearness()
+
     copied = _shortest(lambda: simulations.copy_contacts(numbers), repeats)
-    judged = _shortest(judgement, repeats)
+    judged, dense = _shortest(judgement, repeats), _shortest(dense_judgement, repeats)
     env.close()
     vector.close()
     yield Measurement(
@@ -73,7 +77,8 @@ def measure_judging(name: str, repeats: int = 20) -> Iterator[Measurement]:
         unit="us",
         at_most=LONG_JUDGEMENT if name in LONG else JUDGEMENT,
     )
-    yield Measurement(what=f"{name}: its contacts", value=copied / JUDGED * 1e6, unit="us")
+    for what, more in (("its contacts", copied), ("how near it is", dense - judged)):
+        yield Measurement(what=f"{name}: {what}", value=more / JUDGED * 1e6, unit="us")
 
 
 def _shortest(work: Callable[[], object], repeats: int) -> float:
