@@ -21,8 +21,7 @@ EVALUATION = f"evaluation{BUNDLE_SUFFIX}"
 FIGURE = "stages.png"
 TRAINING = "training.json"
 """Names and values of a training, which a checkpoint that is none of LeRobot may have beside it."""
-_HASH = 16
-"""Digits of a SHA-256 that name weights in the version of a policy."""
+_HASH = 16  # digits of a SHA-256 that name weights in the version of a policy
 
 
 def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -> Path:

@@ -14,11 +14,9 @@ DRAWERS = {
     "reference": "frames, options, results",
 }
 """Folders of pages, in the order in which they are read, and what is in them."""
-PACKAGE = Path(__file__).parents[2]
-INSTALLED = PACKAGE / "docs"
-"""Where a wheel has its pages."""
-CLONED = PACKAGE.parents[1] / "docs"
-"""Where a clone has them."""
+INSTALLED = Path(__file__).parents[2] / "docs"
+CLONED = INSTALLED.parents[2] / "docs"
+"""Where a wheel and a clone have their pages."""
 
 
 def docs(name: tyro.conf.Positional[str] = "") -> None:
