@@ -155,41 +155,56 @@ def train(
     how = how or Training()
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    pictures = [torch.from_numpy(one).permute(0, 3, 1, 2) for one in images]
-    rows = np.arange(0, len(data.state), EVERY)
-    numbers, tools, turns = robot_state(data.state)
-    columns = [data.names.index(f"{thing}_x") for thing in bodies(data.names)]
-    where = np.stack([data.objects[:, c : c + 3] for c in columns], 1)
-    scale = {"x_mean": numbers.mean(0), "x_scale": numbers.std(0) + network.LEAST}
-    scale |= {"y_mean": data.labels.mean(0), "y_scale": data.labels.std(0) + 1e-3}
-    scale |= {"p_mean": where.mean(0), "p_scale": where.std(0) + network.LEAST}
-    net = Sight(len(columns), scale).to(memory_format=torch.channels_last)  # as pictures are
-    labels = torch.from_numpy((data.labels - scale["y_mean"]) / scale["y_scale"])
-    chunks = torch.from_numpy(data.chunks(network.HORIZON)[rows])
-    state = torch.from_numpy(((numbers - scale["x_mean"]) / scale["x_scale"])[rows])
-    noise = torch.from_numpy(network.NOISE / scale["x_scale"]).float()
-    at, turned, shown = (torch.from_numpy(part[rows]) for part in (tools, turns, where))
+    shown = _Rows(data, images)
+    net = Sight(shown.objects, shown.scale).to(memory_format=torch.channels_last)  # as pictures are
     adam = torch.optim.AdamW(net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True)
-    steps = how.passes * math.ceil(len(rows) / how.batch)
+    steps = how.passes * math.ceil(len(shown.where) / how.batch)
     off = math.nan
     for k in range(steps):
         for group in adam.param_groups:
             group["lr"] = how.rate * min(1.0, (k + 1) / how.warm_up) * (1 - k / steps)
-        some = torch.randint(len(rows), (how.batch,))
-        x = state[some] + noise * torch.randn(how.batch, state.shape[1])
-        told, found = net([one[some] for one in pictures], x, at[some], turned[some])
-        acts = (told - labels[chunks[some]]).abs().mean()
-        sees = ((found - shown[some]) / net.p_scale).abs().mean()
+        acts, sees, metres = shown.errors(net, torch.randint(len(shown.where), (how.batch,)))
         adam.zero_grad()
         (acts + sees).backward()
         adam.step()
         if k % 200 == 0 or k == steps - 1:
-            off = float(1000 * (found.detach() - shown[some]).norm(dim=-1).mean())
+            off = 1000 * float(metres)
             print(f"step {k + 1} of {steps}: error {acts:.3f}, {off:.1f} mm off", flush=True)
-    about = {"names": data.names, "openings": openings(data.labels), "objects": len(columns)}
-    tensors = {name: torch.from_numpy(value) for name, value in scale.items()}
+    about = {"names": data.names, "openings": openings(data.labels), "objects": shown.objects}
+    tensors = {name: torch.from_numpy(value) for name, value in shown.scale.items()}
     torch.save({"about": about, "scale": tensors, "net": net.state_dict()}, out)
     return {"passes": how.passes, "steps": steps, "objects_off_mm": round(off, 1)}
+
+
+class _Rows:
+    """Every third row of demonstrations as tensors, and what is seen in it."""
+
+    def __init__(self, data: Demonstrations, images: Sequence[Pixels]) -> None:
+        rows = np.arange(0, len(data.state), EVERY)
+        numbers, tools, turns = robot_state(data.state)
+        columns = [data.names.index(f"{thing}_x") for thing in bodies(data.names)]
+        where = np.stack([data.objects[:, c : c + 3] for c in columns], 1)
+        scale = {"x_mean": numbers.mean(0), "x_scale": numbers.std(0) + network.LEAST}
+        scale |= {"y_mean": data.labels.mean(0), "y_scale": data.labels.std(0) + 1e-3}
+        scale |= {"p_mean": where.mean(0), "p_scale": where.std(0) + network.LEAST}
+        self.scale, self.objects = scale, len(columns)
+        self.where = torch.from_numpy(where[rows])
+        self._pictures = [torch.from_numpy(one).permute(0, 3, 1, 2) for one in images]
+        self._labels = torch.from_numpy((data.labels - scale["y_mean"]) / scale["y_scale"])
+        self._chunks = torch.from_numpy(data.chunks(network.HORIZON)[rows])
+        self._state = torch.from_numpy(((numbers - scale["x_mean"]) / scale["x_scale"])[rows])
+        self._noise = torch.from_numpy(network.NOISE / scale["x_scale"]).float()
+        self._tools = [torch.from_numpy(part[rows]) for part in (tools, turns)]
+
+    def errors(self, net: Sight, rows: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        """Mean errors of chunks and of places, both normal, and that of places in metres."""
+        state = self._state[rows]
+        state = state + self._noise * torch.randn_like(state)
+        images, tools = ([one[rows] for one in part] for part in (self._pictures, self._tools))
+        told, found = net(images, state, *tools)
+        off = found - self.where[rows]
+        acts = (told - self._labels[self._chunks[rows]]).abs().mean()
+        return acts, (off / net.p_scale).abs().mean(), off.detach().norm(dim=-1).mean()
 
 
 def watch(demos: Path, task: str, data: Demonstrations) -> list[Pixels]:
