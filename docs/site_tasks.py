@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Iterator
 from importlib import import_module
 from inspect import cleandoc
@@ -14,7 +13,7 @@ import gallery_page
 import PIL.Image
 import prints_page
 from gallery_shots import FOLDER, camera_file
-from tables import object_states_of, table
+from tables import baselines, object_states_of, table
 
 from duobench.results.entrants import AUTHORS, PAPER, WARNING, published, value_of
 from duobench.robot.cameras import OVERVIEW
@@ -22,11 +21,9 @@ from duobench.tasks.task import Task
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 DOCS = Path(__file__).parent
-LEARNED = DOCS.parent / "examples" / "object_states" / "results"
+LEARNED = baselines.RESULTS
 """What the networks on object states reached, a folder for each number of demonstrations."""
 RESULTS = DOCS / "reference" / "results.md"
-sys.path.append(str(LEARNED.parent))
-interval = import_module("table").interval  # of the example
 CLIP = "films/{}.webp"
 """Where the film of a task is, beside its page."""
 CLIP_QUALITY = 60
@@ -245,7 +242,7 @@ def learned(task: Task) -> Iterator[tuple[str, ...]]:
             continue
         episodes, successes = (sum(run[key] for run in runs) for key in ("episodes", "successes"))
         rates = [run["successes"] / run["episodes"] for run in runs]
-        low, high = interval(rates, runs[0]["episodes"])
+        low, high = baselines.interval(rates, runs[0]["episodes"])
         progress = sum(run["progress"] * run["episodes"] for run in runs) / episodes
         seeds = "one seed" if len(runs) == 1 else f"{len(runs)} seeds"
         yield (

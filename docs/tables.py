@@ -6,9 +6,9 @@ Part of `make docs`. A place for it in a page is `<!-- NAME: written by make doc
 
 import math
 import re
-import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,8 @@ from duobench.tasks.task import Task
 from duobench.types import POLICY_CAMERAS, SIDES
 
 DOCS = Path(__file__).parent
-BASELINES = DOCS.parent / "examples" / "object_states"
+sys.path.append(str(DOCS.parent / "examples" / "object_states"))
+baselines = import_module("table")  # of the example
 PLACE = re.compile(
     r"(<!-- (?P<name>[\w ]+): written by make docs -->\n)(?P<now>.*?)(<!-- end of (?P=name) -->\n)",
     flags=re.DOTALL,
@@ -242,16 +243,9 @@ def _print_of(solid: Solid) -> tuple[str, str, str]:
     return str(len(pieces)), size, f"{1000 * mass_properties(solid).mass:.0f}"
 
 
-def learned(*words: str) -> Callable[[], str]:
+def learned(setting: str, what: str = "table") -> Callable[[], str]:
     """What the baselines on object states reached, as their own program prints it."""
-
-    def printed() -> str:
-        command = [sys.executable, "table.py", *words]
-        return subprocess.run(
-            command, cwd=BASELINES, check=True, capture_output=True, text=True
-        ).stdout
-
-    return printed
+    return lambda: "\n".join([*getattr(baselines, what)(baselines.RESULTS, setting), ""])
 
 
 Places = Mapping[str, Callable[[], str]]
@@ -272,13 +266,13 @@ TABLES: Mapping[str, Places] = {
     },
     "evaluation": {"suites": suites},
     "baselines": {
-        "learned from 50": learned("--print"),
-        "learned from 200": learned("--print", "--demonstrations", "200"),
-        "failures with 50": learned("--failures"),
-        "learned from own successes": learned("--print", "--self-imitation", "150"),
-        "learned from images": learned("--print", "--demonstrations", "200", "--images", "."),
+        "learned from 50": learned("50"),
+        "learned from 200": learned("200"),
+        "failures with 50": learned("50", "failures"),
+        "learned from own successes": learned("50-self-150"),
+        "learned from images": learned("200-images"),
     },
-    "results": {"learned from object states": learned("--print")},
+    "results": {"learned from object states": learned("50")},
     "serving": {"modes": serving_modes},
     "robustness": {"lowered": lowered},
     "printing": {"prints": prints},
