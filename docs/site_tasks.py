@@ -235,7 +235,7 @@ def learned(task: Task) -> Iterator[tuple[str, ...]]:
     for folder in sorted(LEARNED.glob("[0-9]*"), key=lambda one: one.name.zfill(9)):
         number, _, images = folder.name.partition("-")
         if images not in {"", "images"}:
-            continue  # demonstrations that were cut, or so many passes over them
+            continue  # so many passes, own successes, demonstrations that were cut
         files = sorted(folder.glob(f"{task.id}-*.json"))
         runs = [json.loads(file.read_text(encoding="utf-8")) for file in files]
         if not runs:
