@@ -23,6 +23,8 @@ from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 DOCS = Path(__file__).parent
 LEARNED = baselines.RESULTS
 """What the networks on object states reached, a folder for each number of demonstrations."""
+TRAINED = re.compile(r"(?P<shown>\d+)(-self-(?P<own>\d+))?(?P<images>-images)?")
+"""Names of the folders that a page tells of."""
 RESULTS = DOCS / "reference" / "results.md"
 CLIP = "films/{}.webp"
 """Where the film of a task is, beside its page."""
@@ -233,9 +235,8 @@ def expert(task: Task) -> Iterator[tuple[str, ...]]:
 def learned(task: Task) -> Iterator[tuple[str, ...]]:
     """What the networks reached, all seeds together, in intervals that hold their spread."""
     for folder in sorted(LEARNED.glob("[0-9]*"), key=lambda one: one.name.zfill(9)):
-        number, _, images = folder.name.partition("-")
-        if images not in {"", "images"}:
-            continue  # so many passes, own successes, demonstrations that were cut
+        if (found := TRAINED.fullmatch(folder.name)) is None:
+            continue  # demonstrations that were cut, or so many passes over them
         files = sorted(folder.glob(f"{task.id}-*.json"))
         runs = [json.loads(file.read_text(encoding="utf-8")) for file in files]
         if not runs:
@@ -244,9 +245,11 @@ def learned(task: Task) -> Iterator[tuple[str, ...]]:
         rates = [run["successes"] / run["episodes"] for run in runs]
         low, high = baselines.interval(rates, runs[0]["episodes"])
         progress = sum(run["progress"] * run["episodes"] for run in runs) / episodes
+        seen = "images" if found["images"] else "object states"
+        own = f" and {found['own']} own successes" if found["own"] else ""
         seeds = "one seed" if len(runs) == 1 else f"{len(runs)} seeds"
         yield (
-            f"network on {images or 'object states'}, {number} demonstrations, {seeds}",
+            f"network on {seen}, {found['shown']} demonstrations{own}, {seeds}",
             f"{100 * successes / episodes:.1f}",
             f"{100 * low:.1f}–{100 * high:.1f}",
             f"{progress:.3f}",

@@ -6,16 +6,18 @@ like a demonstration. `table.py --self-imitation N` does that for every task.
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 from demonstrations import Demonstrations
 
 from duobench.data import DataSet
-from duobench.data.lerobot.export import export_lerobot
-from duobench.data.lerobot.options import ExportOptions
 from duobench.results.suite import find_tasks
 from duobench.runners import record
+
+EXPORTED = ("--per-task", "--cameras", "none", "--object-state", "--action", "cartesian")
 
 
 def practise(
@@ -32,7 +34,8 @@ def practise(
     """
     data = DataSet.open(folder / "episodes")
     played = record(policy, find_tasks([task]), data, episodes=successes)
-    options = ExportOptions(cameras=(), object_state=True, action="cartesian")
-    export_lerobot(data, folder / "export", options, per_task=True)
-    done = Demonstrations.load(folder / "export" / task, successes)
+    out = folder / "export"
+    command = [sys.executable, "-m", "duobench", "export", "lerobot", data.path, "--out", out]
+    subprocess.run([*command, *EXPORTED], check=True)
+    done = Demonstrations.load(out / task, successes)
     return done, {"successes": successes, "played": len(played)}

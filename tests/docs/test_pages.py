@@ -195,7 +195,7 @@ def test_the_page_of_a_task_tells_the_numbers_of_the_page_of_baselines() -> None
         for rows in tables(page_of("baselines"))
         if "success (95 %)" in rows[0]
     ]
-    assert len(pages) == 3  # with 50, with 200, from images
+    assert len(pages) == 4  # with 50, with 200, from images, from own successes
     for task in map(catalog.get, catalog.names()):
         cells = list(site_tasks.learned(task))
         found = [page for page in pages if task.id in page]
