@@ -210,6 +210,8 @@ def curve(results: Path) -> Iterator[str]:
     """
     found: dict[str, dict[tuple[int, int], dict[str, Any]]] = {}
     for folder in results.glob("*-passes-*[0-9]"):
+        if "-self-" in folder.name:
+            continue  # whose passes are over more than demonstrations
         for task, seeds in read(results, folder.name).items():
             for one in seeds:
                 place = one["demonstrations"], one["training"]["passes"]

@@ -89,8 +89,8 @@ def test_what_is_nearer_is_paid_and_taken_back_alone_or_on_threads(name: str) ->
         assert stage / last <= so_far + 1e-12 < (stage + 1) / last or stage == last
     assert np.count_nonzero(paid) > len(paid) / 4
     restore(episode.states[middle])
-    again = [env.step(action)[1] for action in episode.actions[middle : middle + AFTERWARDS]]
-    assert again == paid[middle : middle + AFTERWARDS], "it follows from the state alone"
+    again = [env.step(action)[1] for action in episode.actions[middle:]]
+    assert again == paid[middle:], "it follows from the state alone"
     vector = duobench.make_vec(name, 2, threads=1, cameras=False, reward=DENSE)
     vector.reset(options={"states": [episode.states[0], episode.states[middle]]})
     for first, second in enumerate(range(middle, len(paid))):
