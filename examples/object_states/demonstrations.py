@@ -85,9 +85,22 @@ class Demonstrations:
 
     def split(self, every: int) -> tuple[Demonstrations, Demonstrations]:
         """Those to learn from, and every n-th one, by which is seen whether that goes on."""
-        episode = np.repeat(np.arange(len(self.lengths)), self.lengths)
-        held = np.arange(len(self.lengths)) % every == every - 1
-        return self._only(~held[episode], ~held), self._only(held[episode], held)
+        held = self.held_out(every)
+        rows = np.repeat(held, self.lengths)
+        return self._only(~rows, ~held), self._only(rows, held)
+
+    def held_out(self, every: int) -> NDArray[np.bool_]:
+        """Which episodes are every n-th one.
+
+        Raises:
+            DataError: There are too few.
+        """
+        if len(self.lengths) < every:
+            raise DataError(
+                f"One demonstration in {every} is held out, so that as many are needed at least; "
+                f"got {len(self.lengths)}."
+            )
+        return np.arange(len(self.lengths)) % every == every - 1
 
     def _only(self, rows: NDArray[np.bool_], episodes: NDArray[np.bool_]) -> Demonstrations:
         parts = (part[rows] for part in (self.state, self.objects, self.labels))

@@ -19,7 +19,8 @@ from duobench.robot.frames import tool_frames
 from duobench.types import ARM_JOINTS, SIDES
 
 Rows = NDArray[np.float32]
-_QUARTER = math.pi / 2
+QUARTERS = 4
+_QUARTER = 2 * math.pi / QUARTERS
 _MAZE_SIDE, _BOARD = 5, "board"
 """Cells along a side of the maze of `ball_maze`, and what it is a part of."""
 
@@ -95,7 +96,7 @@ def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
         seen += [turns.reshape(rows, -1)]
     things = slice(len(SIDES), -1)
     seen += [here.rotations[:, things, :, 0].reshape(rows, -1)]
-    seen += [np.eye(4)[here.quarters[:, things]].reshape(rows, -1)]
+    seen += [np.eye(QUARTERS)[here.quarters[:, things]].reshape(rows, -1)]
     if _BOARD in bodies(names) and "goal_row" in names:
         seen += [_maze(objects, names, here.quarters[:, 2 + bodies(names).index(_BOARD)])]
     return np.hstack(seen).astype(np.float32)
@@ -108,7 +109,7 @@ def _vector(objects: Rows, names: tuple[str, ...], thing: str, axis: str) -> Row
 
 def _forwards(x: Rows, z: Rows) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Rotations (T, 3, 3) of two axes (T, 3), turned back by quarters about z, and these (T,)."""
-    quarters = np.round(np.arctan2(x[:, 1], x[:, 0]) / _QUARTER).astype(np.int64) % 4
+    quarters = np.round(np.arctan2(x[:, 1], x[:, 0]) / _QUARTER).astype(np.int64) % QUARTERS
     axes = x, np.cross(z, x)
     ahead = [np.choose(quarters, (axes[0].T, -axes[1].T, -axes[0].T, axes[1].T)).T]
     return np.stack([*ahead, np.cross(z, ahead[0]), z], axis=-1), quarters
@@ -121,7 +122,7 @@ def _maze(objects: Rows, names: tuple[str, ...], quarters: NDArray[np.int64]) ->
     """
     middle = (_MAZE_SIDE - 1) / 2
     seen = np.zeros((len(objects), 4 + 2 * _MAZE_SIDE**2), np.float32)
-    for turn in range(4):
+    for turn in range(QUARTERS):
         rows = np.flatnonzero(quarters == turn)
         way = np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), turn)
         for k, cell in enumerate(("start", "goal")):

@@ -1,35 +1,36 @@
 """The network of this folder, told by images where things are.
 
 Three small convolutional networks, one a camera, look for places in the images (the centres of
-mass of maps). From these and the robot's own state follows where the objects are, and from that, as
-in `network.py`, where the tools go: in the frames of the tools, of these places and of the table.
-Object states teach it where things are, in training alone. Trained and played with PyTorch.
+mass of maps). From these follows the object state, which the network takes. Object states teach it
+where things are, in training alone. Trained and played with PyTorch.
 
-    python images.py demos exports/carry_pot carry_pot.pt --episodes 200 --seed 0
-    CHECKPOINT=carry_pot.pt duobench eval --policy images:Images --tasks carry_pot --out runs/images
+What the robot says of itself is not among what it sees by: in demonstrations a hand is where its
+object is, so that a hand that went astray would be told that its object is there too.
+
+    python network.py exports/carry_pot acts.npz --episodes 200 --seed 0
+    python images.py demos exports/carry_pot acts.npz sees.npz --episodes 200 --seed 0
+    CHECKPOINT=sees.npz duobench eval --policy images:Images --tasks carry_pot --out runs/images
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import network
 import numpy as np
 import torch
-from demonstrations import Demonstrations, Grippers, Rows, checkpoint, openings, to_actions
-from frames import bodies, frames
+from demonstrations import Demonstrations, Rows
+from frames import QUARTERS, bodies, frames
 from numpy.typing import NDArray
 from torch import nn
 
 from duobench.data import DataSet, ImageSource
 from duobench.errors import DataError, DuoBenchError, PolicyError
-from duobench.policy import PolicyMetadata
 from duobench.types import POLICY_CAMERAS, SIDES
 
 SIZE = 96
@@ -42,21 +43,26 @@ those on the wrists, which are near."""
 CHANNELS = 32
 EVERY = 3
 """Rows of a demonstration from one image that is learned from to the next."""
-PER_METRE = 10.0
-"""Ways between things are scaled by this, so that a decimetre is a 1."""
+SIGHT = "sight."
+"""What names of its arrays begin with in the file of a network."""
 Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class Training:
-    """How long a network learns."""
+    """How long it learns to see."""
 
-    batch: int = 128
+    batch: int = 64
     rate: float = 1e-3
     passes: int = 20
     """Over the images of all demonstrations; the rate falls to zero over them."""
     warm_up: int = 200
     """Steps."""
+    held_out: int = 10
+    """Every n-th demonstration is not learned from."""
+    early: int = 10
+    """A row is drawn in inverse proportion to how many came before it in its demonstration, and so
+    many: what is seen in the first ones decides, and later ones look alike in all of them."""
 
 
 class Eye(nn.Module):
@@ -83,128 +89,138 @@ class Eye(nn.Module):
 
 
 class Sight(nn.Module):
-    """From images and the robot's state to a chunk of tool poses."""
+    """From images to what `shown` makes of the object state."""
 
-    def __init__(self, objects: int, scale: Mapping[str, NDArray[Any]]) -> None:
+    def __init__(self, scale: Mapping[str, NDArray[Any]]) -> None:
         super().__init__()
         self.eyes = nn.ModuleList(Eye(stride) for stride in STRIDES)
-        places, state = len(STRIDES) * PLACES * 2, scale["x_mean"].shape[0]
         self.find = nn.Sequential(
-            nn.Linear(places + state, network.WIDTH),
+            nn.Linear(len(STRIDES) * PLACES * 2, network.WIDTH),
             nn.GELU(),
-            nn.Linear(network.WIDTH, objects * 3),
+            nn.Linear(network.WIDTH, network.WIDTH),
+            nn.GELU(),
+            nn.Linear(network.WIDTH, len(scale["o_mean"])),
         )
-        self.objects = objects
-        things = len(SIDES) + objects + 1
-        ways = 3 * things * (len(SIDES) + 1)
-        self.net = network.module(state + places + ways, things, scale)
-        for key in ("p_mean", "p_scale"):
+        for key in ("o_mean", "o_scale"):
             self.register_buffer(key, torch.from_numpy(scale[key]).float())
 
-    def forward(
-        self, images: Sequence[torch.Tensor], state: Any, tools: Any, turns: Any
-    ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Normal labels (B, 30, 20), and where the objects are (B, n, 3) in metres.
-
-        Args:
-            images: One of each camera (B, 3, SIZE, SIZE).
-            state: What the robot says of itself (B, k), normal.
-            tools: Positions of both tools (B, 2, 3), in the table frame.
-            turns: Their rotations (B, 2, 3, 3).
-        """
-        rows = len(state)
-        seen = torch.cat([*(eye(i) for eye, i in zip(self.eyes, images, strict=True)), state], 1)
-        where = self.find(seen).view(rows, self.objects, 3) * self.p_scale + self.p_mean
-        table = torch.zeros(rows, 1, 3)
-        positions = torch.cat([tools, where, table], 1)
-        still = torch.eye(3).expand(rows, self.objects + 1, 3, 3)
-        ways = positions[:, :, None] - torch.cat([tools, table], 1)[:, None]
-        x = torch.cat([seen, PER_METRE * ways.flatten(1)], 1)
-        return self.net(x, positions, torch.cat([turns, still], 1)), where
+    def forward(self, images: Sequence[torch.Tensor]) -> torch.Tensor:
+        """What is seen (B, k), normal, in one image of each camera (B, 3, SIZE, SIZE)."""
+        return self.find(torch.cat([eye(i) for eye, i in zip(self.eyes, images, strict=True)], 1))
 
 
-def robot_state(state: Rows) -> tuple[Rows, Rows, Rows]:
-    """Numbers of the robot (T, k), tool positions (T, 2, 3) and rotations (T, 2, 3, 3)."""
-    here = frames(state, np.zeros((len(state), 0), np.float32), ())
-    tools, turns = here.positions[:, : len(SIDES)], here.rotations[:, : len(SIDES)]
-    rows = len(state)
-    numbers = np.hstack([state, tools.reshape(rows, -1), turns[..., :2].reshape(rows, -1)])
-    return numbers.astype(np.float32), tools.astype(np.float32), turns.astype(np.float32)
+def shown(objects: Rows, names: tuple[str, ...]) -> Rows:
+    """What there is to be seen of object states (T, n): the same, but objects turned forwards.
+
+    A cube looks the same after a quarter turn, so which of its axes is x cannot be seen. It is
+    told apart, as quarters of a turn (four numbers an object), and guessed where nothing shows it.
+    """
+    here = frames(np.zeros((len(objects), 16), np.float32), objects, names)
+    seen, quarters = objects.copy(), []
+    for k, x, z in _axes(names):
+        seen[:, x], seen[:, z] = (here.rotations[:, k, :, axis] for axis in (0, 2))
+        quarters.append(np.eye(QUARTERS, dtype=np.float32)[here.quarters[:, k]])
+    return np.hstack([seen, *quarters])
+
+
+def recognized(seen: Rows, names: tuple[str, ...]) -> Rows:
+    """Object states (T, n) of what was seen of them (T, k)."""
+    objects, quarters = seen[:, : len(names)].copy(), seen[:, len(names) :]
+    for nth, (_, x, z) in enumerate(_axes(names)):
+        up = objects[:, z] / np.linalg.norm(objects[:, z], axis=1, keepdims=True)
+        ahead = objects[:, x] - (objects[:, x] * up).sum(1, keepdims=True) * up
+        ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+        aside = np.cross(up, ahead)
+        turn = quarters[:, QUARTERS * nth : QUARTERS * (nth + 1)].argmax(1)
+        objects[:, x] = np.choose(turn, (ahead.T, aside.T, -ahead.T, -aside.T)).T
+        objects[:, z] = up
+    return objects
+
+
+def _axes(names: tuple[str, ...]) -> list[tuple[int, slice, slice]]:
+    """Of objects with axes: which of the things they are, and where x and z axes stand."""
+    found = []
+    for k, body in enumerate(bodies(names), len(SIDES)):
+        if (name := f"{body}_x_axis_x") in names:
+            x, z = names.index(name), names.index(f"{body}_z_axis_x")
+            found.append((k, slice(x, x + 3), slice(z, z + 3)))
+    return found
 
 
 def train(
+    acts: Path,
     data: Demonstrations,
     images: Sequence[Pixels],
     out: Path,
     seed: int,
     how: Training | None = None,
 ) -> dict[str, Any]:
-    """Train one network with Adam on the mean absolute error, and write it to a file.
+    """Train one network that sees object states, and write it to a file beside one that acts.
 
     Args:
+        acts: File of a network on object states.
         data: Demonstrations.
         images: What `watch` renders of them.
-        out: The file.
+        out: The file, with both.
         seed: Of the numbers at the start, and the order.
         how: How long.
 
     Returns:
-        What is told of it: passes over the demonstrations, steps, and how far off objects were seen
-        in the end, in millimetres.
+        What is told of it: passes over the images, steps, and how far off objects are seen in
+        demonstrations held out, in millimetres.
+
+    Raises:
+        DataError: There are too few demonstrations.
     """
     how = how or Training()
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    shown = _Rows(data, images)
-    net = Sight(shown.objects, shown.scale).to(memory_format=torch.channels_last)  # as pictures are
+    rows = _Rows(data, images, how)
+    net = Sight(rows.scale).to(memory_format=torch.channels_last)  # as pictures are
     adam = torch.optim.AdamW(net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True)
-    steps = how.passes * math.ceil(len(shown.where) / how.batch)
-    off = math.nan
+    steps = how.passes * math.ceil(len(rows.learned) / how.batch)
     for k in range(steps):
         for group in adam.param_groups:
             group["lr"] = how.rate * min(1.0, (k + 1) / how.warm_up) * (1 - k / steps)
-        acts, sees, metres = shown.errors(net, torch.randint(len(shown.where), (how.batch,)))
+        drawn = torch.multinomial(rows.shares, how.batch, replacement=True)
+        error = rows.errors(net, rows.learned[drawn]).abs().mean()
         adam.zero_grad()
-        (acts + sees).backward()
+        error.backward()
         adam.step()
-        if k % 200 == 0 or k == steps - 1:
-            off = 1000 * float(metres)
-            print(f"step {k + 1} of {steps}: error {acts:.3f}, {off:.1f} mm off", flush=True)
-    about = {"names": data.names, "openings": openings(data.labels), "objects": shown.objects}
-    tensors = {name: torch.from_numpy(value) for name, value in shown.scale.items()}
-    torch.save({"about": about, "scale": tensors, "net": net.state_dict()}, out)
+        if k % 200 == 0:
+            print(f"step {k + 1} of {steps}: error {error:.3f}", flush=True)
+    off = rows.millimetres(net.eval())
+    sight = {f"{SIGHT}{name}": value.numpy() for name, value in net.state_dict().items()}
+    np.savez(out, **dict(np.load(acts)), **sight)
     return {"passes": how.passes, "steps": steps, "objects_off_mm": round(off, 1)}
 
 
 class _Rows:
     """Every third row of demonstrations as tensors, and what is seen in it."""
 
-    def __init__(self, data: Demonstrations, images: Sequence[Pixels]) -> None:
-        rows = np.arange(0, len(data.state), EVERY)
-        numbers, tools, turns = robot_state(data.state)
-        columns = [data.names.index(f"{thing}_x") for thing in bodies(data.names)]
-        where = np.stack([data.objects[:, c : c + 3] for c in columns], 1)
-        scale = {"x_mean": numbers.mean(0), "x_scale": numbers.std(0) + network.LEAST}
-        scale |= {"y_mean": data.labels.mean(0), "y_scale": data.labels.std(0) + 1e-3}
-        scale |= {"p_mean": where.mean(0), "p_scale": where.std(0) + network.LEAST}
-        self.scale, self.objects = scale, len(columns)
-        self.where = torch.from_numpy(where[rows])
+    def __init__(self, data: Demonstrations, images: Sequence[Pixels], how: Training) -> None:
+        seen = shown(data.objects, data.names)[::EVERY]
+        self.scale = {"o_mean": seen.mean(0), "o_scale": seen.std(0) + network.LEAST}
+        held = np.repeat(data.held_out(how.held_out), data.lengths)[::EVERY]
+        self.learned, self._held = (torch.from_numpy(np.flatnonzero(r)) for r in (~held, held))
+        before = np.concatenate([np.arange(length) for length in data.lengths])[::EVERY]
+        self.shares = 1 / (torch.from_numpy(before)[self.learned] + how.early)
         self._pictures = [torch.from_numpy(one).permute(0, 3, 1, 2) for one in images]
-        self._labels = torch.from_numpy((data.labels - scale["y_mean"]) / scale["y_scale"])
-        self._chunks = torch.from_numpy(data.chunks(network.HORIZON)[rows])
-        self._state = torch.from_numpy(((numbers - scale["x_mean"]) / scale["x_scale"])[rows])
-        self._noise = torch.from_numpy(network.NOISE / scale["x_scale"]).float()
-        self._tools = [torch.from_numpy(part[rows]) for part in (tools, turns)]
+        self._seen = torch.from_numpy(seen)
+        places = [data.names.index(f"{body}_x") for body in bodies(data.names)]
+        self._places = torch.tensor([[x, x + 1, x + 2] for x in places])
 
-    def errors(self, net: Sight, rows: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        """Mean errors of chunks and of places, both normal, and that of places in metres."""
-        state = self._state[rows]
-        state = state + self._noise * torch.randn_like(state)
-        images, tools = ([one[rows] for one in part] for part in (self._pictures, self._tools))
-        told, found = net(images, state, *tools)
-        off = found - self.where[rows]
-        acts = (told - self._labels[self._chunks[rows]]).abs().mean()
-        return acts, (off / net.p_scale).abs().mean(), off.detach().norm(dim=-1).mean()
+    def errors(self, net: Sight, rows: torch.Tensor) -> torch.Tensor:
+        """Errors of what is seen in some rows (B, k), normal."""
+        seen = (self._seen[rows] - net.o_mean) / net.o_scale
+        return net([one[rows] for one in self._pictures]) - seen
+
+    def millimetres(self, net: Sight) -> float:
+        """How far off objects are seen on average in demonstrations that are not learned from."""
+        with torch.no_grad():
+            parts = [self.errors(net, rows) for rows in self._held.split(256)]
+        off = (torch.cat(parts) * net.o_scale)[:, self._places]
+        return 1000 * float(off.norm(dim=-1).mean())
 
 
 def watch(demos: Path, task: str, data: Demonstrations) -> list[Pixels]:
@@ -246,57 +262,47 @@ def watch(demos: Path, task: str, data: Demonstrations) -> list[Pixels]:
     return images
 
 
-class Images:
-    """Plays a trained network."""
+class Images(network.Network):
+    """Plays a trained network on what it sees."""
 
     def __init__(self) -> None:
         """Read the file that the variable CHECKPOINT names."""
-        path = checkpoint()
-        if path.is_dir() or not path.exists():
+        super().__init__()
+        scale = {k.removeprefix(SIGHT): v for k, v in self._net.items() if k.startswith(SIGHT)}
+        if not scale:
             raise PolicyError(
-                f"There is no file of a network {path}; python images.py DEMOS EXPORT carry_pot.pt "
-                "trains one."
+                "CHECKPOINT names a network that sees no images: python images.py DEMOS EXPORT "
+                "NETWORK OUT trains one that does."
             )
         torch.set_num_threads(1)
-        content = torch.load(path)
-        about = content["about"]
-        self._scale = {name: value.numpy() for name, value in content["scale"].items()}
-        self._net = Sight(about["objects"], self._scale).eval()
-        self._net.load_state_dict(content["net"])
-        self._openings = about["openings"]
-        self._grippers = Grippers(self._openings)
-        self.metadata = PolicyMetadata(
+        self._sight = Sight(scale).eval()
+        self._sight.load_state_dict({name: torch.from_numpy(a) for name, a in scale.items()})
+        self.metadata = replace(
+            self.metadata,
             name="frames of things, from images",
             cameras=POLICY_CAMERAS,
             image_size=(SIZE, SIZE),
-            action_mode="cartesian",
-            horizon=network.HORIZON,
-            version=hashlib.sha256(path.read_bytes()).hexdigest()[:16],
+            object_state=False,
         )
-
-    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002
-        """Begin an episode with open hands."""
-        self._grippers = Grippers(self._openings)
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
-        numbers, tools, turns = robot_state(observation["agent_pos"][None])
-        state = (numbers - self._scale["x_mean"]) / self._scale["x_scale"]
+        return super().act({**observation, "environment_state": self.objects(observation)})
+
+    def objects(self, observation: Mapping[str, Any]) -> Rows:
+        """The object state (n,) as it is seen."""
         pixels = (observation["pixels"][camera] for camera in POLICY_CAMERAS)
         images = [torch.tensor(one.transpose(2, 0, 1))[None] for one in pixels]
         with torch.no_grad():
-            parts = (torch.from_numpy(part) for part in (state, tools, turns))
-            told = self._net(images, *parts)[0][0].numpy()
-        chunk = (told * self._scale["y_scale"] + self._scale["y_mean"]).astype(np.float32)
-        for label in chunk:
-            self._grippers.switch(label)
-        return to_actions(chunk)
+            seen = self._sight(images) * self._sight.o_scale + self._sight.o_mean
+        return recognized(seen.numpy(), self._names)[0]
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("demos", type=Path, help="folder of recordings")
     parser.add_argument("export", type=Path, help="what was exported of them, of one task")
+    parser.add_argument("acts", type=Path, help="network that network.py made of the same")
     parser.add_argument("out", type=Path)
     parser.add_argument("--episodes", type=int)
     parser.add_argument("--seed", type=int, default=0)
@@ -304,6 +310,6 @@ if __name__ == "__main__":
     try:
         demonstrations = Demonstrations.load(asked.export, asked.episodes)
         pictures = watch(asked.demos, asked.export.name, demonstrations)
-        print(train(demonstrations, pictures, asked.out, asked.seed))
+        print(train(asked.acts, demonstrations, pictures, asked.out, asked.seed))
     except DuoBenchError as error:
         parser.exit(1, f"error: {error}\n")

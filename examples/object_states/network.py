@@ -95,16 +95,11 @@ def train(
             "The network says tool poses, and these actions are joint targets: export with "
             "--action cartesian."
         )
-    if len(data.lengths) < how.held_out:
-        raise DataError(
-            f"One demonstration in {how.held_out} is held out, so that as many are needed at least;"
-            f" got {len(data.lengths)}."
-        )
+    learned, held = data.split(how.held_out)
     import torch
 
     torch.set_num_threads(1)
     torch.manual_seed(seed)
-    learned, held = data.split(how.held_out)
     scale = _scale(learned)
     shown, test = (_Rows(part, scale, how.device) for part in (learned, held))
     net = module(shown.x.shape[1], shown.positions.shape[1], scale).to(how.device)

@@ -100,42 +100,55 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
 def trained(asked: argparse.Namespace, task: str, seed: int) -> tuple[Path, dict[str, Any]]:
     """One network, trained unless it is there, and what is told of that."""
     folder = asked.out / setting(asked) / task
-    checkpoint = folder / f"{seed}.{'pt' if asked.images else 'npz'}"
+    checkpoint = folder / f"{seed}.npz"
     told = folder / f"{seed}.json"
     if not told.exists():
         folder.mkdir(parents=True, exist_ok=True)
         data, own = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until), {}
-        first = trained(without_own(asked), task, seed)[0] if asked.self_imitation else None
+        further = asked.self_imitation or asked.images
+        first = trained(first_of(asked), task, seed)[0] if further else checkpoint
         before = _processor_seconds()
-        if first:
+        if asked.self_imitation:
             os.environ["CHECKPOINT"] = str(first.absolute())
             place = folder / f"own-{seed}"
             done, own = practise("network:Network", task, place, asked.self_imitation)
             data += done
-        about = learn(asked, task, data, checkpoint, seed) | own
+        if asked.images:
+            about = see(asked, task, data, first, checkpoint, seed)
+        else:
+            about = learn(asked, data, checkpoint, seed) | own
         about |= {"device": asked.device, "seconds": round(_processor_seconds() - before)}
         _write(told, about)
     return checkpoint, json.loads(told.read_text())
 
 
-def without_own(asked: argparse.Namespace) -> argparse.Namespace:
-    """The same on demonstrations alone."""
-    return argparse.Namespace(**vars(asked) | {"self_imitation": None})
+def first_of(asked: argparse.Namespace) -> argparse.Namespace:
+    """What comes first: the same on demonstrations and object states alone."""
+    plain = {"self_imitation": None, "images": None}
+    plain |= {"passes": None} if asked.images else {}  # which are over images then
+    return argparse.Namespace(**vars(asked) | plain)
 
 
 def learn(
-    asked: argparse.Namespace, task: str, data: Demonstrations, checkpoint: Path, seed: int
+    asked: argparse.Namespace, data: Demonstrations, checkpoint: Path, seed: int
 ) -> dict[str, Any]:
-    """Train one network; what is told of it."""
-    if asked.images:
-        import images
-
-        how = images.Training(passes=asked.passes or images.Training.passes)
-        return images.train(data, images.watch(asked.images, task, data), checkpoint, seed, how)
+    """Train one network on object states; what is told of it."""
     how = network.Training(device=asked.device)
     if asked.passes:
         how = replace(how, least=asked.passes, most=asked.passes)
     return network.train(data, checkpoint, seed, how)
+
+
+def see(
+    asked: argparse.Namespace, task: str, data: Demonstrations, acts: Path, out: Path, seed: int
+) -> dict[str, Any]:
+    """Train one that sees for another one; what is told of it."""
+    import images  # needs PyTorch to be read
+
+    how = images.Training()
+    if asked.passes:
+        how = replace(how, passes=asked.passes)
+    return images.train(acts, data, images.watch(asked.images, task, data), out, seed, how)
 
 
 def _processor_seconds() -> float:

@@ -29,6 +29,7 @@ from duobench.evaluation.rollout import rollout
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
 from duobench.tasks import catalog
+from duobench.types import POLICY_CAMERAS
 from tests.docs.markdown import ROOT
 
 EXAMPLES = ROOT / "examples" / "object_states"
@@ -508,7 +509,9 @@ def test_a_network_that_sees_images_is_trained_and_played(
     exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    import frames  # pyright: ignore[reportMissingImports]
     import images  # pyright: ignore[reportMissingImports]
+    import network  # pyright: ignore[reportMissingImports]
     import table  # pyright: ignore[reportMissingImports]
     from demonstrations import Demonstrations  # pyright: ignore[reportMissingImports]
 
@@ -521,16 +524,55 @@ def test_a_network_that_sees_images_is_trained_and_played(
     with pytest.raises(DataError, match=r"Episode 0 of .* is not that of the export"):
         images.watch(demos, TASK, second)
 
+    short = brief(2)
+    monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
+    longer = images.Training(batch=16, passes=25, warm_up=5, held_out=2)
+    monkeypatch.setattr(images, "Training", lambda: longer)
     asked = options(exports, tmp_path, passes=2, images=demos)
     assert "of 1" in table.job(asked, TASK, 0)
     told = json.loads(table.result(asked, TASK, 0).read_text())
     assert told["training"]["passes"] == 2
     assert table.result(asked, TASK, 0).parent.name == "2-passes-2-images"
-    monkeypatch.setenv("CHECKPOINT", str(tmp_path / f"runs/2-passes-2-images/{TASK}/0.pt"))
+    acts = tmp_path / f"runs/2/{TASK}/0.npz"  # the network of the table acts
+    monkeypatch.setenv("CHECKPOINT", str(acts))
+    with pytest.raises(PolicyError, match="sees no images"):
+        images.Images()
+
+    images.train(acts, data, pictures, tmp_path / "sees.npz", 0, longer)
+    monkeypatch.setenv("CHECKPOINT", str(tmp_path / "sees.npz"))
     policy = images.Images()
+    assert not policy.metadata.object_state
     policy.reset("", 0)
-    env = duobench.make(TASK, image_size=(96, 96), action_mode="cartesian")
-    assert policy.act(env.reset(seed=0)[0]).shape == (30, 16)
+    shown = {
+        "agent_pos": data.state[0],
+        "pixels": {c: one[0] for c, one in zip(POLICY_CAMERAS, pictures, strict=True)},
+    }
+    places = [data.names.index(f"{body}_x") for body in frames.bodies(data.names)]
+    found = policy.objects(shown)
+    for x in places:  # one of the images that it has learned from
+        assert np.linalg.norm(found[x : x + 3] - data.objects[0, x : x + 3]) < 0.02
+    assert policy.act(shown).shape == (30, 16)
     monkeypatch.setenv("CHECKPOINT", str(tmp_path))
     with pytest.raises(PolicyError, match="no file of a network"):
         images.Images()
+
+
+@pytest.mark.usefixtures("example")
+@pytest.mark.parametrize("task", ["spring_door", "ball_maze"])
+def test_what_is_seen_of_an_object_state_is_all_of_it(task: str) -> None:
+    pytest.importorskip("torch", reason="PyTorch is not installed here: make test-lerobot")
+    from frames import frames  # pyright: ignore[reportMissingImports]
+    from images import recognized, shown  # pyright: ignore[reportMissingImports]
+
+    env = duobench.make(task, cameras=False, object_state=True)
+    names = tuple(env.get_wrapper_attr("object_state_names"))
+    objects = np.stack([env.reset(seed=s)[0]["environment_state"] for s in range(12)])
+    seen = shown(objects, names)
+    state = np.zeros((len(objects), 16), np.float32)
+    ahead = frames(state, seen[:, : len(names)], names)
+    assert not ahead.quarters.any()
+    assert np.allclose(recognized(seen, names), objects, atol=1e-6)
+    longer = seen.copy()
+    longer[:, : len(names)] += 0.01  # axes that are seen are of no exact length and angle
+    axes = recognized(longer, names)[:, [n for n, name in enumerate(names) if "_x_axis_" in name]]
+    assert np.allclose(np.linalg.norm(axes.reshape(len(axes), -1, 3), axis=-1), 1, atol=1e-6)
