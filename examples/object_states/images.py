@@ -53,8 +53,8 @@ class Training:
     """How long it learns to see."""
 
     batch: int = 64
-    rate: float = 1e-3
-    passes: int = 20
+    rate: float = 3e-3
+    passes: int = 30
     """Over the images of all demonstrations; the rate falls to zero over them."""
     warm_up: int = 200
     """Steps."""
