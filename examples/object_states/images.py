@@ -147,6 +147,17 @@ def _axes(names: tuple[str, ...]) -> list[tuple[int, slice, slice]]:
     return found
 
 
+def check(acts: Path, data: Demonstrations) -> None:
+    """Refuse a network that acts on other object states than those of demonstrations.
+
+    Raises:
+        DataError: It does.
+        PolicyError: There is none.
+    """
+    if network.Network(acts).names != data.names:
+        raise DataError(f"{acts} acts on object states of another task: train one on this export.")
+
+
 def train(
     acts: Path,
     data: Demonstrations,
@@ -170,8 +181,9 @@ def train(
         demonstrations held out, in millimetres.
 
     Raises:
-        DataError: There are too few demonstrations.
+        DataError: There are too few demonstrations, or the network that acts is of another task.
     """
+    check(acts, data)
     how = how or Training()
     torch.set_num_threads(1)
     torch.manual_seed(seed)
@@ -191,7 +203,7 @@ def train(
             print(f"step {k + 1} of {steps}: error {error:.3f}", flush=True)
     off = rows.millimetres(net.eval())
     sight = {f"{SIGHT}{name}": value.numpy() for name, value in net.state_dict().items()}
-    np.savez(out, **dict(np.load(acts)), **sight)
+    np.savez(out, **dict(np.load(acts)) | sight)
     return {"passes": how.passes, "steps": steps, "objects_off_mm": round(off, 1)}
 
 
@@ -295,7 +307,7 @@ class Images(network.Network):
         images = [torch.tensor(one.transpose(2, 0, 1))[None] for one in pixels]
         with torch.no_grad():
             seen = self._sight(images) * self._sight.o_scale + self._sight.o_mean
-        return recognized(seen.numpy(), self._names)[0]
+        return recognized(seen.numpy(), self.names)[0]
 
 
 if __name__ == "__main__":
@@ -309,6 +321,7 @@ if __name__ == "__main__":
     asked = parser.parse_args()
     try:
         demonstrations = Demonstrations.load(asked.export, asked.episodes)
+        check(asked.acts, demonstrations)  # before what takes minutes
         pictures = watch(asked.demos, asked.export.name, demonstrations)
         print(train(asked.acts, demonstrations, pictures, asked.out, asked.seed))
     except DuoBenchError as error:

@@ -255,7 +255,7 @@ class Network:
             )
         self._net = dict(np.load(path))
         about = json.loads(str(self._net["about"]))
-        self._names, self._openings = tuple(about["names"]), about["openings"]
+        self.names, self._openings = tuple(about["names"]), about["openings"]
         self._grippers = Grippers(self._openings)
         self._blend = blend()
         self.metadata = PolicyMetadata(
@@ -274,8 +274,8 @@ class Network:
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
         state, objects = observation["agent_pos"][None], observation["environment_state"][None]
-        seen = _normal(features(state, objects, self._names), self._net)[0]
-        chunk = self.chunk(seen, frames(state, objects, self._names))
+        seen = _normal(features(state, objects, self.names), self._net)[0]
+        chunk = self.chunk(seen, frames(state, objects, self.names))
         for label in chunk:
             self._grippers.switch(label)
         return to_actions(chunk)

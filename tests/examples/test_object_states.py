@@ -539,6 +539,8 @@ def test_a_network_that_sees_images_is_trained_and_played(
         images.Images()
 
     images.train(acts, data, pictures, tmp_path / "sees.npz", 0, longer)
+    with pytest.raises(DataError, match="of another task"):
+        images.train(acts, replace(data, names=("x",)), pictures, tmp_path / "no.npz", 0)
     monkeypatch.setenv("CHECKPOINT", str(tmp_path / "sees.npz"))
     policy = images.Images()
     assert not policy.metadata.object_state
