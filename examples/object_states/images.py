@@ -61,8 +61,8 @@ class Training:
     held_out: int = 10
     """Every n-th demonstration is not learned from."""
     early: int = 10
-    """The n-th row of a demonstration is drawn with a weight of 1 / (n + `early`): what is seen in the
-    first ones decides where hands go, and many later ones look alike."""
+    """The n-th row of a demonstration is drawn with a weight of 1 / (n + `early`): what is seen in
+    the first ones decides where hands go, and many later ones look alike."""
 
 
 class Eye(nn.Module):
