@@ -1,9 +1,12 @@
-"""Inverse kinematics of both arms, differential, by `mink` on a model of each arm alone."""
+"""Inverse kinematics of both arms, differential, on a model of each arm alone.
+
+Each step is a small quadratic program: `mink` says what brings the tool nearer, posture and inertia
+pull at the joints, and DAQP solves it within each joint's bounds.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,10 +14,7 @@ from duobench.robot.frames import LINK7_FROM_TCP, SHOULDERS
 from duobench.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 from duobench.scene.naming import tcp_name
 from duobench.spatial import SE3, length
-from duobench.types import CONTROL_HZ, SIDES, Array, Side
-
-if TYPE_CHECKING:
-    import mujoco
+from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDES, Array, Side
 
 POSITION_COST, ORIENTATION_COST = 1.0, 0.3
 """Weights of one metre and of one radian of error: 3 mm weigh as much as half a degree."""
@@ -55,9 +55,12 @@ LEAST_PROGRESS = 1e-3
 """Share of the squared error that a step removes at least; otherwise the arm rests."""
 SHORTENINGS = 5
 """How often a step that does not remove as much is halved, before the arm rests."""
-SOLVER = "daqp"
+SOLVED = 1
+"""What DAQP calls a solution."""
 
 _TCP_FROM_WRIST = LINK7_FROM_TCP.inverse()
+_NO_ROWS = np.zeros((0, ARM_JOINTS))
+"""No limits but bounds of the joints themselves."""
 
 
 def within_reach(side: Side, tool: SE3, reach: float = REACH) -> SE3:
@@ -67,34 +70,6 @@ def within_reach(side: Side, tool: SE3, reach: float = REACH) -> SE3:
     distance = length(away)
     excess = max(0.0, distance - reach)
     return tool.moved(*(-excess * away / distance)) if excess else tool
-
-
-def _step_limit(model: mujoco.MjModel) -> Any:
-    """A limit of mink's, which is loaded at first use, on the step of every joint."""
-    import mink
-
-    class StepLimit(mink.Limit):
-        """How far each joint may move in a step: range, speed, and change of speed."""
-
-        def __init__(self) -> None:
-            self._low, self._high = model.jnt_range.T
-            self._speeds = np.array(VELOCITY_LIMITS) * VELOCITY_SHARE
-            self._sides = np.vstack([np.eye(len(self._speeds)), -np.eye(len(self._speeds))])
-            self.last: Array | None = None
-            """The step before (7,) in radians; None where its change is not limited."""
-
-        def compute_qp_inequalities(
-            self, configuration: mink.Configuration, dt: float
-        ) -> mink.Constraint:
-            most = self._speeds * dt
-            low = np.maximum(-most, LIMIT_GAIN * (self._low - configuration.q))
-            high = np.minimum(most, LIMIT_GAIN * (self._high - configuration.q))
-            if self.last is not None:
-                slowest, fastest = self.last - MAX_CHANGE, self.last + MAX_CHANGE
-                low, high = np.clip(slowest, low, high), np.clip(fastest, low, high)
-            return mink.Constraint(G=self._sides, h=np.concatenate([high, -low]))
-
-    return StepLimit()
 
 
 class ArmKinematics:
@@ -119,9 +94,7 @@ class ArmKinematics:
             orientation_cost=ORIENTATION_COST,
             lm_damping=LM_DAMPING,
         )
-        self._posture = mink.PostureTask(model, cost=POSTURE_COST, gain=POSTURE_GAIN)
-        self._inertia = mink.PostureTask(model, cost=INERTIA_COST)
-        self._limit = _step_limit(model)
+        self._speeds = np.array(VELOCITY_LIMITS) * VELOCITY_SHARE
 
     def forward(self, joints: Array) -> SE3:
         """Tool pose in the table frame at joint positions (7,)."""
@@ -134,41 +107,54 @@ class ArmKinematics:
     ) -> Array:
         """Joint targets (7,) for the step towards a tool pose; see `Kinematics.step`."""
         import mink
-        from qpsolvers import exceptions
 
         start = np.clip(joints, self._low, self._high)
         goal = within_reach(self._side, target)
         self._tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
-        self._posture.set_target(posture)
-        enough = (1.0 - LEAST_PROGRESS) * self._error(start)
-        tasks = [self._tool, self._posture]
-        self._limit.last = last = None if before is None else joints - before
-        if last is not None:
-            self._inertia.set_target(start + last)
-            tasks.append(self._inertia)
-        try:
-            velocity = mink.solve_ik(
-                self._configuration, tasks, dt, SOLVER, damping=DAMPING, limits=[self._limit]
-            )
-        except (mink.NoSolutionFound, exceptions.QPError):
+        enough = (1.0 - LEAST_PROGRESS) * self._error(start, posture)
+        last = None if before is None else joints - before
+        change = self._change(start, dt, posture, last)
+        if change is None:
             return start
-        change = velocity * dt
         if last is not None:  # the arm moves on, and cannot stop at once
             return start + change
         for _ in range(SHORTENINGS + 1):
-            if self._error(start + change) < enough:
+            if self._error(start + change, posture) < enough:
                 return start + change
             change = change / 2
         return start
 
-    def _error(self, joints: Array) -> float:
+    def _change(self, start: Array, dt: float, posture: Array, last: Array | None) -> Array | None:
+        """The best step from where the arm was just looked at, if there is one."""
+        import daqp
+
+        weighted, error, damping = self._tool.compute_qp_residual(self._configuration)
+        pull = POSTURE_COST**2
+        linear = pull * POSTURE_GAIN * (start - posture) - error @ weighted
+        if last is not None:
+            pull += INERTIA_COST**2
+            linear -= INERTIA_COST**2 * last
+        hessian = weighted.T @ weighted
+        hessian.flat[:: len(start) + 1] += pull + DAMPING + damping
+        low, high = self._bounds(start, dt, last)
+        solution, _, outcome, _ = daqp.solve(hessian, linear, _NO_ROWS, high, low)
+        return solution if outcome == SOLVED else None
+
+    def _bounds(self, start: Array, dt: float, last: Array | None) -> tuple[Array, Array]:
+        """How far each joint may move in a step: range, speed, and change of speed."""
+        most = self._speeds * dt
+        low = np.maximum(-most, LIMIT_GAIN * (self._low - start))
+        high = np.minimum(most, LIMIT_GAIN * (self._high - start))
+        if last is None:
+            return low, high
+        return np.clip(last - MAX_CHANGE, low, high), np.clip(last + MAX_CHANGE, low, high)
+
+    def _error(self, joints: Array, posture: Array) -> float:
         """What a solution makes small: the squared errors of tool and posture, by their costs."""
         self._configuration.update(joints)
-        errors = (
-            task.cost * task.compute_error(self._configuration)
-            for task in (self._tool, self._posture)
-        )
-        return sum(float(error @ error) for error in errors)
+        tool = self._tool.cost * self._tool.compute_error(self._configuration)
+        pulled = POSTURE_COST * (joints - posture)
+        return float(tool @ tool) + float(pulled @ pulled)
 
 
 class Kinematics:
