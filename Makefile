@@ -28,6 +28,7 @@ STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
 DEMO_ROBUST := demo-robust
 TEST_WORKERS ?= 2
+TESTS ?= not slow and not long
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -47,7 +48,7 @@ demo-robust: setup  ## Play the suite robust with the scripted experts, two leve
 	$(BIN)/duobench eval --policy expert --suite robust --levels 1 5 --episodes 1 --workers 2 --out $(DEMO_ROBUST)
 
 test: check  ## Check format, lint and types, then run the tests; ten minutes on two cores.
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "not slow and not long"
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "$(TESTS)"
 
 test-all: setup-test  ## Run the tests that `make test` leaves out: more ways, kills, pages, programs.
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "slow and not long"
