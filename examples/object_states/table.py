@@ -74,7 +74,10 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
     before = _processor_seconds()
     suite = Suite(tasks=tuple(find_tasks([task])), episodes=asked.episodes)
     policy = "images:Images" if asked.images else "network:Network"
-    results = evaluate(policy, suite, RunFolder(checkpoint.parent / f"run-{seed}"))
+    try:
+        results = evaluate(policy, suite, RunFolder(checkpoint.parent / f"run-{seed}"))
+    except OtherRunError as error:
+        raise OtherRunError(f"{error} Delete it, and what was trained is played anew.") from error
     score, played = results.overall, results.tasks[0]
     content = {
         "task": task,

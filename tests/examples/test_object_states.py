@@ -28,6 +28,7 @@ from duobench.errors import (
 from duobench.evaluation.rollout import rollout
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
+from duobench.results.suite import Suite
 from duobench.tasks import catalog
 from duobench.types import POLICY_CAMERAS
 from tests.docs.markdown import ROOT
@@ -487,6 +488,21 @@ def test_a_table_of_nothing_and_results_of_another_suite(exports: Path, tmp_path
     table.result(asked, TASK, 0).write_text('{"suite": "1"}')
     with pytest.raises(OtherRunError, match=r"is of suite 1.* name another folder of results"):
         table.job(asked, TASK, 0)
+
+
+@pytest.mark.usefixtures("example")
+def test_a_run_of_another_state_of_the_code_is_told_with_what_to_do(
+    exports: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import table  # pyright: ignore[reportMissingImports]
+
+    def refuse(_policy: str, _suite: Suite, folder: RunFolder) -> None:
+        raise OtherRunError(f"{folder.path} holds another evaluation.")
+
+    monkeypatch.setattr(table, "evaluate", refuse)
+    monkeypatch.setattr(table, "trained", lambda *_: (tmp_path / "0.npz", {}))
+    with pytest.raises(OtherRunError, match=r"run-0 holds another evaluation\. Delete it"):
+        table.job(options(exports, tmp_path), TASK, 0)
 
 
 @pytest.mark.usefixtures("example")
