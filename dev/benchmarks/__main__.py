@@ -1,4 +1,4 @@
-"""Run the benchmarks and print one table; the exit status says whether every bar was met."""
+"""Run the benchmarks, a line for each number; the exit status says whether every bar was met."""
 
 import argparse
 import os
@@ -8,10 +8,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import mujoco
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.progress import track
-from rich.table import Table
 
 from dev.benchmarks import (
     batches,
@@ -43,7 +39,6 @@ ONCE: Mapping[str, Callable[[], Iterator[Measurement]]] = {
     "teleoperation": teleoperation.measure,
 }
 KINDS = (*ONCE, *PER_TASK)
-WIDTH = 100
 
 
 def measurements(kinds: Sequence[str], tasks: Sequence[str]) -> Iterator[Measurement]:
@@ -79,17 +74,13 @@ def main() -> int:
     arguments = parser.parse_args()
     if unknown := [kind for kind in arguments.kinds if kind not in KINDS]:
         parser.error(f"no such kind: {', '.join(unknown)}; known: {', '.join(KINDS)}")
-    table = Table(title=machine(), box=SIMPLE_HEAD)
-    table.add_column("measured", no_wrap=True)
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("bar", justify="right", no_wrap=True)
-    table.add_column("", no_wrap=True)
+    print(machine())
     met = True
-    for found in track(measurements(arguments.kinds or KINDS, arguments.tasks), "Measuring"):
+    for found in measurements(arguments.kinds or KINDS, arguments.tasks):
         met &= found.met
-        verdict = "" if not found.bar else "met" if found.met else "[red]missed[/red]"
-        table.add_row(found.what, f"{found.value:.4g} {found.unit}", found.bar, verdict)
-    Console(width=WIDTH).print(table)
+        verdict = "" if not found.bar else "met" if found.met else "MISSED"
+        value = f"{found.value:.4g} {found.unit}"
+        print(f"{found.what:<56} {value:>14} {found.bar:>9}  {verdict}".rstrip(), flush=True)
     return 0 if met else 1
 
 
