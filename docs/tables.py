@@ -248,6 +248,11 @@ def learned(setting: str, what: str = "table") -> Callable[[], str]:
     return lambda: "\n".join([*getattr(baselines, what)(baselines.RESULTS, setting), ""])
 
 
+def curve() -> str:
+    """The same, against demonstrations and passes over them."""
+    return "\n".join([*baselines.curve(baselines.RESULTS), ""])
+
+
 Places = Mapping[str, Callable[[], str]]
 TABLES: Mapping[str, Places] = {
     "environments": {"tasks": tasks},
@@ -268,6 +273,7 @@ TABLES: Mapping[str, Places] = {
     "baselines": {
         "learned from 50": learned("50"),
         "learned from 200": learned("200"),
+        "demonstrations and passes": curve,
         "failures with 50": learned("50", "failures"),
         "learned from own successes": learned("50-self-150"),
         "learned from images": learned("200-images"),

@@ -55,8 +55,8 @@ LEAST_PROGRESS = 1e-3
 """Share of the squared error that a step removes at least; otherwise the arm rests."""
 SHORTENINGS = 5
 """How often a step that does not remove as much is halved, before the arm rests."""
-SOLVED = 1
-"""What DAQP calls a solution."""
+OPTIMAL = 1
+"""How DAQP says that it found the solution."""
 
 _TCP_FROM_WRIST = LINK7_FROM_TCP.inverse()
 _NO_ROWS = np.zeros((0, ARM_JOINTS))
@@ -138,7 +138,7 @@ class ArmKinematics:
         hessian.flat[:: len(start) + 1] += pull + DAMPING + damping
         low, high = self._bounds(start, dt, last)
         solution, _, outcome, _ = daqp.solve(hessian, linear, _NO_ROWS, high, low)
-        return solution if outcome == SOLVED else None
+        return solution if outcome == OPTIMAL else None
 
     def _bounds(self, start: Array, dt: float, last: Array | None) -> tuple[Array, Array]:
         """How far each joint may move in a step: range, speed, and change of speed."""
