@@ -4,6 +4,7 @@ import math
 from itertools import product
 
 import daqp
+import mink
 import numpy as np
 import pytest
 
@@ -14,11 +15,14 @@ from duobench.kinematics.inverse import (
     MAX_CHANGE,
     REACH,
     STRAIGHT,
+    ArmKinematics,
     Kinematics,
     within_reach,
 )
 from duobench.robot.frames import LINK7_FROM_TCP, SHOULDERS
 from duobench.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
+from duobench.scene.arms import kinematic_model
+from duobench.scene.naming import tcp_name
 from duobench.spatial import SE3
 from duobench.types import ARM_JOINTS, SIDES, Side
 
@@ -136,6 +140,29 @@ def test_where_the_solver_finds_nothing_the_arms_stay(
     monkeypatch.setattr(daqp, "solve", lambda *_: (np.ones(ARM_JOINTS), 0.0, -1, {}))
     moved = kinematics.step(HOME_JOINTS, {side: down(0.5, 0.0, 0.3) for side in SIDES})
     assert np.abs(moved - HOME_JOINTS).max() <= 0.5 / GRID
+
+
+@pytest.mark.parametrize("with_before", [False, True])
+def test_a_step_is_what_mink_finds_with_its_own_tasks(*, with_before: bool) -> None:
+    rng = np.random.default_rng(6)
+    model = kinematic_model(Side.LEFT)
+    configuration, arm = mink.Configuration(model), ArmKinematics(Side.LEFT)
+    tool = mink.FrameTask(tcp_name(Side.LEFT), "site", 1.0, 0.3, lm_damping=0.1)
+    posture = mink.PostureTask(model, cost=5e-3, gain=0.05)
+    inertia = mink.PostureTask(model, cost=0.02)
+    for _ in range(20):
+        start = HOME_JOINTS[0] + 0.1 * rng.normal(size=ARM_JOINTS)
+        last = 1e-3 * rng.normal(size=ARM_JOINTS)
+        goal = arm.forward(start).moved(*2e-3 * rng.normal(size=3))
+        configuration.update(start)
+        tool.set_target(mink.SE3(np.concatenate([goal.wxyz, goal.translation])))
+        posture.set_target(HOME_JOINTS[0])
+        inertia.set_target(start + last)
+        tasks = [tool, posture, inertia] if with_before else [tool, posture]
+        speed = mink.solve_ik(configuration, tasks, DT, "daqp", damping=1e-5, limits=[])
+        before = start - last if with_before else None
+        found = arm.step(start, goal, DT, HOME_JOINTS[0], before)
+        assert np.abs(found - start - speed * DT).max() < 1e-9
 
 
 def test_a_tool_tracks_a_moving_target(kinematics: Kinematics) -> None:

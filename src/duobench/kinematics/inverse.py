@@ -125,7 +125,7 @@ class ArmKinematics:
         return start
 
     def _change(self, start: Array, dt: float, posture: Array, last: Array | None) -> Array | None:
-        """The best step from where the arm was just looked at, if there is one."""
+        """The best step from `start`, where the configuration is; None if DAQP finds none."""
         import daqp
 
         weighted, error, damping = self._tool.compute_qp_residual(self._configuration)
