@@ -63,6 +63,8 @@ class Training:
     early: int = 10
     """The n-th row of a demonstration is drawn with a weight of 1 / (n + `early`): what is seen in
     the first ones decides where hands go, and many later ones look alike."""
+    device: str = "cpu"
+    """What PyTorch trains on; it plays on the processor."""
 
 
 class Eye(nn.Module):
@@ -83,7 +85,8 @@ class Eye(nn.Module):
 
     def forward(self, images: torch.Tensor) -> torch.Tensor:
         """Places (B, 2·PLACES), from -1 to 1, in images (B, 3, SIZE, SIZE) of 0 to 255."""
-        with torch.autocast("cpu", dtype=torch.bfloat16, enabled=self.training):  # twice as fast
+        how = {"dtype": torch.bfloat16, "enabled": self.training}  # twice as fast
+        with torch.autocast(images.device.type, **how):
             maps = self.layers(images.float() / 127.5 - 1)
         return (maps.float().flatten(2).softmax(-1) @ self.grid).flatten(1)
 
@@ -188,7 +191,7 @@ def train(
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     rows = _Rows(data, images, how)
-    net = Sight(rows.scale).to(memory_format=torch.channels_last)  # as pictures are
+    net = Sight(rows.scale).to(how.device, memory_format=torch.channels_last)  # as pictures are
     adam = torch.optim.AdamW(net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True)
     steps = how.passes * math.ceil(len(rows.learned) / how.batch)
     for k in range(steps):
@@ -202,7 +205,7 @@ def train(
         if k % 200 == 0:
             print(f"step {k + 1} of {steps}: error {error:.3f}", flush=True)
     off = rows.millimetres(net.eval())
-    sight = {f"{SIGHT}{name}": value.numpy() for name, value in net.state_dict().items()}
+    sight = {f"{SIGHT}{name}": value.cpu().numpy() for name, value in net.state_dict().items()}
     np.savez(out, **dict(np.load(acts)) | sight)
     return {"passes": how.passes, "steps": steps, "objects_off_mm": round(off, 1)}
 
@@ -214,11 +217,14 @@ class _Rows:
         seen = shown(data.objects, data.names)[::EVERY]
         self.scale = {"o_mean": seen.mean(0), "o_scale": seen.std(0) + network.LEAST}
         held = np.repeat(data.held_out(how.held_out), data.lengths)[::EVERY]
-        self.learned, self._held = (torch.from_numpy(np.flatnonzero(r)) for r in (~held, held))
+        self.learned, self._held = (
+            torch.from_numpy(np.flatnonzero(rows)).to(how.device) for rows in (~held, held)
+        )
         before = np.concatenate([np.arange(length) for length in data.lengths])[::EVERY]
-        self.shares = 1 / (torch.from_numpy(before)[self.learned] + how.early)
-        self._pictures = [torch.from_numpy(one).permute(0, 3, 1, 2) for one in images]
-        self._seen = torch.from_numpy(seen)
+        self.shares = 1 / (torch.from_numpy(before[~held]).to(how.device) + how.early)
+        pictures = (torch.from_numpy(one).to(how.device) for one in images)
+        self._pictures = [one.permute(0, 3, 1, 2) for one in pictures]
+        self._seen = torch.from_numpy(seen).to(how.device)
         places = [data.names.index(f"{body}_x") for body in bodies(data.names)]
         self._places = torch.tensor([[x, x + 1, x + 2] for x in places])
 
@@ -231,7 +237,7 @@ class _Rows:
         """How far off objects are seen on average in demonstrations that are not learned from."""
         with torch.no_grad():
             parts = [self.errors(net, rows) for rows in self._held.split(256)]
-        off = (torch.cat(parts) * net.o_scale)[:, self._places]
+        off = (torch.cat(parts) * net.o_scale).cpu()[:, self._places]
         return 1000 * float(off.norm(dim=-1).mean())
 
 
@@ -318,11 +324,13 @@ if __name__ == "__main__":
     parser.add_argument("out", type=Path)
     parser.add_argument("--episodes", type=int)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--device", default="cpu", help="what PyTorch trains on")
     asked = parser.parse_args()
     try:
         demonstrations = Demonstrations.load(asked.export, asked.episodes)
         check(asked.acts, demonstrations)  # before what takes minutes
         pictures = watch(asked.demos, asked.export.name, demonstrations)
-        print(train(asked.acts, demonstrations, pictures, asked.out, asked.seed))
+        how = Training(device=asked.device)
+        print(train(asked.acts, demonstrations, pictures, asked.out, asked.seed, how))
     except DuoBenchError as error:
         parser.exit(1, f"error: {error}\n")

@@ -148,7 +148,7 @@ def see(
     """Train one that sees for another one; what is told of it."""
     import images  # needs PyTorch to be read
 
-    how = images.Training()
+    how = images.Training(device=asked.device)
     if asked.passes:
         how = replace(how, passes=asked.passes)
     return images.train(acts, data, images.watch(asked.images, task, data), out, seed, how)
