@@ -25,7 +25,7 @@ from duobench.objects.blocks import RED
 from duobench.objects.cup import square_mark
 from duobench.objects.prop import Prop
 from duobench.randomness import around
-from duobench.sim import batch, simulation
+from duobench.sim import simulation, thread_batch
 from duobench.stages.logic import Predicate, since
 from duobench.stages.predicates import touches
 from duobench.stages.progress import Stage
@@ -197,7 +197,7 @@ def test_a_state_has_the_usual_look_whatever_was_shown_before(
 def test_steps_that_are_not_solved_are_repeated_as_alone(
     several: Callable[..., BatchEnv], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (simulation, batch):
+    for module in (simulation, thread_batch):
         monkeypatch.setattr(module, "SOLVED", 1e-9)  # so that every step counts as unsolved
     vector = several("pour_marbles")
     vector.reset(seed=SEED)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.sim.batch import SimulationBatch
 from duobench.sim.simulation import Simulation
+from duobench.sim.thread_batch import ThreadBatch
 from duobench.stages.batch import ProgressBatch
 from duobench.stages.progress import ProgressState
 from duobench.tasks.task import Task
@@ -26,7 +26,7 @@ class Judged:
 
 def mismatches(task: Task, episodes: Sequence[Judged]) -> list[str]:
     """Steps at which the judge of many knows something else."""
-    batch = SimulationBatch(Simulation(task.props), len(episodes), 1)
+    batch = ThreadBatch(Simulation(task.props), len(episodes), 1)
     judge = ProgressBatch(task.stages, batch)
     for number, episode in enumerate(episodes):
         judge.set_state(number, episode.progress[0])

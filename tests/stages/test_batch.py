@@ -12,8 +12,8 @@ import pytest
 
 from duobench.objects.blocks import RED, cube
 from duobench.objects.prop import Prop
-from duobench.sim.batch import SimulationBatch
 from duobench.sim.simulation import Simulation
+from duobench.sim.thread_batch import ThreadBatch
 from duobench.stages.batch import ProgressBatch
 from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
 from duobench.stages.predicates import at_least
@@ -118,9 +118,9 @@ class Facts:
 
 
 @cache
-def empty_batch() -> tuple[Simulation, SimulationBatch]:
+def empty_batch() -> tuple[Simulation, ThreadBatch]:
     sim = Simulation([Prop(name="cube", solid=cube(RED))])
-    batch = SimulationBatch(sim, COUNT, 1)
+    batch = ThreadBatch(sim, COUNT, 1)
     states = []
     for world in range(COUNT):
         sim.data.time = world

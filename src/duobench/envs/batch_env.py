@@ -40,7 +40,7 @@ from duobench.looks.catalog import as_look
 from duobench.robot.joints import RANGE_MARGIN, duo_limits
 from duobench.shifts.levels import level_for
 from duobench.shifts.shift import PHYSICS, SENSING
-from duobench.sim.batch import SimulationBatch
+from duobench.sim.thread_batch import ThreadBatch
 from duobench.stages.batch import Booleans, ProgressBatch
 from duobench.tasks.object_state import ENVIRONMENT_STATE
 from duobench.types import OPENING_SLOTS, Array
@@ -101,7 +101,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self.single_observation_space = env.observation_space
         self.action_space = batch_space(env.action_space, num_envs)
         self.observation_space = batch_space(env.observation_space, num_envs)
-        self.simulations = SimulationBatch(self._base.simulation, num_envs, threads)
+        self.simulations = ThreadBatch(self._base.simulation, num_envs, threads)
         """The physics of all episodes."""
         self.judge = ProgressBatch(self._base.definition.stages, self.simulations)
         """Who says which stages they have reached."""

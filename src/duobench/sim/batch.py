@@ -1,26 +1,18 @@
-"""Many simulations of one model side by side, on MuJoCo's own threads; bit for bit as one alone."""
+"""Many simulations of one model side by side, whichever engine steps them."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
-from duobench.scene.compose import SUBSTEPS
 from duobench.scene.robotiq import DRIVER_CLOSED
-from duobench.sim.contact_table import Booleans, ContactTable, Integers
-from duobench.sim.duo import commands_of, controls_of, ramp
+from duobench.sim.contact_table import ContactTable, Integers
+from duobench.sim.duo import commands_of
 from duobench.sim.questions import Questions
-from duobench.sim.simulation import SOLVED, Simulation, raise_on_warning
-from duobench.types import ARM_JOINTS, SIDES, Array, DuoCommand
-
-_READY = int(mujoco.mjtStage.mjSTAGE_VEL)
-"""What `Simulation.forward` computes."""
-_NOTHING = int(mujoco.mjtStage.mjSTAGE_NONE)
-_CHECKED = ("M", "qacc", "qfrc_smooth", "qfrc_constraint")
-_BLOCK = 128
-"""Simulations that are checked at a time: what is recorded for that takes 20 MB."""
+from duobench.sim.simulation import Simulation
+from duobench.types import ARM_JOINTS, SIDES, Array
 
 
 class SimulationBatch(Questions):
@@ -29,31 +21,18 @@ class SimulationBatch(Questions):
     Args:
         simulation: One of the same model. What no array can do is done in it, one after the other.
         count: How many.
-        threads: On how many threads of the processor they are stepped.
+        data: The engine's arrays, one row a simulation, under the names of MuJoCo's data.
     """
 
-    def __init__(self, simulation: Simulation, count: int, threads: int) -> None:
-        model = simulation.model
-        batch = self._batch = Batch(model, count, threads, persistent=True)
-        super().__init__(simulation.props, model, batch)
+    def __init__(self, simulation: Simulation, count: int, data: Any) -> None:
+        super().__init__(simulation.props, simulation.model, data)
         self.simulation, self.count = simulation, count
-        self.contacts = ContactTable(model, count)
-        self.centres, self._ctrl = batch.xipos, batch.ctrl
-        self._tool_frames = batch.site_xpos, batch.site_xmat
-        varies = any(prop.choice is not None for prop in self.props.values())
-        switched = ("geom_contype", "geom_conaffinity") if varies else ()
-        self._switches = {name: batch.expand(name) for name in switched}
+        self.contacts = ContactTable(simulation.model, count)
+        self.centres, self._ctrl = data.xipos, data.ctrl
+        self._tool_frames = data.site_xpos, data.site_xmat
         self._variants: list[Mapping[str, str]] = [{}] * count
         self.variants: dict[str, Any] = {}
         """For each choice of a layout, what every simulation's has chosen (n,)."""
-        self._scratch, self._is_sparse = mujoco.MjData(model), bool(mujoco.mj_isSparse(model))
-        # Entries of the mass matrix, of which the engine keeps the lower half, row by row.
-        rows, columns = np.repeat(np.arange(model.nv), model.M_rownnz), model.M_colind
-        upper = np.flatnonzero(rows != columns)
-        rows, columns = np.r_[rows, columns[upper]], np.r_[columns, rows[upper]]
-        order = np.argsort(rows, kind="stable")
-        self._entries, self._columns = np.r_[: model.nC, upper][order], columns[order]
-        self._rows = np.searchsorted(rows[order], np.arange(model.nv))
         self._memo: dict[tuple[Any, ...], Any] = {}
         self._chosen: dict[tuple[str, int], Array] = {}
 
@@ -63,14 +42,9 @@ class SimulationBatch(Questions):
         self, worlds: Integers, variants: Sequence[Mapping[str, str]], physics: Sequence[Array]
     ) -> None:
         """Begin, or continue, some simulations with a layout's choices and a state each."""
-        self._batch.reset(worlds, stage=_NOTHING)
-        for number, chosen, state in zip(worlds.tolist(), variants, physics, strict=True):
-            self._batch.state[number], self._variants[number] = state, chosen
-            if self._switches:
-                self.simulation.choose(chosen)
-            for name, switch in self._switches.items():
-                switch[number] = getattr(self.simulation.model, name)
-        self._batch.forward(worlds, stage=_READY)
+        for number, chosen in zip(worlds.tolist(), variants, strict=True):
+            self._variants[number] = chosen
+        self._load(worlds, physics)
         names = self._variants[worlds[0]]
         self.variants = {
             name: np.array([chosen.get(name) for chosen in self._variants]) for name in names
@@ -78,49 +52,21 @@ class SimulationBatch(Questions):
         self._chosen.clear()
         self.forget()
 
+    @abstractmethod
+    def _load(self, worlds: Integers, physics: Sequence[Array]) -> None:
+        """Bring some simulations, whose choices are known, into a state each."""
+
+    @abstractmethod
     def physics(self, world: int) -> Array:
         """The state of one simulation, as `Simulation.get_state` gives it."""
-        return self._batch.state[world].copy()
 
+    @abstractmethod
     def advance(self, worlds: Integers, commands: Array) -> None:
         """Advance some simulations (k,) by a control step towards flat commands (k, 16).
 
-        Each does what `Simulation.advance` does, and raises where that does.
+        Raises:
+            SimulationError: The physics of some became invalid.
         """
-        size = _BLOCK if self._is_sparse else len(worlds)
-        for block in (slice(start, start + size) for start in range(0, len(worlds), size)):
-            self._run(worlds[block], commands[block])
-        warned = self._batch.warning[worlds, :, 1]
-        wrong = worlds[warned.any(axis=1)].tolist()
-        raise_on_warning(warned.sum(axis=0).tolist(), f"in environments {wrong}")
-        self.look_at(worlds)
-
-    def _run(self, worlds: Integers, commands: Array) -> None:
-        batch, actuators = self._batch, self.simulation.duo.actuators
-        before = batch.state[worlds] if self._is_sparse else None
-        controls = np.repeat(self._ctrl[worlds][:, None], SUBSTEPS, axis=1)
-        controls[..., actuators] = ramp(self._ctrl[worlds, actuators], controls_of(commands))
-        record = _CHECKED if self._is_sparse else ()
-        kind = int(mujoco.mjtState.mjSTATE_CTRL)
-        steps = batch.rollout(SUBSTEPS, controls, control_spec=kind, record=record, ids=worlds)
-        batch.forward(worlds, stage=_READY)
-        if before is None:
-            return
-        unsolved = np.flatnonzero(~self._is_solved(*(steps[name] for name in _CHECKED)))
-        for row, world in zip(unsolved.tolist(), worlds[unsolved].tolist(), strict=True):
-            self.simulation.choose(self._variants[world])
-            self.simulation.set_state(before[row])
-            self.simulation.advance(DuoCommand.from_flat(commands[row]))
-            batch.state[world] = self.simulation.get_state()
-        if len(unsolved):
-            batch.forward(worlds[unsolved], stage=_READY)
-
-    def _is_solved(self, mass: Array, qacc: Array, smooth: Array, constraint: Array) -> Booleans:
-        """Whether the accelerations of all steps (n, steps, nv) are those that forces cause."""
-        products = mass[..., self._entries] * qacc[..., self._columns]
-        missing = np.add.reduceat(products, self._rows, axis=-1) - smooth - constraint
-        # Written so that what is not a number counts as unsolved.
-        return np.abs(missing).max(axis=(1, 2)) <= SOLVED
 
     def look_at(self, worlds: Integers) -> None:
         """Read what touches in some simulations, and in no other, and forget what was read."""
@@ -132,16 +78,13 @@ class SimulationBatch(Questions):
         """Forget what was read of the state before."""
         self._memo.clear()
 
+    @abstractmethod
     def copy_contacts(self, worlds: Integers) -> None:
         """Copy the contacts of some simulations out of the engine, for `contacts.update`."""
-        self.contacts.copy(worlds, lambda world: self._batch.get_data(world, self._scratch))
 
+    @abstractmethod
     def world(self, number: int) -> Simulation:
         """One of the simulations, to look at until the next one is asked for."""
-        self.simulation.choose(self._variants[number])
-        self._batch.get_data(number, self.simulation.data)
-        self.simulation.contacts.update()
-        return self.simulation
 
     # --- what it is asked ------------------------------------------------------------------------
 
@@ -169,7 +112,8 @@ class SimulationBatch(Questions):
         """Tool centre points (n, 14), as `Duo.read` gives them."""
         positions, rotations = (array[:, self.simulation.duo.sites] for array in self._tool_frames)
         turns = np.empty((*positions.shape[:2], 4))
-        for turn, rotation in zip(turns.reshape(-1, 4), rotations.reshape(-1, 9), strict=True):
+        nines = rotations.reshape(-1, 9).astype(np.float64, copy=False)
+        for turn, rotation in zip(turns.reshape(-1, 4), nines, strict=True):
             mujoco.mju_mat2Quat(turn, rotation)
         turns = turns[..., [1, 2, 3, 0]]
         turns = np.where(turns[..., :1] < 0.0, -turns, turns)
