@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
@@ -319,16 +320,24 @@ def test_rendering_shows_each_episode(several: Callable[..., BatchEnv]) -> None:
             {"threads": 1, "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}},
             "NEXT_STEP or DISABLED",
         ),
-        ({"threads": 1, "action_mode": "cartesian"}, "leave threads out"),
-        ({"threads": 1, "chunk": 3}, "leave threads out"),
-        ({"threads": 1, "shift": "physics-1"}, "leave threads out"),
-        ({"threads": 1, "shift": "sensing-1"}, "leave threads out"),
+        ({"threads": 1, "action_mode": "cartesian"}, "leave threads and engine out"),
+        ({"threads": 1, "chunk": 3}, "leave threads and engine out"),
+        ({"threads": 1, "shift": "physics-1"}, "leave threads and engine out"),
+        ({"threads": 1, "shift": "sensing-1"}, "leave threads and engine out"),
+        ({"engine": "wrap"}, "one of mujoco, warp, .* got 'wrap'"),
+        ({"engine": "warp", "threads": 2}, "warp takes no threads"),
     ],
     ids=str,
 )
 def test_what_threads_do_not_take_is_refused(options: dict[str, Any], words: str) -> None:
     with pytest.raises(OptionError, match=words):
         duobench.make_vec(TASK, COUNT, **options)
+
+
+def test_an_engine_that_is_not_installed_says_how(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco_warp", None)
+    with pytest.raises(OptionError, match=r"Warp is missing .*\[warp\]"):
+        duobench.make_vec(TASK, COUNT, engine="warp")
 
 
 def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEnv]) -> None:

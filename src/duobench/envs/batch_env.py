@@ -1,6 +1,7 @@
-"""Many episodes of a task side by side in one process, on MuJoCo's own threads.
+"""Many episodes of a task side by side in one process, on threads or on a graphics card.
 
-They are those of `duobench.make` to the last bit: layouts, states, stages, observations and images.
+On threads they are those of `duobench.make` to the last bit: layouts, states, stages, observations
+and images. On a card, layouts are, and the rest is near.
 Resets and images are made one after the other in a single environment; physics, stages and numbers
 of all episodes at once.
 """
@@ -33,6 +34,7 @@ from duobench.envs.duo_env import ROUNDING, Info, Observation, ResetNeededError
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.episode_wrappers import SEEDS
 from duobench.envs.observation_wrappers import PIXELS, flat_entries
+from duobench.envs.registration import WARP
 from duobench.envs.rewards import DENSE, reward_of
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, OptionError, SimulationError
@@ -40,7 +42,9 @@ from duobench.looks.catalog import as_look
 from duobench.robot.joints import RANGE_MARGIN, duo_limits
 from duobench.shifts.levels import level_for
 from duobench.shifts.shift import PHYSICS, SENSING
+from duobench.sim.batch import SimulationBatch
 from duobench.sim.thread_batch import ThreadBatch
+from duobench.sim.warp_batch import WarpBatch
 from duobench.stages.batch import Booleans, ProgressBatch
 from duobench.tasks.object_state import ENVIRONMENT_STATE
 from duobench.types import OPENING_SLOTS, Array
@@ -70,7 +74,8 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
     Args:
         env: One environment of the same kind; it belongs to this one from now on.
         num_envs: How many episodes.
-        threads: On how many threads physics runs.
+        threads: On how many threads physics runs; None for MuJoCo Warp, another engine that
+            `metadata["engine"]` names then.
         layouts: Episodes without a seed take one of so many layouts, those of the seeds 0 to
             `layouts` - 1, which are settled once; None takes a new one each time.
         autoreset_mode: NEXT_STEP, or DISABLED: then an episode that is over is reset by its mask.
@@ -83,7 +88,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self,
         env: gym.Env,
         num_envs: int,
-        threads: int,
+        threads: int | None,
         layouts: int | None = None,
         autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
     ) -> None:
@@ -91,7 +96,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         config = self._config = self._base.config or EnvConfig()
         _check(config, self._base.task)
         if autoreset_mode is AutoresetMode.SAME_STEP:
-            raise OptionError("With threads, autoreset_mode is NEXT_STEP or DISABLED.")
+            raise OptionError("With threads or Warp, autoreset_mode is NEXT_STEP or DISABLED.")
         if config.cameras:
             env.get_wrapper_attr("set_rendering")(False)  # images of all are rendered here
         self.num_envs, self.spec, self.render_mode = num_envs, env.spec, config.render_mode
@@ -101,8 +106,15 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self.single_observation_space = env.observation_space
         self.action_space = batch_space(env.action_space, num_envs)
         self.observation_space = batch_space(env.observation_space, num_envs)
-        self.simulations = ThreadBatch(self._base.simulation, num_envs, threads)
+        simulation = self._base.simulation
+        self.simulations: SimulationBatch = (
+            ThreadBatch(simulation, num_envs, threads)
+            if threads
+            else WarpBatch(simulation, num_envs)
+        )
         """The physics of all episodes."""
+        if not threads:
+            self.metadata["engine"] = WARP
         self.judge = ProgressBatch(self._base.definition.stages, self.simulations)
         """Who says which stages they have reached."""
         self._worth: Array = np.zeros(num_envs)
@@ -327,6 +339,6 @@ def _check(config: EnvConfig, task: str) -> None:
     shifted = [axis for axis in (PHYSICS, SENSING) if level_for(config.shift, axis, task)]
     if config.action_mode not in MODES or config.chunk is not None or shifted:
         raise OptionError(
-            f"Threads take action_mode {' or '.join(map(repr, MODES))}, no chunk, and no shift of "
-            f"{PHYSICS} or {SENSING}; leave threads out to have them."
+            f"Threads and Warp take action_mode {' or '.join(map(repr, MODES))}, no chunk, and no "
+            f"shift of {PHYSICS} or {SENSING}; leave threads and engine out to have them."
         )

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 NAMESPACE = "duobench"
 VERSION = 1
 """Version of the environments' interface; that of the episodes is `randomness.SUITE_VERSION`."""
+WARP = "warp"
+ENGINES = ("mujoco", WARP)
+"""What can step physics; scores are those of the first."""
 ENTRY_POINT = "duobench.envs.protocol:make_base"
 WRAPPERS = WrapperSpec("protocol", "duobench.envs.protocol:with_wrappers", {})
 
@@ -125,13 +128,15 @@ def make_vec(
     vector_kwargs: dict[str, Any] | None = None,
     *,
     threads: int | None = None,
+    engine: Literal["mujoco", "warp"] = "mujoco",
     layouts: int | None = None,
     **options: Unpack[EnvOptions],
 ) -> gym.vector.VectorEnv:
     """Several environments of a task side by side, as `gymnasium.make_vec` makes them.
 
     With `threads`, all episodes are stepped in this process on MuJoCo's own threads, with the same
-    episodes to the last bit; see `duobench.envs.BatchEnv`.
+    episodes to the last bit; see `duobench.envs.BatchEnv`. With the engine "warp", MuJoCo Warp
+    steps them on a graphics card: near the same, and no scores.
 
     Args:
         task: As for `make`.
@@ -141,8 +146,9 @@ def make_vec(
             were rendered before, processes begin anew with {"context": "spawn"}.
         threads: Threads of the processor that physics runs on, in place of a `vectorization_mode`;
             then there are no images unless `cameras` asks for them.
-        layouts: With threads, how many layouts episodes without a seed are taken from, those of the
-            seeds from 0 on; each is settled once. None takes a new one for each episode.
+        engine: "warp" in place of threads, with the extra `warp`.
+        layouts: With threads or Warp, how many layouts episodes without a seed are taken from: the
+            seeds' from 0 on, each settled once. None takes a new one for each episode.
         options: As for `make`. Errors are the same.
     """
     if as_count(num_envs) is None:
@@ -150,18 +156,23 @@ def make_vec(
     for name, value in (("threads", threads), ("layouts", layouts)):
         if value is not None and as_count(value) is None:
             raise OptionError(f"{name} is a whole number from 1 on, got {value!r}.")
-    if threads is not None:
+    if engine not in ENGINES or (engine == WARP and threads is not None):
+        raise OptionError(
+            f"engine is one of {', '.join(ENGINES)}, and {WARP} takes no threads; got {engine!r}."
+        )
+    if threads is not None or engine == WARP:
         from duobench.envs.batch_env import BatchEnv
 
         given = vector_kwargs or {}
         if vectorization_mode != "sync" or given.keys() - {"autoreset_mode"}:
             raise OptionError(
-                "With threads, leave vectorization_mode out, and vector_kwargs but autoreset_mode."
+                "With threads or Warp, leave vectorization_mode out, and vector_kwargs but "
+                "autoreset_mode."
             )
         env = make(task, **{"cameras": False, **options})
         return BatchEnv(env, num_envs, threads, layouts, **given)
     if layouts is not None:
-        raise OptionError("layouts belongs to threads: add threads=1, or leave it out.")
+        raise OptionError("layouts belongs to threads and Warp: add threads=1, or leave it out.")
     return gym.make_vec(
         _spec_with(task, options), num_envs, vectorization_mode, vector_kwargs, **options
     )

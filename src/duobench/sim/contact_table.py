@@ -43,7 +43,16 @@ class ContactTable(ContactOwners):
             for kept, name in zip(copies, ("geom", "dist", "frame", "pos"), strict=True):
                 kept.append(getattr(contact, name).copy())
         counts = [len(distances) for distances in copies[1]]
-        self._copies = [np.repeat(worlds, counts), *map(np.concatenate, copies)]
+        self.take(np.repeat(worlds, counts), *map(np.concatenate, copies))
+
+    def take(self, *copies: NDArray[Any]) -> None:
+        """Take contacts (k,) in any order, in place of `copy`.
+
+        Args:
+            copies: Of each the number of its simulation, its two geoms, the distance, the frame
+                (k, 9) and the place (k, 3), under the names of MuJoCo's contacts.
+        """
+        self._copies = list(copies)
 
     def update(self, centres: Array) -> None:
         """Take what was copied; simulations that were not have no contacts then.

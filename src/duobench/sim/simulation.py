@@ -112,6 +112,8 @@ class Simulation(Questions):
         # What a variant switches in the model, and as it was compiled, with everything on.
         self._switches = self.model.geom_contype, self.model.geom_conaffinity, self.model.geom_rgba
         self._compiled = [array.copy() for array in self._switches]
+        self.touches = self._compiled[0], self._compiled[1]
+        """What geoms may touch, as contype and conaffinity, where all shapes of props are there."""
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
