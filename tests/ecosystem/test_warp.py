@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from itertools import combinations
 from typing import Any
 
+import mujoco_warp
 import numpy as np
 import pytest
 
@@ -24,8 +25,9 @@ from tests.envs.tools import make_small, waves
 from tests.experts.baseline_episodes import SEEDS, baseline
 
 COUNT, SEED, STEPS = 2, 3, 4
-NEAR = 1e-4
-"""Metres and radians by which numbers may differ after a few steps without a grasp."""
+NEAR = 1e-3
+"""Metres and radians by which numbers may differ after a few steps without a grasp; where marbles
+rest on each other they do by 3e-4, elsewhere by less than 1e-4."""
 
 
 @pytest.fixture
@@ -143,6 +145,15 @@ def test_numbers_that_are_none_are_an_error(several: Callable[..., BatchEnv]) ->
     engine._data.qvel.assign(speeds)  # type: ignore[attr-defined]
     with pytest.raises(SimulationError, match=r"environments \[1\]: numbers are no longer valid"):
         vector.step(vector.action_space.sample())
+
+
+def test_more_than_memory_holds_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any, **__: Any) -> None:
+        raise RuntimeError("Failed to allocate 7 bytes on device 'cuda:0'")
+
+    monkeypatch.setattr(mujoco_warp, "put_data", full)
+    with pytest.raises(OptionError, match="cannot step 2 simulations of this model: Failed"):
+        duobench.make_vec("bin_sort", COUNT, engine="warp")
 
 
 def test_a_variant_without_a_shape_that_is_no_box_is_refused() -> None:

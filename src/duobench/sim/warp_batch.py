@@ -42,7 +42,7 @@ class WarpBatch(SimulationBatch):
     """Simulations of one task on the graphics card, or on the processor where there is none.
 
     Raises:
-        OptionError: MuJoCo Warp is not installed, or cannot step this model.
+        OptionError: MuJoCo Warp is not installed, or cannot step so many of this model.
     """
 
     def __init__(self, simulation: Simulation, count: int) -> None:
@@ -60,8 +60,10 @@ class WarpBatch(SimulationBatch):
         try:
             self._model = self._engine.put_model(model)
             self._data = self._engine.put_data(model, empty, nworld=count, **room)
-        except (NotImplementedError, ValueError) as error:
-            raise OptionError(f"MuJoCo Warp cannot step this model: {error}") from error
+        except (RuntimeError, ValueError) as error:
+            raise OptionError(
+                f"MuJoCo Warp cannot step {count} simulations of this model: {error}"
+            ) from error
         self._is_on_card = bool(self._warp.get_device().is_cuda)
         self._copies = {name: self._beside(name) for name in (*_KEPT, *_SEEN)}
         self.arrays = {name: _flat(name, array.numpy()) for name, array in self._copies.items()}
