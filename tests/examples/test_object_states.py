@@ -543,7 +543,7 @@ def test_a_network_that_sees_images_is_trained_and_played(
     short = brief(2)
     monkeypatch.setattr(network, "Training", lambda device: replace(short, device=device))
     longer = images.Training(batch=16, passes=25, warm_up=5, held_out=2)
-    monkeypatch.setattr(images, "Training", lambda: longer)
+    monkeypatch.setattr(images, "Training", lambda device: replace(longer, device=device))
     asked = options(exports, tmp_path, passes=2, images=demos)
     assert "of 1" in table.job(asked, TASK, 0)
     told = json.loads(table.result(asked, TASK, 0).read_text())
