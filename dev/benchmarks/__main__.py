@@ -39,9 +39,10 @@ ONCE: Mapping[str, Callable[[], Iterator[Measurement]]] = {
     "serving": serving.measure,
     "teleoperation": teleoperation.measure,
 }
-KINDS = (*ONCE, *PER_TASK)
+USUAL = (*ONCE, *PER_TASK)
 WARP = "warp"
 """What is measured where it is asked for alone, since it needs what is not always installed."""
+KINDS = (*USUAL, WARP)
 
 
 def measurements(kinds: Sequence[str], tasks: Sequence[str]) -> Iterator[Measurement]:
@@ -73,16 +74,14 @@ def machine() -> str:
 def main() -> int:
     """Measure what the arguments name, or everything."""
     parser = argparse.ArgumentParser(prog="python -m dev.benchmarks", description=__doc__)
-    parser.add_argument(
-        "kinds", nargs="*", metavar="kind", help=f"some of: {', '.join((*KINDS, WARP))}"
-    )
+    parser.add_argument("kinds", nargs="*", metavar="kind", help=f"some of: {', '.join(KINDS)}")
     parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
     arguments = parser.parse_args()
-    if unknown := [kind for kind in arguments.kinds if kind not in (*KINDS, WARP)]:
-        parser.error(f"no such kind: {', '.join(unknown)}; known: {', '.join((*KINDS, WARP))}")
+    if unknown := [kind for kind in arguments.kinds if kind not in KINDS]:
+        parser.error(f"no such kind: {', '.join(unknown)}; known: {', '.join(KINDS)}")
     print(machine())
     met = True
-    for found in measurements(arguments.kinds or KINDS, arguments.tasks):
+    for found in measurements(arguments.kinds or USUAL, arguments.tasks):
         met &= found.met
         verdict = "" if not found.bar else "met" if found.met else "MISSED"
         value = f"{found.value:.4g} {found.unit}"

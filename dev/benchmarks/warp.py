@@ -14,7 +14,8 @@ from dev.benchmarks.measure import Measurement
 
 ON_CARD, ON_PROCESSOR = 8192, 8
 """Episodes side by side."""
-STEPS = 10
+UNTIMED, STEPS = 2, 10
+"""Steps that compile and capture, and those that are timed."""
 SPEED = 50_000
 """Bar of control steps a second on a graphics card."""
 SPEEDS = {"pour_marbles": 8_000}
@@ -34,15 +35,13 @@ def measure(name: str) -> Iterator[Measurement]:
     env.close()
     is_card = bool(import_module("warp").get_device().is_cuda)
     count = ON_CARD if is_card else ON_PROCESSOR
-    phases = np.arange(count) * (len(states) - STEPS) // count
-    starts = {"states": [states[phase] for phase in phases]}
+    phases = np.arange(count) * (len(states) - UNTIMED - STEPS) // count
     vector = duobench.make_vec(name, count, engine="warp")
-    vector.reset(options=starts)
-    for number in range(2):  # compiles, and then learns the step by heart
+    vector.reset(options={"states": [states[phase] for phase in phases]})
+    for number in range(UNTIMED):
         vector.step(actions[phases + number])
-    vector.reset(options=starts)
     begin = time.perf_counter()
-    for number in range(STEPS):
+    for number in range(UNTIMED, UNTIMED + STEPS):
         vector.step(actions[phases + number])
     taken = time.perf_counter() - begin
     vector.close()

@@ -21,7 +21,7 @@ from duobench.objects.solid import Solid
 from duobench.sim import warp_batch
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
-from tests.envs.tools import make_small, waves
+from tests.envs.tools import make_small, vectors, waves
 from tests.experts.baseline_episodes import SEEDS, baseline
 
 COUNT, SEED, STEPS = 2, 3, 4
@@ -32,18 +32,8 @@ rest on each other they do by 3e-4, elsewhere by less than 1e-4."""
 
 @pytest.fixture
 def several() -> Iterator[Callable[..., BatchEnv]]:
-    """Makes vector environments, and closes them."""
-    made: list[BatchEnv] = []
-
-    def make(task: str, count: int = COUNT, **options: Any) -> BatchEnv:
-        vector = duobench.make_vec(task, count, **{"engine": "warp", **options})
-        assert isinstance(vector, BatchEnv)
-        made.append(vector)
-        return vector
-
-    yield make
-    for vector in made:
-        vector.close()
+    """Makes vector environments on Warp, unless they are told another engine."""
+    yield from vectors(engine="warp")
 
 
 def check_near(one: dict[str, Any], other: dict[str, Any]) -> None:

@@ -35,7 +35,7 @@ from duobench.tasks.object_state import Numbers
 from duobench.tasks.task import Placement
 from duobench.types import SIDES
 from tests.envs.test_vector import one_of
-from tests.envs.tools import TASK, equal, make_small, waves
+from tests.envs.tools import TASK, equal, make_small, vectors, waves
 from tests.experts.baseline_episodes import SEEDS, baseline
 from tests.task_harness import marked
 
@@ -46,18 +46,8 @@ SAID = ("instruction", "current_subinstruction")
 
 @pytest.fixture
 def several() -> Iterator[Callable[..., BatchEnv]]:
-    """Makes vector environments, and closes them."""
-    made: list[BatchEnv] = []
-
-    def make(task: Any = TASK, count: int = COUNT, threads: int = 2, **options: Any) -> BatchEnv:
-        vector = duobench.make_vec(task, count, threads=threads, **options)
-        assert isinstance(vector, BatchEnv)
-        made.append(vector)
-        return vector
-
-    yield make
-    for vector in made:
-        vector.close()
+    """Makes vector environments on threads."""
+    yield from vectors(threads=2)
 
 
 def check_same(result: Any, number: int, alone: Any) -> None:

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -12,11 +12,23 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
 import duobench
+from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import DuoCommand
 
-__all__ = ["TASK", "Make", "arrays", "check", "equal", "make_small", "sim_of", "wave", "waves"]
+__all__ = [
+    "TASK",
+    "Make",
+    "arrays",
+    "check",
+    "equal",
+    "make_small",
+    "sim_of",
+    "vectors",
+    "wave",
+    "waves",
+]
 
 TASK = "bin_sort"
 
@@ -46,6 +58,21 @@ Make = Callable[..., Any]
 def make_small(task: Any = TASK, **options: Any) -> Any:
     """An environment without cameras unless it is told which, for any process."""
     return duobench.make(task, **{"cameras": False, **options})
+
+
+def vectors(**usual: Any) -> Iterator[Callable[..., BatchEnv]]:
+    """For a fixture: makes vector environments without processes, and closes them at the end."""
+    made: list[BatchEnv] = []
+
+    def make(task: Any = TASK, count: int = 2, **options: Any) -> BatchEnv:
+        vector = duobench.make_vec(task, count, **{**usual, **options})
+        assert isinstance(vector, BatchEnv)
+        made.append(vector)
+        return vector
+
+    yield make
+    for vector in made:
+        vector.close()
 
 
 def equal(one: Any, other: Any) -> bool:

@@ -127,7 +127,7 @@ class WarpBatch(SimulationBatch):
         self.look_at(worlds)
 
     def _run(self) -> None:
-        """A control step; a graphics card learns it the second time, and then repeats it."""
+        """A control step: on a graphics card a CUDA graph, captured after the first one."""
         if self._graph:
             self._warp.capture_launch(self._graph)
             return
@@ -197,7 +197,8 @@ class _LeftOut:
             of_prop = [model.geom(f"{prop.name}:{number}").id for number in sorted(numbers)]
             body = model.body(prop.name)
             always = set(range(body.geomadr[0], body.geomadr[0] + body.geomnum[0])) - {*of_prop}
-            always = [geom for geom in always if model.geom_type[geom] == _BOX]
+            solid = simulation.touches[0]
+            always = [geom for geom in always if model.geom_type[geom] == _BOX and solid[geom]]
             if any(model.geom_type[geom] != _BOX for geom in of_prop) or (of_prop and not always):
                 raise OptionError(f"MuJoCo Warp can leave out boxes in boxes only: {prop.name}.")
             self._geoms += of_prop
