@@ -1,6 +1,9 @@
 """A script as a policy: reads the privileged state, acts through the same 16 numbers as any."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +13,12 @@ from duobench.experts.motion import Arms, Script
 from duobench.experts.variety import NONE, Variety, VarietySample
 from duobench.kinematics.inverse import Kinematics
 from duobench.references import load
-from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.types import Array, DuoCommand
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
 
 
 class Expert:

@@ -6,17 +6,22 @@ every policy sends. Scripts may read the simulator's state, and act in no other 
 may differ from episode to episode, the vocabulary asks the sample of a variety by how much.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Generator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from duobench.experts.variety import VarietySample
 from duobench.kinematics.inverse import Kinematics
 from duobench.scene.naming import tcp_name
-from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.types import CONTROL_HZ, SIDES, Array, DuoCommand, Side
+
+if TYPE_CHECKING:
+    from duobench.sim.simulation import Simulation
 
 Script = Generator[None, None, None]
 """One control step for every `yield`."""
