@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -20,9 +20,16 @@ import PIL.Image
 from gallery_page import cover, page
 from gallery_shots import (
     CAMERA_SIZE,
+    FILM,
+    FILM_FRAMES,
+    FILM_QUALITY,
+    FILM_SAMPLES,
+    FILM_SIZE,
     FOLDER,
+    FRAME_MS,
     LATER,
     QUALITY,
+    REST_MS,
     SAMPLES,
     STAGE_SIZE,
     START_SIZE,
@@ -51,9 +58,6 @@ PAGE = "gallery.md"
 COVER = "tasks.webp"
 """The moving image of all tasks, beside the page."""
 COVER_QUALITY = 50
-COVER_SIZE = (210, 280)
-COVER_FRAMES, COVER_MS, COVER_REST_MS = 36, 125, 1500
-"""Height and width of a task in it; images of one turn, milliseconds of each, and of the last."""
 DRAWN = "drawn.json"
 """Beside the images of a task: what they were drawn from."""
 
@@ -129,6 +133,7 @@ def draw(name: str, folder: Path) -> list[PIL.Image.Image]:
     )
     (own / DRAWN).write_text("{" + ",\n".join(lines) + "}\n", encoding="utf-8")
     film = list(filmed(simulation, recorder, shot(name)))
+    move(film, own / FILM, quality=FILM_QUALITY, speed=6)
     env.close()
     return film
 
@@ -137,10 +142,10 @@ def filmed(
     simulation: Simulation, recorder: StateRecorder, plan: Shot
 ) -> Iterator[PIL.Image.Image]:
     """Show the whole episode in few images."""
-    height, width = COVER_SIZE
+    height, width = FILM_SIZE
     aim(simulation, plan.view)
-    with Renderer(simulation.model, height=height, width=width, samples=4) as renderer:
-        for step in np.linspace(0, len(recorder.states) - 1, COVER_FRAMES).round().astype(int):
+    with Renderer(simulation.model, height=height, width=width, samples=FILM_SAMPLES) as renderer:
+        for step in np.linspace(0, len(recorder.states) - 1, FILM_FRAMES).round().astype(int):
             simulation.set_state(recorder.states[step])
             yield PIL.Image.fromarray(renderer.render(simulation.data, OVERVIEW))
 
@@ -180,6 +185,13 @@ def save(image: Image, path: Path) -> None:
     PIL.Image.fromarray(image).save(path, quality=QUALITY, optimize=True)
 
 
+def move(images: Iterable[PIL.Image.Image], path: Path, **how: int) -> None:
+    """Write images as a moving one."""
+    first, *others = images
+    times = [FRAME_MS] * len(others) + [REST_MS]
+    first.save(path, save_all=True, append_images=others, duration=times, loop=0, **how)
+
+
 def sweep(folder: Path) -> None:
     """Remove the images of tasks that the catalog no longer has."""
     for own in folder.iterdir():
@@ -202,20 +214,10 @@ def main() -> None:
         return
     sweep(folder)
     (given.out / PAGE).write_text(page(folder), encoding="utf-8")
-    first, *others = (
-        cover({name: film[number] for name, film in films.items()})
-        for number in range(COVER_FRAMES)
+    frames = (
+        cover({name: film[number] for name, film in films.items()}) for number in range(FILM_FRAMES)
     )
-    times = [COVER_MS] * len(others) + [COVER_REST_MS]
-    first.save(
-        given.out / COVER,
-        save_all=True,
-        append_images=others,
-        duration=times,
-        loop=0,
-        quality=COVER_QUALITY,
-        method=6,
-    )
+    move(frames, given.out / COVER, quality=COVER_QUALITY, method=6)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,11 @@ STAGE_SIZE = (480, 640)
 """Height and width in pixels: the start, what a policy's camera shows of it, a stage."""
 SAMPLES = 16
 QUALITY = 82
+FILM = "film.avif"
+"""The moving image of a task, beside the others."""
+FILM_SIZE, FILM_QUALITY, FILM_SAMPLES = (300, 400), 58, 4
+FILM_FRAMES, FRAME_MS, REST_MS = 36, 125, 1500
+"""Images of one turn, milliseconds of each, and of the last."""
 LATER = 20
 """Control steps after which a stage is drawn: at the very step that reaches it there is often
 little to see, a gripper about to open or a cube that has just left the table."""
@@ -66,13 +71,13 @@ SHOTS: Mapping[str, Shot] = MappingProxyType(
             last=View(eye=(0.75, -0.95, 0.55), target=(0.55, 0.0, 0.08), fovy_deg=27.0),
         ),
         "transfer_cube": Shot(
-            view=View(eye=(1.4, -0.6, 0.75), target=(0.42, 0.0, 0.20), fovy_deg=32.0)
+            view=View(eye=(1.5, -0.6, 0.85), target=(0.43, -0.03, 0.15), fovy_deg=35.0)
         ),
         "transfer_gate": Shot(
             view=View(eye=(1.6, -0.8, 0.95), target=(0.43, -0.04, 0.23), fovy_deg=36.0)
         ),
         "transfer_reorient": Shot(
-            view=View(eye=(1.35, -0.5, 0.78), target=(0.43, 0.04, 0.17), fovy_deg=32.0)
+            view=View(eye=(1.45, -0.5, 0.88), target=(0.44, 0.0, 0.13), fovy_deg=34.0)
         ),
         "bin_sort": Shot(
             seed=1,  # of seeds 0 and 1 the one in which a cube is still carried when the other lies

@@ -13,7 +13,19 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from gallery_shots import CAMERA_SIZE, LATER, QUALITY, SAMPLES, STAGE_SIZE, START_SIZE, shot
+from gallery_shots import (
+    CAMERA_SIZE,
+    FILM_FRAMES,
+    FILM_QUALITY,
+    FILM_SAMPLES,
+    FILM_SIZE,
+    LATER,
+    QUALITY,
+    SAMPLES,
+    STAGE_SIZE,
+    START_SIZE,
+    shot,
+)
 
 from duobench.scene.compose import compose
 from duobench.sim.offscreen import VISIBLE_GROUPS
@@ -36,6 +48,12 @@ def sources(task: Task, reached: Iterable[Sequence[int]]) -> dict[str, Any]:
         "reached": list(reached),
         "later": LATER,
         "images": {**sizes, "samples": SAMPLES, "quality": QUALITY},
+        "film": {
+            "size": FILM_SIZE,
+            "frames": FILM_FRAMES,
+            "samples": FILM_SAMPLES,
+            "quality": FILM_QUALITY,
+        },
         "model": model_digest(task),
     }
     return json.loads(json.dumps(found))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from site_outline import DRAWERS, UNTRIED, pages
 from site_reference import REFERENCE
-from site_tasks import clips, task_page
+from site_tasks import task_page
 
 from duobench.tasks import catalog
 
@@ -63,7 +63,6 @@ def stage(source: Path, extra: Path) -> None:
     for folder in ("gallery", "looks", "printing"):
         shutil.copytree(DOCS / "tasks" / folder, source / "tasks" / folder, dirs_exist_ok=True)
     shutil.copytree(DOCS / "tasks" / "replays", extra / "tasks" / "replays")
-    clips(DOCS / "tasks" / "tasks.webp", source / "tasks")
 
 
 def sources() -> dict[Path, Path]:

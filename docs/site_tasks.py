@@ -10,9 +10,8 @@ from inspect import cleandoc
 from pathlib import Path
 
 import gallery_page
-import PIL.Image
 import prints_page
-from gallery_shots import FOLDER, camera_file
+from gallery_shots import FILM, FOLDER, camera_file
 from tables import baselines, object_states_of, table
 
 from duobench.results.entrants import AUTHORS, PAPER, WARNING, published, value_of
@@ -26,34 +25,6 @@ LEARNED = baselines.RESULTS
 TRAINED = re.compile(r"(?P<shown>\d+)(-self-(?P<own>\d+))?(?P<images>-images)?")
 """Names of the folders that a page tells of."""
 RESULTS = DOCS / "reference" / "results.md"
-CLIP = "films/{}.webp"
-"""Where the film of a task is, beside its page."""
-CLIP_QUALITY = 60
-CLIP_METHOD = 1
-"""Of its WebP images; a higher method takes many times as long for a few bytes less."""
-
-
-def clips(cover: Path, folder: Path) -> None:
-    """Cut the films of the tasks out of that of all of them."""
-    images, times = [], []
-    with PIL.Image.open(cover) as film:
-        for number in range(film.n_frames):
-            film.seek(number)
-            images.append(film.convert("RGB"))
-            times.append(film.info["duration"])
-    for name, box in gallery_page.cells().items():
-        target = folder / CLIP.format(name)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        first, *others = (image.crop(box) for image in images)
-        first.save(
-            target,
-            save_all=True,
-            append_images=others,
-            duration=times,
-            loop=0,
-            quality=CLIP_QUALITY,
-            method=CLIP_METHOD,
-        )
 
 
 def task_page(task: Task) -> str:
@@ -68,7 +39,7 @@ def begin(task: Task) -> Iterator[str]:
     yield ""
     yield gallery_page.explanation(task.id)
     yield ""
-    yield f"```{{image}} {CLIP.format(task.id)}"
+    yield f"```{{image}} {FOLDER}/{task.id}/{FILM}"
     yield f":alt: The scripted expert in {task.title}"
     yield ":class: film"
     yield "```"

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import duobench
+from dev.benchmarks import warp as benchmark
 from duobench.envs import sim_of
 from duobench.envs.batch_env import BatchEnv
 from duobench.errors import OptionError, SimulationError
@@ -155,3 +156,10 @@ def test_a_variant_without_a_shape_that_is_no_box_is_refused() -> None:
     )
     with pytest.raises(OptionError, match="boxes in boxes only: thing"):
         warp_batch.WarpBatch(Simulation([prop]), 1)
+
+
+def test_without_a_card_its_speed_is_measured_against_no_bar() -> None:
+    (measured,) = benchmark.measure("bin_sort")
+    assert measured.value > 0
+    assert measured.at_least is None
+    assert f"{benchmark.ON_PROCESSOR} at once" in measured.what

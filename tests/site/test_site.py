@@ -170,7 +170,7 @@ def test_the_page_of_a_task_has_all_that_there_is_of_it(name: str) -> None:
         assert " ".join(words.split()) in " ".join(page.text.split())
     for number in task.object_state.names[:: len(task.object_state.names) - 1]:
         assert number in page.text
-    for file in (f"replays/{name}.html", f"{name}.webp", f"{name}.jpg", "stage_"):
+    for file in (f"replays/{name}.html", ".avif", f"{name}.jpg", "stage_"):
         assert any(file in each for each in page.files), file
     assert "measured elsewhere, on other tasks" in page.text
 
