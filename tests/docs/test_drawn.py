@@ -7,6 +7,7 @@ import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ import prints
 import prints_page
 import pytest
 import replays
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from duobench.fabrication.details import details
 from duobench.looks.catalog import LOOKS, look
@@ -34,6 +35,8 @@ from tests.golden import episodes
 DRAWER = DOCS / "tasks"
 BLANK = 5.0
 """Standard deviation of the brightness of an image on which there is little to see."""
+MOVED = 64
+"""Of 255, by which some pixel of a film differs from the image before, as arms move."""
 TASKS = pytest.mark.parametrize("name", catalog.names())
 
 
@@ -158,6 +161,13 @@ def test_the_script_draws_a_task(tmp_path: Path) -> None:
     stages = {f"stage_{number}" for number in range(1, catalog.get(TASK).max_stage + 1)}
     assert set(drawn) == {OVERVIEW, *POLICY_CAMERAS} | stages
     assert [name for name, file in drawn.items() if contrast(file) <= BLANK] == []
+    with Image.open(own / gallery_shots.FILM) as film:
+        moments = [
+            np.asarray(one.convert("RGB"), dtype=int) for one in ImageSequence.Iterator(film)
+        ]
+    assert [one.shape[:2] for one in moments] == [gallery_shots.FILM_SIZE] * len(moments)
+    assert len(moments) == gallery_shots.FILM_FRAMES
+    assert all(abs(one - other).max() > MOVED for one, other in pairwise(moments[:-1]))
     kept = read(own / gallery.DRAWN)
     assert kept == gallery_sources.sources(catalog.get(TASK), kept["reached"])
 
