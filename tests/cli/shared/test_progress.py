@@ -101,6 +101,23 @@ def test_plain_lines_have_the_time_that_is_past_and_the_time_that_is_left() -> N
     ]
 
 
+def test_slow_work_is_told_before_its_first_tenth_and_ever_less_often() -> None:
+    out, now = io.StringIO(), 0.0
+    with display("frame", Console(file=out, width=100), clock=lambda: now) as live:
+        for done in range(100):
+            live.tell(done, 1000)
+            now += 25.0
+    assert out.getvalue().splitlines() == [
+        "0 of 1000 frames",
+        "3 of 1000 frames, 0:01:15 elapsed, 6:55:25 left",
+        "6 of 1000 frames, 0:02:30 elapsed, 6:54:10 left",
+        "12 of 1000 frames, 0:05:00 elapsed, 6:51:40 left",
+        "24 of 1000 frames, 0:10:00 elapsed, 6:46:40 left",
+        "48 of 1000 frames, 0:20:00 elapsed, 6:36:40 left",
+        "96 of 1000 frames, 0:40:00 elapsed, 6:16:40 left",
+    ]
+
+
 SHOWN = """
 from duobench.cli.shared.console import say
 from duobench.cli.shared.progress import display

@@ -29,17 +29,20 @@ if TYPE_CHECKING:
 
 PLAIN_LINES = 10
 """About how many lines of progress are printed where nothing can be overwritten."""
+PATIENCE = 60.0
+"""Seconds after which a line is printed there however little is done, and again when twice as much
+time is past as at the last line."""
 
 
 class Display:
-    """Bars that are updated in place, one for each name, or a line for each tenth of everything."""
+    """Bars that are updated in place, one for each name, or few lines: at tenths, and after a while."""
 
     def __init__(self, console: Console, noun: str, progress: Progress) -> None:
         self._console, self._noun, self._progress = console, noun, progress
         self._bars: dict[str, TaskID] = {}
         self._successes: Counter[str] = Counter()
         self._total = self._done = self._earlier = 0
-        self._start = progress.get_time()
+        self._start, self._due = progress.get_time(), PATIENCE
 
     def begin(self, heading: str, totals: Mapping[str, int]) -> None:
         """Say what is going to be done, or show the bars, which say it."""
@@ -70,13 +73,14 @@ class Display:
             successes = f", {self._successes.total()} succeeded"
         self._earlier += by if earlier else 0
         tenths = [PLAIN_LINES * done // max(1, self._total) for done in (before, self._done)]
-        if not earlier and tenths[0] != tenths[1]:
-            times = self._times()
+        elapsed = self._progress.get_time() - self._start
+        if not earlier and (tenths[0] != tenths[1] or elapsed >= self._due):
+            self._due = max(PATIENCE, 2 * elapsed)
+            times = self._times(elapsed)
             self.say(f"{self._done} of {counted(self._total, self._noun)}{successes}, {times}")
 
-    def _times(self) -> str:
+    def _times(self, elapsed: float) -> str:
         """How long it has taken, and how long the rest takes at the same speed."""
-        elapsed = self._progress.get_time() - self._start
         left = elapsed / (self._done - self._earlier) * (self._total - self._done)
         past, rest = (timedelta(seconds=round(seconds)) for seconds in (elapsed, left))
         return f"{past} elapsed" + (f", {rest} left" if self._done < self._total else "")
