@@ -35,7 +35,7 @@ time is past as at the last line."""
 
 
 class Display:
-    """Bars that are updated in place, one for each name, or few lines: at tenths, and after a while."""
+    """Bars that are updated in place, one for each name, or a few lines."""
 
     def __init__(self, console: Console, noun: str, progress: Progress) -> None:
         self._console, self._noun, self._progress = console, noun, progress
