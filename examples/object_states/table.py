@@ -107,19 +107,15 @@ def trained(asked: argparse.Namespace, task: str, seed: int) -> tuple[Path, dict
     told = folder / f"{seed}.json"
     if not told.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        data, own = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until), {}
-        further = asked.self_imitation or asked.images
-        first = trained(first_of(asked), task, seed)[0] if further else checkpoint
+        data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
+        goes_on = asked.self_imitation or asked.images
+        first = trained(first_of(asked), task, seed)[0] if goes_on else None
         before = _processor_seconds()
-        if asked.self_imitation:
-            os.environ["CHECKPOINT"] = str(first.absolute())
-            place = folder / f"own-{seed}"
-            done, own = practise("network:Network", task, place, asked.self_imitation)
-            data += done
-        if asked.images:
-            about = see(asked, task, data, first, checkpoint, seed)
+        if first is None:
+            about = learn(asked, data, checkpoint, seed)
         else:
-            about = learn(asked, data, checkpoint, seed) | own
+            further = see if asked.images else improve
+            about = further(asked, task, data, first, checkpoint, seed)
         about |= {"device": asked.device, "seconds": round(_processor_seconds() - before)}
         _write(told, about)
     return checkpoint, json.loads(told.read_text())
@@ -140,6 +136,16 @@ def learn(
     if asked.passes:
         how = replace(how, least=asked.passes, most=asked.passes)
     return network.train(data, checkpoint, seed, how)
+
+
+def improve(
+    asked: argparse.Namespace, task: str, data: Demonstrations, acts: Path, out: Path, seed: int
+) -> dict[str, Any]:
+    """Train one on what another one achieved as well; what is told of it."""
+    os.environ["CHECKPOINT"] = str(acts.absolute())
+    place = out.with_name(f"own-{seed}")
+    done, own = practise("network:Network", task, place, asked.self_imitation)
+    return learn(asked, data + done, out, seed) | own
 
 
 def see(
