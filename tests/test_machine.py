@@ -68,7 +68,14 @@ def test_there_is_one_way_to_install_this_package() -> None:
 @pytest.mark.parametrize("word", [*OURS, f"{SOURCE}[serve]"])
 def test_what_is_named_installs_this_package(word: str, wheel: Path, tmp_path: Path) -> None:
     """In a new folder, without dependencies, from an index that has this package alone."""
-    offline = ["--no-deps", "--no-build-isolation", "--no-index", "--find-links", str(wheel.parent)]
+    offline = [
+        "--no-compile",
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+        "--find-links",
+        str(wheel.parent),
+    ]
     command = ["-m", "pip", "install", "--pre", word, *offline]
     told = ran(*command, "--target", str(tmp_path / "site"), cwd=ROOT)
     assert told.returncode == 0, told.stderr
