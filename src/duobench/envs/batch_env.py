@@ -108,12 +108,12 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self.observation_space = batch_space(env.observation_space, num_envs)
         simulation = self._base.simulation
         self.simulations: SimulationBatch = (
-            ThreadBatch(simulation, num_envs, threads)
-            if threads
-            else WarpBatch(simulation, num_envs)
+            WarpBatch(simulation, num_envs)
+            if threads is None
+            else ThreadBatch(simulation, num_envs, threads)
         )
         """The physics of all episodes."""
-        if not threads:
+        if threads is None:
             self.metadata["engine"] = WARP
         self.judge = ProgressBatch(self._base.definition.stages, self.simulations)
         """Who says which stages they have reached."""
