@@ -47,8 +47,9 @@ class Script:
         assert key in keys, f"{key} is no answer to: {text}"
         return key
 
-    def listen(self, call: Callable[[str], None] | None) -> None:
-        self.call = call
+    def listen(self, call: Callable[[str], None] | None) -> Callable[[str], None] | None:
+        before, self.call = self.call, call
+        return before
 
 
 class Sways:

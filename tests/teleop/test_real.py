@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +12,22 @@ import numpy as np
 import pytest
 
 from duobench.data import Actor, ActorKind, DataSet, find_problems
+from duobench.data.attempts import of_task
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import Rig
+from duobench.hardware.supervisor import State
 from duobench.kinematics.inverse import Kinematics
+from duobench.rig_sessions.operator import hold_by_key
 from duobench.rig_sessions.rig_teleoperation import (
+    STOPPED,
     EndedError,
     RigTeleoperation,
     RigTeleopPage,
     make_real_recorder,
 )
+from duobench.rig_sessions.session import HELD_BY_OPERATOR
 from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
@@ -47,10 +54,8 @@ class Bench:
     ) -> None:
         self.duo = open_rig(rig, VirtualClock(), guard=False)
         self.terminal = Script(answers, usual="h")
-        recorder = make_real_recorder(
-            self.duo, task, folder, PERSON, self.terminal, after_success=0.2
-        )
-        self.session = RigTeleoperation(recorder, HandDevice(), **options)
+        recorder = make_real_recorder(self.duo, task, folder, PERSON, after_success=0.2)
+        self.session = RigTeleoperation(recorder, HandDevice(), self.terminal, **options)
         self.turn = 0
 
     def send(self, squeeze: float = 0.0, height: float = 0.0) -> None:
@@ -150,6 +155,65 @@ def test_after_a_fault_the_operator_recovers(tmp_path: Path) -> None:
     (episode,) = DataSet(tmp_path).recordings()
     assert episode.info.outcome is not None
     assert "joint_reflex" in str(episode.info.outcome.reason)
+
+
+def once_while_homing(bench: Bench, act: Callable[[], object]) -> None:
+    """Do something once while the arms go home the next time."""
+    left = [act]
+
+    def look() -> None:
+        if left and bench.duo.supervisor.state is State.HOMING:
+            left.pop()()
+
+    bench.duo.watch_person(look)
+
+
+def test_arms_that_do_not_get_home_are_asked_about_again(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "hhh")
+    bench.lead(10)
+    once_while_homing(bench, lambda: bench.duo.hold("The operator's page lost its connection."))
+    bench.say("discard")
+    assert bench.session.state is TeleopState.WAITING
+    assert bench.terminal.answers == []
+    assert any("lost its connection" in said for said in bench.terminal.said)
+    bench.say("restore")  # what was discarded before is still there
+    assert len(DataSet(tmp_path).episodes()) == 1
+    bench.session.close()
+
+
+def test_stop_holds_arms_that_go_home_and_ends_the_session(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.lead(10)
+    once_while_homing(bench, bench.session.stop)
+    with pytest.raises(EndedError):
+        bench.say("discard")
+    assert bench.duo.held == STOPPED
+    bench.session.close()
+
+
+def test_session_that_ends_between_episodes_notes_none(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "hq", episodes=3)
+    bench.lead(10)
+    bench.say("keep")
+    with pytest.raises(EndedError):
+        bench.lead(10)
+    bench.session.close()
+    (attempt,) = of_task(DataSet(tmp_path), TASK)
+    assert (attempt.episode, attempt.success, attempt.kept) == (0, True, True)
+
+
+def test_space_bar_still_holds_after_a_recovery(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "hrh")
+    bench.terminal.listen(partial(hold_by_key, bench.duo))
+    bench.lead(10)
+    bench.duo.arms[Side.RIGHT].fail("joint_reflex", FaultKind.CONTACT)  # type: ignore[attr-defined]
+    bench.send(1.0)
+    bench.say("discard")
+    bench.lead(5)
+    assert bench.terminal.call is not None
+    bench.terminal.call(" ")
+    assert bench.duo.held == HELD_BY_OPERATOR
+    bench.session.close()
 
 
 def test_the_page_shows_the_arms_and_holds_them_when_it_is_lost(tmp_path: Path) -> None:

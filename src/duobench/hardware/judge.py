@@ -102,6 +102,11 @@ class HumanJudge:
         """The episode is over: what is declared from now on may be late."""
         self._end = self.time_s
 
+    @property
+    def is_over(self) -> bool:
+        """Whether the episode is over, and nobody has begun another one."""
+        return self._end is not None
+
     def judge(self) -> None:
         """Count a control step, and take over what was declared until now."""
         self.steps += 1

@@ -1,7 +1,7 @@
 """The operator at a terminal: what is said, what is asked, and keys that count at once."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from typing import Protocol
 
@@ -30,6 +30,10 @@ DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
 ASK_WHY = "{}\nIt is discarded. Why did the arms stop?\n{}\nq: end, and leave it undecided."
 
 
+KeyCall = Callable[[str], object]
+"""What a key is given to."""
+
+
 class Operator(Protocol):
     """A person beside the arms, or a program in that place."""
 
@@ -40,11 +44,25 @@ class Operator(Protocol):
         """Ask for one of some keys, and wait for it; `QUIT` if nobody can answer any more."""
         ...
 
-    def listen(self, call: Callable[[str], object] | None) -> None:
+    def listen(self, call: KeyCall | None) -> KeyCall | None:
         """Have every key given to a call at once, from any thread; None ends it.
 
         One who has gone gives an empty text.
+
+        Returns:
+            The call that this one takes the place of.
         """
+        ...
+
+
+@contextmanager
+def listening(operator: Operator, call: KeyCall) -> Iterator[None]:
+    """Have keys given to a call in the block, and to the one before again after it."""
+    before = operator.listen(call)
+    try:
+        yield
+    finally:
+        operator.listen(before)
 
 
 def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
@@ -67,13 +85,11 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
         key = operator.ask(question, f"{''.join(acts)}{QUIT}")
         if key == QUIT:
             return False
-        operator.listen(partial(hold_by_key, duo))
         try:
-            acts[key]()
+            with listening(operator, partial(hold_by_key, duo)):
+                acts[key]()
         except DuoBenchError as error:  # it is asked again, with what is still wrong
             operator.say(str(error))
-        finally:
-            operator.listen(None)
 
 
 def hold_by_key(duo: FrankaDuo, key: str) -> bool:
@@ -120,20 +136,20 @@ class TerminalView:
             if session.phase is Phase.READY:
                 return messages.PlaceAgain()
             self._ask(HOME, "h")
-            return messages.Home()
+            return self._confirmed(messages.Home())
         if session.phase is Phase.PLACING:
             self._ask(PLACE.format(self.placing), "p")
             return messages.Placed()
-        return messages.Start()
+        return self._confirmed(messages.Start())
 
-    @contextmanager
-    def moving(self) -> Iterator[None]:
+    def moving(self) -> AbstractContextManager[None]:
         """Keys count at once."""
-        self._operator.listen(self._take)
-        try:
-            yield
-        finally:
-            self._operator.listen(None)
+        return listening(self._operator, self._take)
+
+    def _confirmed(self, message: messages.Message) -> messages.Message:
+        """A message that has the operator's word with it."""
+        self._session.take(message)
+        return message
 
     def _why(self, said: str, reasons: Sequence[str]) -> str:
         """What the operator says to why the arms stopped."""

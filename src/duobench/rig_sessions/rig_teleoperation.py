@@ -19,7 +19,7 @@ from duobench.data.schema import AFTER_SUCCESS_S
 from duobench.envs.action_modes import CARTESIAN
 from duobench.envs.config import LAYOUT
 from duobench.envs.duo_env import TRUNCATION_REASON, Info
-from duobench.errors import DuoBenchError
+from duobench.errors import BackendError, DuoBenchError
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import RealEnv, make_real_env
 from duobench.randomness import TRAIN
@@ -30,11 +30,14 @@ from duobench.rig_sessions.teleoperation import TIME_LIMIT_S, Teleoperation, Tel
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.tasks.task import Task
+from duobench.teleop.intent import Device
 from duobench.types import CONTROL_HZ, DuoCommand
 from duobench.web.geometry import Geometry
 from duobench.web.server import PageServer
 
 SOLVED = "Solved, as you said: open the hands and retreat. It will be kept."
+STOPPED = "The session was stopped."
+ENDED = "The operator ended the session."
 CONNECTION_LOST = "The operator's page lost its connection."
 CLEAR = (
     "The arms go home slowly, and open their grippers. Clear their space, then place the objects "
@@ -51,30 +54,17 @@ def make_real_recorder(
     task: str | Task,
     data: DataSet | str | Path,
     actor: Actor,
-    operator: Operator,
     *,
     action_mode: str = CARTESIAN.name,
     after_success: float = AFTER_SUCCESS_S,
 ) -> Recorder:
     """An environment on a rig, recorded with clutches, videos and review.
 
-    The rig belongs to the environment from now on. The operator confirms that the arms may move: a
-    reset raises an `EndedError` where they end the session instead. For the rest see
-    `teleoperation.make_recorder`.
+    The rig belongs to the environment from now on. For the rest see `teleoperation.make_recorder`.
     """
-
-    def confirm_homing(options: Mapping[str, Any]) -> None:
-        given = options.get(LAYOUT)
-        question = CLEAR.format(placement(given if isinstance(given, Layout) else Layout(poses={})))
-        is_safe = ask_to_make_ready(duo, operator)
-        if not is_safe or operator.ask(question, f"h{QUIT}") == QUIT:
-            raise EndedError("The operator ended the session.")
-        duo.supervisor.confirm()
-
     env = make_real_env(
         duo,
         task,
-        prepare=confirm_homing,
         cameras=(),
         action_mode=action_mode,
         horizon=round(TIME_LIMIT_S * CONTROL_HZ),
@@ -83,16 +73,46 @@ def make_real_recorder(
 
 
 class RigTeleoperation(Teleoperation):
-    """A session on a rig, in which the operator says that the task is solved."""
+    """A session on a rig, in which the operator says that the task is solved.
+
+    The operator beside the arms confirms each time that they may go home: a session raises an
+    `EndedError` where they end it instead. What keeps the arms from getting there is said, and
+    asked again.
+    """
+
+    def __init__(self, env: Recorder, device: Device, operator: Operator, **options: Any) -> None:
+        self._operator, self._is_stopped = operator, False
+        self._real = cast("RealEnv", env.base)
+        self._real.prepare = self._confirm_homing
+        super().__init__(env, device, **options)
+
+    def stop(self) -> None:
+        """Hold the arms, and go home no more; from any thread and for signal handlers."""
+        self._is_stopped = True
+        self._real.rig.hold(STOPPED)
 
     def _reset_options(self, seed: int) -> dict[str, Any]:
         layout = next(self.env.base.definition.layouts(seed, TRAIN))
         return {**super()._reset_options(seed), LAYOUT: layout}
 
     def _reset(self) -> None:
-        super()._reset()
-        real = cast("RealEnv", self.env.base)
-        real.rig.place(real.definition, real.layout)
+        real = self._real
+        while True:
+            try:
+                super()._reset()
+                real.rig.place(real.definition, real.layout)
+            except BackendError as error:
+                self._operator.say(str(error))
+            else:
+                return
+
+    def _confirm_homing(self, options: Mapping[str, Any]) -> None:
+        rig, given = self._real.rig, options.get(LAYOUT)
+        question = CLEAR.format(placement(given if isinstance(given, Layout) else Layout(poses={})))
+        is_over = self._is_stopped or not ask_to_make_ready(rig, self._operator)
+        if is_over or self._operator.ask(question, f"h{QUIT}") == QUIT:
+            raise EndedError(ENDED)
+        rig.supervisor.confirm()
 
     def _keep(self) -> None:
         if self.state is TeleopState.RECORDING:
@@ -112,11 +132,17 @@ class RigTeleopPage(TeleopPage):
     A lost page holds both arms.
     """
 
-    def __init__(self, session: Teleoperation, server: PageServer) -> None:
+    def __init__(self, session: RigTeleoperation, server: PageServer) -> None:
+        self._rig_session = session
         self._real = cast("RealEnv", session.env.base)
         task = self._real.definition
         self._picture = Simulation(task.props, task.overview)
         super().__init__(session, server)
+
+    def stop(self) -> None:
+        """Let `run` return, with the arms held, also where they go home."""
+        super().stop()
+        self._rig_session.stop()
 
     def _leave(self) -> None:
         self._real.rig.hold(CONNECTION_LOST)

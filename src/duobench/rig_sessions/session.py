@@ -7,7 +7,7 @@ operator sees is a view: a page, or a terminal.
 
 import threading
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import replace
 from enum import StrEnum
 from typing import Any, Protocol
@@ -122,10 +122,15 @@ class RigSession:
         return self._asked is not None and self._asked.give_up()
 
     def lose(self, reason: str) -> None:
-        """Nobody is at the arms: hold them, and let the episode not count."""
-        if self.phase in {Phase.PLAYING, Phase.MOVING} and not self.lost:
+        """Nobody is at the arms: hold them, and let the episode not count if it is not over."""
+        self.duo.supervisor.revoke()  # nothing that was pressed before shall move them
+        if self._may_move and not self.lost:
             self.lost = reason
             self.duo.hold(reason)
+
+    @property
+    def _may_move(self) -> bool:
+        return self.phase in {Phase.PLAYING, Phase.MOVING} and not self.judge.is_over
 
     def take(self, message: messages.Message) -> bool:
         """Do at once what cannot wait: a hold, and the word that a stage is reached.
@@ -143,6 +148,10 @@ class RigSession:
             if not self.give_up():
                 raise MessageError("The policy is not waited for: there is nothing to give up.")
             return True
+        if isinstance(message, (messages.Home, messages.Start)):
+            # From now on, so that a hold that is pressed later takes it back, though this waits.
+            with suppress(BackendError):  # it is said once it is tried
+                self.duo.supervisor.confirm()
         if not isinstance(message, _LABELS):
             return False
         stage, film_s = None, None
@@ -178,7 +187,7 @@ class RigSession:
                 case messages.PlaceAgain():
                     self.phase = Phase.PLACING
                 case messages.Start() if self.phase is Phase.READY:
-                    if self._try(self._confirm_start):
+                    if self._try(self._check_start):
                         return
                 case messages.Recover():
                     self.is_home = False
@@ -235,8 +244,9 @@ class RigSession:
         self.waits = False
 
     def on_episode_end(self, error: BaseException | None) -> None:  # noqa: ARG002 - the protocol's signature
-        """The policy plays no more, and what is pressed from now on may be late."""
+        """The policy plays no more: the arms are held, and what is pressed now may be late."""
         self.judge.end()
+        self.duo.hold("The episode is over.")
 
     def decide(self, played: PlayedEpisode, message: str) -> str:
         """Wait for the operator's word; why the episode does not count, empty if it does.
@@ -280,14 +290,13 @@ class RigSession:
             case _:
                 pass
 
-    def _confirm_start(self) -> None:
+    def _check_start(self) -> None:
         self.duo.hands.check_active()
         self.duo.hands.check_free()
-        self.duo.supervisor.confirm()
+        self.duo.supervisor.check_confirmed()
 
     def _go_home(self, with_object: bool) -> None:
         def home() -> None:
-            self.duo.supervisor.confirm()
             self.duo.home(with_object=with_object)
             self.duo.supervisor.revoke()  # people's hands are among the objects now
 
@@ -309,6 +318,7 @@ class RigSession:
         try:
             act()
         except BackendError as error:
+            self.duo.supervisor.revoke()
             self.message = str(error)
             return False
         return True

@@ -5,8 +5,8 @@ Messages arrive in the server's thread; a page that gives no sign while arms may
 
 import queue
 import time
-from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,7 @@ class StatusPage:
             self._take,
             lambda: session.lose("The operator's page lost its connection."),
             WATCHING,
+            anyone=(messages.Hold,),
         )
 
     # --- what a session shows --------------------------------------------------------------------
@@ -128,10 +129,24 @@ class StatusPage:
         self.publish()
         return None
 
-    def moving(self) -> AbstractContextManager[object]:
-        """The page is heard at any time; from now on it must give signs."""
+    @contextmanager
+    def moving(self) -> Iterator[None]:
+        """The page is heard at any time; from now on it must give signs.
+
+        What was pressed before and waits is forgotten: nobody waits for a second motion.
+        """
         self._heard = time.monotonic()
-        return nullcontext()
+        self._forget()
+        try:
+            yield
+        finally:
+            self._forget()
+
+    def _forget(self) -> None:
+        """Do nothing of what was pressed and waits."""
+        with suppress(queue.Empty):
+            while True:
+                self._inbox.get_nowait()
 
     def on_step(self, number: int) -> None:
         """After each control step: show how it goes."""
@@ -145,7 +160,10 @@ class StatusPage:
             self._session.lose(f"The operator's page gave no sign for {silent:.1f} s.")
 
     def _take(self, message: messages.Message) -> None:
-        self._heard = time.monotonic()
+        if isinstance(message, messages.Hold):  # perhaps of one who watches
+            self._forget()
+        else:
+            self._heard = time.monotonic()
         if isinstance(message, messages.Alive):
             return
         if self._session.take(message):

@@ -328,13 +328,13 @@ class Teleoperation:
     def _reset(self) -> None:
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._number, TRAIN)
+        self._state, self._is_kept = TeleopState.WAITING, False  # also if arms do not get home
         env.next_name = f"{self._number:05d}"
         self._info: Info = env.reset(seed=seed, options=self._reset_options(seed))[1]
         self._seen: DuoState = env.base.backend.read()
         self._steps = 0
         self._stage_changes: list[list[int]] = []
-        self._is_kept = self._is_paused = False
-        self._state, self.note = TeleopState.WAITING, ""
+        self._is_paused, self.note = False, ""
         self.device.begin(env.base.backend.last_command)
         self.haptics.begin()
 

@@ -172,6 +172,7 @@ class PageServer:
         on_message: Callable[[Any], str | None],
         on_driver_lost: Callable[[], None] = lambda: None,
         watching: str = "",
+        anyone: tuple[type[PageMessage], ...] = (),
     ) -> None:
         """Say what becomes of the messages that are not the server's own affair.
 
@@ -184,10 +185,12 @@ class PageServer:
             on_driver_lost: Called in the server's thread when the driver has left, or had to give
                 way.
             watching: Why messages of those who do not drive are refused; empty takes them too.
+            anyone: Classes of messages that are taken from those too.
         """
         own = Ping | Drive | TakeOver
         self._read = reader(own if kinds is None else own | kinds)
-        self.on_message, self.on_driver_lost, self._watching = on_message, on_driver_lost, watching
+        self.on_message, self.on_driver_lost = on_message, on_driver_lost
+        self._watching, self._anyone = watching, anyone
 
     # --- what is shown; from any thread ----------------------------------------------------------
 
@@ -381,7 +384,11 @@ class PageServer:
                 if self._driver not in (None, peer):
                     self._lose_driver()
                 self._let_drive(peer)
-            case _ if self._watching and peer is not self._driver:
+            case _ if (
+                self._watching
+                and peer is not self._driver
+                and not isinstance(message, self._anyone)
+            ):
                 return self._watching
             case _:
                 return self.on_message(message)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import secrets
 import sys
 from contextlib import ExitStack, closing
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import tyro
 
-from duobench.cli.real.rigs import KeyTerminal, RigOptions
+from duobench.cli.real.rigs import KeyTerminal, RigOptions, hold_and_say
 from duobench.cli.shared.advice import OTHER_OUT, Advice, AdvisedError, advising
 from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.options import command_line
@@ -160,7 +161,6 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     load_engine()
     from duobench.data import DataSet
     from duobench.rig_sessions.recording import RigRecording, find_policy
-    from duobench.rig_sessions.session import HELD_BY_OPERATOR
 
     with ExitStack() as ending:
         source = find_policy(policy, tempo)
@@ -179,7 +179,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             after_success=after_success,
         )
         ending.callback(session.close)
-        with stopping(lambda: duo.hold(HELD_BY_OPERATOR)):
+        with stopping(partial(hold_and_say, duo)):
             kept = session.run()
     say(f"{counted(kept, 'episode')} of {task} in {out}")
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.process import AT_LEAVING
 from duobench.hardware.clock import VirtualClock
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import COMPUTED, open_rig
@@ -54,6 +55,14 @@ class RigOptions:
         return open_rig(rig, VirtualClock() if self.fast else None, guard=self.guard)
 
 
+def hold_and_say(duo: FrankaDuo) -> None:
+    """What Ctrl-C does where an operator is asked for keys."""
+    from duobench.rig_sessions.session import HELD_BY_OPERATOR
+
+    duo.hold(HELD_BY_OPERATOR)
+    os.write(sys.stderr.fileno(), b"\nThe arms are held. q ends; Ctrl-C again leaves at once.\n")
+
+
 class KeyTerminal:
     """Reads keys in a thread of its own, as `operator.Operator` asks for them.
 
@@ -69,6 +78,7 @@ class KeyTerminal:
         self._before: list[Any] | None = None
         if os.isatty(self._handle):
             self._before = termios.tcgetattr(self._handle)
+            AT_LEAVING.append(self.close)
             tty.setcbreak(self._handle)
         threading.Thread(target=self._read, name="keys", daemon=True).start()
 
@@ -94,14 +104,16 @@ class KeyTerminal:
             if key in keys:
                 return key
 
-    def listen(self, call: Callable[[str], object] | None) -> None:
-        """Have every key given to a call at once, whatever is asked."""
-        self._call = call
+    def listen(self, call: Callable[[str], object] | None) -> Callable[[str], object] | None:
+        """Have every key given to a call at once, whatever is asked; what was called before."""
+        before, self._call = self._call, call
+        return before
 
     def close(self) -> None:
         """Restore the terminal."""
         before, self._before = self._before, None
         if before is not None:
+            AT_LEAVING.remove(self.close)
             termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
 
     def _read(self) -> None:

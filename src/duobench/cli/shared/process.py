@@ -37,6 +37,8 @@ def load_engine() -> None:
 
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
+AT_LEAVING: list[Callable[[], object]] = []
+"""What `leave` puts back first, such as a terminal; nothing else is put away."""
 _STDOUT, _STDERR = 1, 2
 _SHOW_CURSOR = b"\x1b[?25h"
 """Live progress hides the cursor of a terminal."""
@@ -45,6 +47,9 @@ _SHOW_CURSOR = b"\x1b[?25h"
 def leave(number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
     """End the process here and now; like after a kill, every file is whole or absent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for put_back in list(AT_LEAVING):
+        with suppress(Exception):
+            put_back()
     with suppress(OSError):
         if os.isatty(_STDOUT):
             os.write(_STDOUT, _SHOW_CURSOR)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import tyro
 
-from duobench.cli.real.rigs import KeyTerminal, RigOptions
+from duobench.cli.real.rigs import KeyTerminal, RigOptions, hold_and_say
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.page import PageOptions
@@ -159,25 +160,26 @@ def teleop_rig(
         raise AdvisedError("Real arms do not wait for messages: --lockstep goes with --fast alone.")
     load_engine()
     from duobench.rig_sessions.cameras import CameraFeed
+    from duobench.rig_sessions.operator import hold_by_key
     from duobench.rig_sessions.rig_teleoperation import (
         EndedError,
         RigTeleoperation,
         RigTeleopPage,
         make_real_recorder,
     )
-    from duobench.rig_sessions.session import HELD_BY_OPERATOR
 
     with ExitStack() as ending:
         led_by, actor = leading.open(ending)
         duo = rig.open()
         terminal = ending.enter_context(closing(KeyTerminal()))
-        terminal.listen(lambda key: duo.hold(HELD_BY_OPERATOR) if key in {"", " "} else None)
-        recorder = make_real_recorder(
-            duo, task, out, actor, terminal, action_mode=led_by.action_mode
-        )
+        terminal.listen(partial(hold_by_key, duo))
+        recorder = make_real_recorder(duo, task, out, actor, action_mode=led_by.action_mode)
         ending.callback(recorder.close)
         with suppress(EndedError):
-            session = RigTeleoperation(recorder, led_by, episodes=episodes, **leading.asked())
+            with stopping(partial(hold_and_say, duo)):
+                session = RigTeleoperation(
+                    recorder, led_by, terminal, episodes=episodes, **leading.asked()
+                )
             ending.callback(session.close)
             server = page.serve()
             ending.callback(server.close)

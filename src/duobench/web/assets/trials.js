@@ -189,7 +189,6 @@ class Trials {
     part("#open_both").hidden = !mayHandle || holding.length < 2;
     part("#carry").hidden = !mayHandle || fault || holding.length !== 1;
     part("#give_up").hidden = !this.#isDriver || !waits;
-    part("#hold").disabled = !this.#isDriver;
     const isJudging = this.#isDriver && phase === "judging";
     part("#closing").hidden = part("#spoiled").hidden = !isJudging;
     part("#at-end").hidden = stage !== stages.length;
@@ -257,12 +256,12 @@ class Trials {
     write(".where-files", files);
   }
 
-  #showRole({ role, drivers }) {
+  #showRole({ role }) {
     this.#isDriver = role === "driver";
     const place = part(".role");
     const words = this.#isDriver ? "You operate the arms" : "You watch";
     const button = make("button", { type: "button" }, "Take over");
-    place.replaceChildren(words, ...(this.#isDriver || !drivers ? [] : [" ", button]));
+    place.replaceChildren(words, ...(this.#isDriver ? [] : [" ", button]));
     this.#allow();
   }
 
