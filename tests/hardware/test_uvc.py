@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import av
@@ -18,6 +19,7 @@ from duobench.hardware.devices import FaultKind, Frame
 from duobench.hardware.drivers import uvc
 from duobench.hardware.drivers.frames import ThreadedCamera
 from duobench.hardware.drivers.uvc import FileCamera, UvcCamera, lock_exposure
+from duobench.hardware.opening import open_rig
 from duobench.hardware.rig import CameraConfig, CameraDriver
 
 COUNT = 12
@@ -217,6 +219,26 @@ def test_a_camera_that_fails_says_why(camera: Numbers) -> None:
     camera.fails = ""
     camera.connect()
     assert camera.latest() is not None
+
+
+def test_a_camera_that_was_unplugged_comes_back_once_the_operator_recovers(camera: Numbers) -> None:
+    with closing(open_rig("simulated", SystemClock(), guard=False)) as duo:
+        duo.cameras["head"] = camera
+        duo.start()
+        camera.fails = "the plug was pulled"
+        wait_for_fault(camera)
+        end = time.monotonic() + 60.0
+        while duo.fault is None:
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        for _ in range(2):  # it stays wrong as long as nothing was done
+            with pytest.raises(BackendError, match="the plug was pulled"):
+                duo.supervisor.recover()
+            assert duo.fault is not None
+        camera.fails = ""
+        duo.supervisor.recover()
+        assert duo.fault is None
+        assert duo.frames()["head"].image.shape == (90, 160, 3)
 
 
 def test_a_listener_that_raises_becomes_a_fault(camera: Numbers) -> None:

@@ -18,6 +18,7 @@ from duobench.types import Side
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, until
 from tests.rig_sessions import toys
 from tests.rig_sessions.operator import POLICIES, STEPS, Stand, records
+from tests.web.pages import wait_until
 
 LAST = 5
 
@@ -205,9 +206,20 @@ def test_second_browser_watches(window: Browser, led: Led) -> None:
         shown(page, "#placed")
         until(other, "document.querySelector('.role').textContent.startsWith('You watch')")
         assert other.locator("#placed").is_hidden()
-        assert other.locator("#hold").is_disabled()
+        other.click("#hold")
+        wait_until(lambda: led.stand.duo.held == HELD_BY_OPERATOR)
         other.click(".role button")
         until(page, "document.querySelector('#placed').hidden")
+        shown(other, "#placed")
+
+
+def test_who_watched_operates_once_the_other_window_is_closed(window: Browser, led: Led) -> None:
+    with opened(window, led.stand.server.url) as other:
+        with opened(window, led.stand.server.url) as page:
+            shown(other, "#placed")
+            page.click(".role button")
+            shown(page, "#placed")
+        other.click(".role button")
         shown(other, "#placed")
 
 

@@ -172,6 +172,16 @@ def test_those_who_watch_may_be_refused(server: PageServer) -> None:
         wait_until(lambda: heard == [Keep()])
 
 
+def test_some_messages_are_taken_from_those_who_watch(server: PageServer) -> None:
+    heard: list[PageMessage] = []
+    server.listen(Keep | Select, heard.append, watching="You watch.", anyone=(Keep,))
+    with open_page(server.url) as page:
+        page.say(kind="select", id="a")
+        assert page.hear_of("refused")["reason"] == "You watch."
+        page.say(kind="keep")
+        wait_until(lambda: heard == [Keep()])
+
+
 @pytest.mark.parametrize(
     ("data", "reason"),
     [

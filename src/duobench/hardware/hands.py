@@ -36,6 +36,14 @@ class Hands:
         return tuple(side for side in SIDES if not self._grippers[side].read().is_active)
 
     @property
+    def to_activate(self) -> tuple[Side, ...]:
+        """Those that are not active, or that have a fault, which their activation may clear."""
+        readings = {side: self._grippers[side].read() for side in SIDES}
+        return tuple(
+            side for side, each in readings.items() if not each.is_active or each.fault is not None
+        )
+
+    @property
     def holding(self) -> tuple[Side, ...]:
         """Those that hold something."""
         return tuple(side for side in SIDES if self._grippers[side].read().has_object)
@@ -71,12 +79,10 @@ class Hands:
             BackendError: One did not become active, or a hold stopped it.
         """
         with self._supervisor.handling() as may_go_on:
-            for side in SIDES:
+            for side in self.to_activate:
                 if not may_go_on():
                     raise BackendError("The activation was stopped.")
-                reading = self._grippers[side].read()
-                if not reading.is_active or reading.fault is not None:
-                    self._grippers[side].activate()
+                self._grippers[side].activate()
 
     def open(self, sides: Sequence[Side] = SIDES) -> None:
         """Open some hands, whatever they hold; the arms stay as they are.

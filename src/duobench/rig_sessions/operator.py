@@ -14,6 +14,10 @@ QUIT = "q"
 """Key that ends a session."""
 OPERATOR_LOST = "The operator's terminal is gone."
 FAULT = "Something is wrong: {}\nSet it right, then r: recover; q: end."
+ACTIVATES = (
+    "a: activate the {} gripper again, which may clear it. Take away what is between the fingers, "
+    "which will close and open."
+)
 INACTIVE = (
     "Not active since it was switched on: the {} gripper. Take away what is between the fingers, "
     "which will close and open.\na: activate; q: end."
@@ -74,6 +78,9 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
     while True:
         if duo.supervisor.fault is not None:
             question, acts = FAULT.format(duo.supervisor.reason), {"r": duo.supervisor.recover}
+            if faulty := duo.hands.to_activate:
+                question += "\n" + ACTIVATES.format(" and ".join(faulty))
+                acts["a"] = duo.hands.activate
         elif inactive := duo.hands.inactive:
             question, acts = INACTIVE.format(" and ".join(inactive)), {"a": duo.hands.activate}
         elif holding := duo.hands.holding:

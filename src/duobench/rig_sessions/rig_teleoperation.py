@@ -80,6 +80,8 @@ class RigTeleoperation(Teleoperation):
     asked again.
     """
 
+    keeps = (TeleopState.RECORDING, *Teleoperation.keeps)
+
     def __init__(self, env: Recorder, device: Device, operator: Operator, **options: Any) -> None:
         self._operator, self._is_stopped = operator, False
         self._real = cast("RealEnv", env.base)

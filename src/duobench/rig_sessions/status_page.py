@@ -172,11 +172,11 @@ class StatusPage:
             self._inbox.put(message)
 
     def _hands(self) -> dict[str, list[Side]]:
-        """Which grippers are not active, and which hold something."""
+        """Which grippers are to be activated, and which hold something."""
         if self._session.phase not in {Phase.PLACING, Phase.READY}:
             return {"inactive": [], "holding": []}
         hands = self._session.duo.hands
-        return {"inactive": [*hands.inactive], "holding": [*hands.holding]}
+        return {"inactive": [*hands.to_activate], "holding": [*hands.holding]}
 
     def _show_placing(self) -> None:
         """Show the live image, and the layout over it; the ghost again once an arm has moved."""

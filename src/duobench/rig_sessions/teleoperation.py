@@ -79,6 +79,9 @@ class Teleoperation:
         OptionError: The number is less than one, or the environment takes other actions.
     """
 
+    keeps = (TeleopState.SUCCESS, TeleopState.DECIDE)
+    """States in which the operator may say that an episode is to be kept."""
+
     def __init__(
         self,
         env: Recorder,
@@ -188,6 +191,7 @@ class Teleoperation:
             "step": self._steps,
             "steps": self.env.get_wrapper_attr("_max_episode_steps"),
             "state": str(self.state),
+            "may_keep": self.state in self.keeps,
             "success": bool(info["success"]),
             "count": self._number,
             "kept": self.kept,

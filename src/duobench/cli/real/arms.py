@@ -94,7 +94,7 @@ def grippers(
 
     Args:
         rig: The rig's file, rig.json, or "simulated" for a rig without hardware.
-        activate: Activate those that are not active.
+        activate: Activate those that are not active, or have a fault.
         open: Open these hands: left, right, or both names.
         fast: Do not wait for the clock, which only simulated drivers can do.
     """
@@ -114,10 +114,12 @@ def grippers(
 
 
 def _activate(duo: FrankaDuo) -> None:
-    """Activate grippers that are not active, once the operator has said so."""
-    if inactive := duo.hands.inactive:
-        which = " and ".join(inactive)
-        _confirm(f"Not active ({which}). Is nothing between the fingers? They move.", "activate")
+    """Activate grippers that are not active or well, once the operator has said so."""
+    if asleep := duo.hands.to_activate:
+        which = " and ".join(asleep)
+        _confirm(
+            f"To be activated: {which}. Is nothing between the fingers? They move.", "activate"
+        )
         with stopping(lambda: duo.hold("Ctrl-C.")):
             duo.hands.activate()
 

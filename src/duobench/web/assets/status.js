@@ -11,10 +11,7 @@ const STATES = {
   playing: "Playing",
   paused: "Paused",
 };
-const CLOSING = {
-  keep: ["success", "decide"],
-  discard: ["recording", "success", "decide", "paused"],
-};
+const DISCARDED = ["recording", "success", "decide", "paused"]; // where it may be
 
 /** Fills the page; `tell` sends a message to the server. */
 export class Status {
@@ -37,7 +34,7 @@ export class Status {
     this.#timeline = new Timeline(this.#part(".timeline"), { hasSpeed: false });
     this.#timeline.onSeek = (step) => tell({ kind: "seek", step });
     this.#timeline.onPlay = (on) => tell({ kind: "play", on });
-    for (const kind of [...Object.keys(CLOSING), "restore"]) {
+    for (const kind of ["keep", "discard", "restore"]) {
       this.#part(`#${kind}`).addEventListener("click", () => tell({ kind }));
     }
     this.#part("#drive").addEventListener("click", () => {
@@ -175,9 +172,10 @@ export class Status {
     drive.textContent = isTaken ? "Take over" : "Drive";
     const { state, instruction, discarded = 0 } = this.#last;
     this.#part("#restore").hidden = !this.#isDriver || !discarded;
-    for (const [kind, states] of Object.entries(CLOSING)) {
-      this.#part(`#${kind}`).hidden = !this.#isDriver || !states.includes(state);
-    }
+    const keep = this.#part("#keep");
+    keep.hidden = !this.#isDriver || !this.#last.may_keep;
+    keep.textContent = state === "recording" ? "Solved" : "Keep"; // said where nothing sees it
+    this.#part("#discard").hidden = !this.#isDriver || !DISCARDED.includes(state);
     const wording = this.#part("#wording");
     wording.hidden = !this.#isDriver;
     const input = wording.querySelector("input");

@@ -292,7 +292,7 @@ function write(selector, text) {
 function handsInWords({ inactive, holding }) {
   const names = (sides) => sides.join(" and ");
   if (inactive.length) {
-    return `Not active since it was switched on: the ${names(inactive)} gripper. Activation closes and opens the fingers.`;
+    return `To be activated: the ${names(inactive)} gripper. Take away what is between its fingers: they close and open.`;
   }
   if (!holding.length) return "";
   return `The ${names(holding)} hand holds something. Take it before you open the hand: it drops.`;
