@@ -139,6 +139,40 @@ def test_what_an_actor_wanted_is_recorded_beside_what_was_sent(
     assert np.abs(rows.sent[0] - wanted)[:7].max() > 0.005
 
 
+def test_what_was_wanted_stays_wanted_where_a_wrong_action_was_refused(
+    env: Recorder, tmp_path: Path
+) -> None:
+    wanted = env.reset(seed=0)[0]["agent_pos"]
+    env.intend(wanted)
+    with pytest.raises(ActionError):
+        env.step([0.5])
+    env.step(wanted + np.float32(0.01))
+    env.close()
+    np.testing.assert_array_equal(only(tmp_path).action, np.float64([wanted]))
+
+
+def test_who_acts_is_checked_before_anything_is_recorded(tmp_path: Path) -> None:
+    env = Recorder(plain(), tmp_path, "me")  # type: ignore[arg-type]
+    with pytest.raises(DataError, match=r"Actor\(name='me'\)"):
+        env.reset(seed=0)
+    env.actor = Actor(name="me")
+    env.reset(seed=0)
+    env.close()
+    assert only(tmp_path).info.actor.name == "me"
+
+
+def test_a_name_that_is_taken_is_asked_for_once(env: Recorder, tmp_path: Path) -> None:
+    env.next_name = "mine"
+    env.step(env.reset(seed=0)[0]["agent_pos"])
+    env.finish()
+    env.next_name = "mine"
+    with pytest.raises(DataError):
+        env.reset(seed=1)
+    env.reset(seed=1)
+    env.close()
+    assert len(DataSet(tmp_path).episodes()) == 2
+
+
 def test_discarded_episodes_leave_nothing(env: Recorder, tmp_path: Path) -> None:
     for steps in (20, 1):
         play(env, steps)

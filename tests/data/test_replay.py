@@ -8,7 +8,7 @@ import pytest
 
 import duobench
 from duobench.cli import main
-from duobench.data import ImageSource, Recording
+from duobench.data import DataSet, ImageSource, Recording, find_problems
 from duobench.errors import DataError
 from duobench.replay import replay
 from duobench.tasks import catalog
@@ -46,6 +46,18 @@ def test_commands_of_any_action_mode_are_replayed(tmp_path: Path, options: dict[
     env.close()
     (found,) = replay(TASK, [only(tmp_path)])
     assert found.is_exact
+
+
+@pytest.mark.parametrize("shift", ["physics-3", "layout-3", "look-3"])
+def test_shifted_episodes_are_replayed_and_have_no_problem(tmp_path: Path, shift: str) -> None:
+    env = recorder(tmp_path, shift=shift)
+    env.reset(seed=3)
+    for number in range(8):
+        env.step(wave(number))
+    env.close()
+    (found,) = replay(TASK, [only(tmp_path)])
+    assert found.is_exact
+    assert find_problems(DataSet.open(tmp_path), workers=0) == []
 
 
 def test_a_changed_command_and_other_stages_are_found(expert: Recording) -> None:

@@ -173,16 +173,19 @@ def test_episodes_go_on_from_states_of_demonstrations(several: Callable[..., Bat
         assert env.get_wrapper_attr("state_hash")() == vector.save_state(1).hash
 
 
-def test_a_state_has_the_usual_look_whatever_was_shown_before(
+def test_a_state_has_the_look_of_its_episode_whatever_was_shown_before(
     several: Callable[..., BatchEnv],
 ) -> None:
     vector = several(cameras="head", image_size=24)
     usual, _ = vector.reset(seed=SEED)
     states = [vector.save_state(number) for number in range(COUNT)]
     dark, _ = vector.reset(seed=SEED, options={"look": "dark"})
+    darkly = [vector.save_state(number) for number in range(COUNT)]
     again, _ = vector.reset(options={"states": states})
     assert equal(again, usual)
     assert not equal(again, dark)
+    again, _ = vector.reset(options={"states": darkly})
+    assert equal(again, dark)
 
 
 def test_steps_that_are_not_solved_are_repeated_as_alone(

@@ -44,12 +44,26 @@ def test_a_reset_may_choose_the_look_of_its_episode(seeing: Make) -> None:
     assert np.array_equal(seen(env), plain), "the next episode has the environment's look again"
 
 
-def test_the_state_of_an_episode_is_restored_in_the_look_that_is_on(seeing: Make) -> None:
-    env = seeing(look="noisy")
-    image, state = seen(env), env.save_state()
+@pytest.mark.parametrize(
+    ("options", "asked"),
+    [
+        ({"look": "noisy"}, {}),
+        ({}, {"look": "dark"}),
+        ({"shift": "look-3"}, {}),
+        ({"shift": "camera-3"}, {}),
+    ],
+)
+def test_the_state_of_an_episode_brings_its_look(
+    seeing: Make, options: dict[str, Any], asked: dict[str, Any]
+) -> None:
+    env = seeing(**options)
+    image, state = seen(env, **asked), env.save_state()
     env.step(wave(0))
-    observation, _ = env.restore_state(state)
-    assert np.array_equal(observation["pixels"]["head"], image), "noise follows the state"
+    env.reset(seed=7)
+    for other in (env, seeing(**options)):
+        observation, _ = other.restore_state(state)
+        assert np.array_equal(observation["pixels"]["head"], image), "noise follows the state"
+    assert np.array_equal(seen(env, **asked), image), "and the next reset has its own"
 
 
 @pytest.mark.parametrize("value", [Look(exposure=-1.0), {"exposure": -1.0}])

@@ -104,6 +104,20 @@ def test_a_saved_state_brings_the_physics_of_its_episode(make: Make) -> None:
     assert first.state_hash() == second.state_hash()
 
 
+def test_a_state_that_is_restored_twice_is_sensed_the_same(make: Make) -> None:
+    env = make(TASK, shift="sensing-5", cameras="head", image_size=32)
+    env.reset(seed=SEED)
+    action = env.get_wrapper_attr("hold_action")()
+    action[1] += 0.05
+    env.step(action)
+    state, found = env.get_wrapper_attr("save_state")(), []
+    for seed in (1, 2):
+        first, _ = env.get_wrapper_attr("restore_state")(state)
+        found.append([first, *(env.step(action)[0] for _ in range(3))])
+        env.reset(seed=seed)
+    assert equal(*found)
+
+
 def test_the_compiled_model_comes_back_to_the_bit(make: Make) -> None:
     simulation = sim_of(make(TASK)).simulation
 

@@ -21,6 +21,7 @@ from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
 from duobench.errors import DataError, DuoBenchError
 from duobench.randomness import SUITE_VERSION
+from duobench.shifts.shift import NO_SHIFT
 from duobench.types import POLICY_CAMERAS
 from duobench.versions import package_versions
 
@@ -92,7 +93,8 @@ def _checker() -> Callable[[Path], list[Problem]]:
 
 def _beginning(recording: Recording, environment: Callable[..., gym.Env]) -> list[str]:
     info = recording.info
-    env = environment(info.task, action_mode=info.mode.name)
+    shift = NO_SHIFT if info.config is None else info.config.shift
+    env = environment(info.task, action_mode=info.mode.name, shift=shift)
     options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
     _, seen = env.reset(seed=info.seed, options=options)
     if seen["layout"] != info.layout:

@@ -135,7 +135,14 @@ class Recorder(DuoWrapper):
         }  # what every episode says
 
     def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
-        """Begin an episode and its recording; a running one ends here, marked as cut."""
+        """Begin an episode and its recording; a running one ends here, marked as cut.
+
+        Raises:
+            DataError: The actor is none, or an episode has the name of the next one.
+        """
+        if not isinstance(self.actor, Actor):
+            raise DataError(f"The actor is an Actor, such as Actor(name='me'), got {self.actor!r}.")
+        name, self.next_name = self.next_name, None
         self._leave(reason="The environment was reset.")
         observation, info = self.env.reset(seed=seed, options=options)
         described = EpisodeInfo(
@@ -157,17 +164,16 @@ class Recorder(DuoWrapper):
         if self.data is None:
             self.content, self._episode = None, EpisodeRows(described, sizes)
         else:
-            self._episode = stream = self.data.new_stream(described, sizes, self.next_name)
+            self._episode = stream = self.data.new_stream(described, sizes, name)
             if self._rig is not None:
                 self._rig.begin(stream)
-        self.next_name, self._intended, self._steps_left, self.device = None, None, 0, None
+        self._intended, self._steps_left, self.device = None, 0, None
         self._episode.append(self._seen(self._episode, observation, info))
         return observation, info
 
     def step(self, action: ArrayLike) -> tuple[Observation, float, bool, bool, Info]:
         """Advance one control step, by an action in the action mode, and record it."""
         given = np.asarray(action)
-        wanted, self._intended = self._intended, None
         episode = self._running
         if episode is not None:
             if self._steps_left:
@@ -179,6 +185,7 @@ class Recorder(DuoWrapper):
         except BackendError as error:
             self.finish(reason=str(error))
             raise
+        wanted, self._intended = self._intended, None  # not before: a wrong action is given again
         if episode is not None:
             row = {"action": given if wanted is None else wanted, "sent": info["sent"]}
             row |= {"clutch": self.clutch} if episode.info.has_clutch else {}

@@ -38,7 +38,6 @@ from duobench.envs.registration import WARP
 from duobench.envs.rewards import DENSE, reward_of
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, OptionError, SimulationError
-from duobench.looks.catalog import as_look
 from duobench.robot.joints import RANGE_MARGIN, duo_limits
 from duobench.shifts.levels import level_for
 from duobench.shifts.shift import PHYSICS, SENSING
@@ -145,9 +144,13 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         """
         given = checked_reset_options(options, (*OF_SIMULATION, RESET_MASK, STATES))
         count, seeds = self.num_envs, seed
+        if isinstance(seeds, np.ndarray) and not seeds.ndim:  # a number of NumPy
+            seeds = seeds.item()
         mask = np.asarray(given.pop(RESET_MASK, np.ones(count, dtype=bool)))
         states = given.pop(STATES, [None] * count)
-        if seeds is None or not isinstance(seeds, Sequence | np.ndarray):
+        if not isinstance(states, Sequence | np.ndarray):
+            raise OptionError(f"{STATES} is a list of states, got {states!r}.")
+        if not isinstance(seeds, Sequence | np.ndarray):
             first = checked_seed(seeds)
             seeds = [None if first is None else first + number for number in range(count)]
         if mask.dtype != bool or {mask.shape, (len(states),), (len(seeds),)} != {(count,)}:
@@ -170,7 +173,6 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if seed is not None:
             self._generators[number] = seeding.np_random(seed)[0]
         if state is not None:
-            self._base.set_look(as_look(self._config.look))  # a state has none
             return self._made(self._env.get_wrapper_attr("restore_state")(state)[1])
         if options.get(LAYOUT) is not None:
             return self._made(self._env.reset(options=options)[1])
@@ -317,6 +319,8 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         """The whole state of one of the episodes; an environment of `make` takes it as well."""
         if not self._starts:
             raise ResetNeededError("There is no state before the first reset; call reset first.")
+        if not 0 <= number < self.num_envs:
+            raise OptionError(f"Episodes are 0 to {self.num_envs - 1}, got {number}.")
         start, _ = self._starts[number]
         return replace(
             start,

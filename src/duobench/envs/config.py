@@ -215,13 +215,17 @@ OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK, INSTRUCTION)
 """Options of a reset in simulation; see `SimEnv`."""
 
 
+SEEDS_END = 2**63
+"""Seeds are below it: vector environments of Gymnasium put them into info as 64 bits."""
+
+
 def checked_seed(seed: Any) -> int | None:
     """The seed of a reset as an integer; NumPy's integers are taken too."""
     if seed is None:
         return None
     number = as_whole(seed)
-    if number is None or number < 0:
-        raise OptionError(f"A seed is a whole number from 0 on, got {seed!r}.")
+    if number is None or not 0 <= number < SEEDS_END:
+        raise OptionError(f"A seed is a whole number from 0 on and below 2**63, got {seed!r}.")
     return number
 
 

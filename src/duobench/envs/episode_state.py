@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import TypeVar
 
 from duobench.errors import DuoBenchError
+from duobench.looks.look import Look
 from duobench.shifts.samples import UNSCALED, PhysicsScale
 from duobench.sim.layout import Layout
 from duobench.spatial import SE3
@@ -33,8 +34,9 @@ def required(part: T | None, wrapper: str) -> T:
 class EpisodeState:
     """Everything that the rest of an episode depends on.
 
-    Continuing from it is bit-exact in observations, stages, reward and info. Parts that belong to a
-    wrapper are None where there is no such wrapper.
+    Continuing from it is bit-exact in observations, stages, reward and info; noise of shifted
+    sensors alone is new, and the same each time. Parts that belong to a wrapper are None where
+    there is no such wrapper.
     """
 
     layout: Layout
@@ -45,6 +47,8 @@ class EpisodeState:
     """Factors on the physics of the model, where an episode is shifted so."""
     instruction: str | None = None
     """The policy's; None is the task's own. No part of the hash: nothing moves by it."""
+    look: Look | None = None
+    """How images look; None is the environment's own. No part of the hash either."""
     progress: ProgressState | None = None
     """Stage, and what its constraints remember."""
     steps: int | None = None
@@ -69,7 +73,7 @@ class EpisodeState:
 
     @property
     def hash(self) -> str:
-        """SHA-256 over all of it but the instruction; equal states, equal hashes."""
+        """SHA-256 over all of it but instruction and look; equal states, equal hashes."""
         digest = hashlib.sha256(self.physics.tobytes())
         targets = [(side, pose.tquat.tolist()) for side, pose in self.tool_targets or ()]
         progress = None if self.progress is None else asdict(self.progress)

@@ -195,8 +195,14 @@ class Sensing(DuoWrapper):
         return self._sensed(observation), float(reward), terminated, truncated, info
 
     def restore_state(self, state: EpisodeState) -> Start:
-        """Continue from a saved state, with fresh frames and other noise than the first time."""
+        """Continue from a saved state, with fresh frames and other noise than the first time.
+
+        It follows from the state alone.
+        """
         observation, info = super().restore_state(state)
+        seed = int(state.hash, 16)
+        self._generator = np.random.default_rng((seed, 0))
+        self._frames = np.random.default_rng((seed, 1))
         self._begin()
         return self._sensed(observation), info
 

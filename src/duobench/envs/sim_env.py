@@ -190,6 +190,7 @@ class SimEnv(DuoEnv):
             physics=self.simulation.get_state(),
             scale=self._scale,
             instruction=self._instruction,
+            look=self.look,
         )
 
     def state_hash(self) -> str:
@@ -209,6 +210,7 @@ class SimEnv(DuoEnv):
         self._running = False
         own = self._instruct(state.layout)
         instruction = own if state.instruction is None else state.instruction
+        self._arms.set_look(state.look or self._usual_look)
         self._set_scale(state.scale)
         self.simulation.apply(state.layout)
         self._arms.home()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from duobench.data.recording import Recording
 from duobench.envs.action_modes import JOINT
-from duobench.envs.config import FIXED, LAYOUT, EnvConfig
+from duobench.envs.config import FIXED, LAYOUT, LAYOUT_SEED, SPLIT, EnvConfig
 from duobench.envs.execution import Step, execute, optional_method
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
@@ -294,14 +294,17 @@ def _config(task: Task, recording: Recording) -> EnvConfig:
 
 
 def _divergence(player: Player, env: gym.Env, recording: Recording) -> Divergence:
-    comparison = _Comparison(recording)
+    comparison, info = _Comparison(recording), recording.info
+    options: dict[str, Any] = {LAYOUT: info.layout}
+    if info.seed is not None:  # what shifts sample follows from it
+        options |= {LAYOUT_SEED: info.seed, SPLIT: info.split}
     try:
         # A recording may go on after success.
         for _ in player.play(
             env,
             recording.sent,
             [comparison],
-            options={LAYOUT: recording.info.layout},
+            options=options,
             past_end=True,
         ):
             pass
