@@ -12,6 +12,8 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from duobench.errors import escaped
+
 __version__ = "1.0.0rc1"
 """Version of the software; a build reads it from this line."""
 ENGINE = "4.0"
@@ -46,7 +48,7 @@ def other_engine(versions: Mapping[str, str | None]) -> str:
     """What to say of versions with another MuJoCo than the benchmark's; empty where it is that."""
     version = versions.get("mujoco")
     is_ours = version is None or version == ENGINE or version.startswith(f"{ENGINE}.")
-    return "" if is_ours else f"MuJoCo {version} instead of {ENGINE}"
+    return "" if is_ours else f"MuJoCo {escaped(str(version))} instead of {ENGINE}"
 
 
 def source_hashes(modules: Iterable[str] = (), *, is_scripted: bool = False) -> dict[str, str]:

@@ -1,9 +1,11 @@
 """A leaderboard of real bundles: verified once, refused with a reason, never trusted."""
 
 import hashlib
+import json
 import shutil
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from duobench.cli import main
 from duobench.data.processes import Progress
 from duobench.errors import EvaluationError
+from duobench.files import CHECKSUM, checksum, zipped
 from duobench.replay import leaderboard
 from duobench.replay.leaderboard import make_leaderboard
 from duobench.results import leaderboard as results_leaderboard
@@ -64,6 +67,16 @@ def made(folder: Path, out: Path) -> tuple[Board, dict[str, int]]:
 def contents(folder: Path) -> dict[str, bytes]:
     files = filter(Path.is_file, folder.rglob("*"))
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def changed(parts: dict[str, bytes], name: str, edit: Callable[[Document], None]) -> None:
+    """Change a document of a bundle, and every checksum that would tell."""
+    document = json.loads(parts[name])
+    edit(document)
+    parts[name] = json.dumps(document | {CHECKSUM: checksum(document)}).encode()
+    if name != "manifest.json":
+        digest = hashlib.sha256(parts[name]).hexdigest()
+        changed(parts, "manifest.json", lambda manifest: manifest["parts"].update({name: digest}))
 
 
 def forged(run: RunFolder, folder: Path, edit: Callable[[Document], None]) -> None:
@@ -212,6 +225,53 @@ def test_same_run_in_another_archive_is_no_second_entry(runs, folder, tmp_path):
     assert sorted(played) == others
 
 
+@pytest.mark.parametrize("part", ["run.json", "manifest.json"])
+def test_no_copy_of_which_more_is_shown_takes_the_place_of_a_run(folder, tmp_path, part):
+    def edit(document: Document) -> None:
+        if part == "run.json":
+            document["suite"]["shifts"].append({"axis": "look", "level": 1})
+        else:
+            document["commands"] = ["duobench eval --policy theirs"]
+
+    with zipfile.ZipFile(folder / "hold.duobench.zip") as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    changed(parts, part, edit)
+    (folder / "a.duobench.zip").write_bytes(zipped(parts, zipfile.ZIP_DEFLATED))
+    board, _ = made(folder, tmp_path / "site")
+    assert "hold.duobench.zip" in {each.file for each in board.entries}
+
+
+def test_bundles_under_other_names_and_foreign_archives_are_told(folder, tmp_path):
+    (folder / "hold.duobench.zip").rename(folder / "hold.duobench (1).zip")
+    with zipfile.ZipFile(folder / "photos.zip", "w") as archive:
+        archive.writestr("a.jpg", b"a")
+    board, _ = made(folder, tmp_path / "site")
+    assert {each.file for each in board.entries} == {"hold.duobench (1).zip", "random.duobench.zip"}
+    assert "No bundle has a part 'a.jpg'" in reason(board, "photos.zip")
+
+
+def test_bundle_with_numbers_beyond_all_bounds_is_refused_and_no_other(folder, tmp_path):
+    with zipfile.ZipFile(folder / "hold.duobench.zip") as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    changed(parts, "run.json", lambda document: document["suite"].update(episodes=2**63))
+    (folder / "a.duobench.zip").write_bytes(zipped(parts, zipfile.ZIP_DEFLATED))
+    board, _ = made(folder, tmp_path / "site")
+    assert "ends before 9007199254740992" in reason(board, "a.duobench.zip")
+    assert len(board.entries) == 2
+
+
+def test_served_policies_are_listed_by_their_own_names(folder, tmp_path):
+    entry = made(folder, tmp_path / "site")[0].entries[0]
+    (candidate,) = entry.part.run.candidates
+    metadata = replace(candidate.metadata, name="theirs")
+    served = replace(candidate, policy="openpi", metadata=metadata)
+    condition = replace(entry.part.condition, policy="openpi")
+    part = replace(
+        entry.part, run=replace(entry.part.run, candidates=(served,)), condition=condition
+    )
+    assert replace(entry, part=part).name == "theirs"
+
+
 def test_no_copy_takes_the_place_of_a_run(runs, folder, tmp_path):
     bare = copied(runs["hold"], tmp_path / "bare")
     shutil.rmtree(bare.path / "attempts")
@@ -273,6 +333,6 @@ def test_tasks_of_others_are_refused_and_not_imported(folder, tmp_path):
 
 
 def test_folder_without_a_bundle_is_said(tmp_path):
-    with pytest.raises(EvaluationError, match=r"no file whose name ends in \.duobench\.zip"):
+    with pytest.raises(EvaluationError, match=r"no file whose name ends in \.zip"):
         make_leaderboard(tmp_path, tmp_path / "site")
     assert not (tmp_path / "site").exists()

@@ -4,6 +4,7 @@ import hashlib
 import io
 import os
 import random
+import shutil
 import stat
 import zipfile
 from collections.abc import Callable
@@ -47,6 +48,32 @@ def folder(tmp_path: Path) -> RunFolder:
 def path(folder: RunFolder, tmp_path: Path) -> Path:
     write_bundle(folder, tmp_path / "run.duobench.zip")
     return tmp_path / "run.duobench.zip"
+
+
+@pytest.mark.parametrize("name", ["我的", "--", "mine v2"])
+def test_bundle_of_a_policy_of_any_name_is_read(tmp_path: Path, name: str) -> None:
+    run = sample_run(policy=name)
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    write_bundle(folder, tmp_path / "run.duobench.zip")
+    assert read_source(tmp_path / "run.duobench.zip") == read_source(folder.path)
+
+
+def test_bundle_that_another_tool_packed_again_is_read(path: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path / "parts")
+    again = shutil.make_archive(str(tmp_path / "again"), "zip", tmp_path / "parts")
+    with zipfile.ZipFile(again) as archive:
+        assert "records/" in archive.namelist()
+    assert read_source(Path(again)) == read_source(path)
+
+
+def test_archive_that_is_no_bundle_is_not_overwritten(folder: RunFolder, tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "weights.npz", "w") as archive:
+        archive.writestr("a.npy", b"mine")
+    before = (tmp_path / "weights.npz").read_bytes()
+    with pytest.raises(OutputError, match="is no bundle"):
+        write_bundle(folder, tmp_path / "weights.npz")
+    assert (tmp_path / "weights.npz").read_bytes() == before
 
 
 def test_bundle_is_read_as_its_folder_is(folder: RunFolder, path: Path) -> None:

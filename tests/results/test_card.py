@@ -7,13 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from duobench.errors import EvaluationError
+from duobench.envs.execution import ChunkExecution
+from duobench.errors import EvaluationError, FileError
 from duobench.policy import PolicyMetadata
 from duobench.policy.lerobot_checkpoint import content_hash
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, write_bundle
 from duobench.results.card import EVALUATION, FIGURE, write_checkpoint_card
 from duobench.results.folder import RunFolder
 from duobench.results.report import read_parts
+from duobench.shifts.shift import Shift
 from tests.results.samples import CONFIG, sample_folder, sample_records, sample_run
 
 NAME = "us/policy"
@@ -72,6 +74,53 @@ def test_privileged_policies_are_told_to_be_such(tmp_path: Path, weights: Path) 
     run = run_of(tmp_path / "run", VERSION, object_state=True)
     text = write_checkpoint_card(weights, run.path, NAME, "mit").read_text(encoding="utf-8")
     assert "which no camera shows" in text
+
+
+def test_card_says_under_what_a_run_was_played_and_how_to_play_it(
+    tmp_path: Path, weights: Path
+) -> None:
+    metadata = PolicyMetadata(name="mine", version=VERSION, cameras=("head",))
+    run = sample_run(
+        metadata=metadata,
+        policy="my.py & co:P",
+        first_episode=7,
+        look="dark",
+        shifts=(Shift.parse("physics-5"),),
+        execution=ChunkExecution(execute=30, latency=6),
+    )
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    text = write_checkpoint_card(weights, folder.path, NAME, "mit").read_text(encoding="utf-8")
+    for words in (
+        "Episodes 7 to 10 of each task (look dark, shift physics-5, 30 of a chunk at most",
+        "latency of 6 control steps",
+        "duobench eval --policy 'my.py & co:P' --tasks ",
+        "--episodes 4 --first-episode 7 --look dark --shift physics-5 --execute 30 --latency 6 ",
+    ):
+        assert words in text
+
+
+def test_card_of_a_run_that_is_not_finished_is_refused(tmp_path: Path, weights: Path) -> None:
+    run = run_of(tmp_path / "run", VERSION)
+    run.discard(run.finished(run.read_run())[0])
+    with pytest.raises(EvaluationError, match="lacks 1 of 12 episodes"):
+        write_checkpoint_card(weights, run.path, NAME, "mit")
+
+
+def test_code_beside_weights_does_not_stand_for_them(tmp_path: Path, weights: Path) -> None:
+    (weights / "mine.py").write_bytes(b"code")
+    run = run_of(tmp_path / "run", hashlib.sha256(b"code").hexdigest()[:16])
+    with pytest.raises(EvaluationError, match="no evaluation of"):
+        write_checkpoint_card(weights, run.path, NAME, "mit")
+
+
+@pytest.mark.parametrize("text", ["{bad", "[1, 2]", '"x"', "null"])
+@pytest.mark.parametrize("name", ["training.json", "train_config.json"])
+def test_what_is_known_of_a_training_is_one_object(
+    tmp_path: Path, weights: Path, name: str, text: str
+) -> None:
+    (weights / name).write_text(text)
+    with pytest.raises(FileError, match=name):
+        write_checkpoint_card(weights, run_of(tmp_path / "run", VERSION).path, NAME, "mit")
 
 
 @pytest.mark.parametrize("version", [None, "1", "0" * 16])

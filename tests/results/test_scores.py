@@ -108,6 +108,7 @@ def test_an_error_is_a_reason_of_its_own() -> None:
         (("raised by -1.5 mm, not 12 mm", "raised by 0 mm, not 12 mm"), "raised by -1.5 to 0 mm, "),
         (("cube_1 at 0.50 m, not 12 mm", "cube_1 at 0.5 m, not 12 mm"), "cube_1 at 0.50 m, "),
         (("cube_0 touches table", "cube_1 touches table"), None),  # names, which stay apart
+        (("part # #", "part # 5"), None),  # forged
     ],
 )
 def test_sentences_that_differ_in_numbers_are_one(said: tuple[str, ...], merged: str) -> None:

@@ -4,6 +4,7 @@ What a bundle is found to be is kept by its checksum, so that only new ones are 
 """
 
 import hashlib
+import json
 import platform
 from collections import Counter
 from collections.abc import Callable, Sequence, Set
@@ -13,10 +14,10 @@ from typing import ClassVar
 
 from duobench.data.processes import Progress
 from duobench.errors import DataError, DuoBenchError, EvaluationError, FileError, escaped
-from duobench.files import checksum, digest_of, encode, locked, read, remove, write
+from duobench.files import digest_of, encode, locked, read, remove, write
 from duobench.randomness import SUITE_VERSION
 from duobench.replay.verify import Finding, Verdict, Verification, verify
-from duobench.results.bundle import BUNDLE_SUFFIX, MAX_BYTES, Bundle
+from duobench.results.bundle import MAX_BYTES, Bundle
 from duobench.results.leaderboard import (
     VERDICTS,
     Board,
@@ -28,13 +29,15 @@ from duobench.results.leaderboard import (
     write_site,
 )
 from duobench.results.records import RECORD_SCHEMA, Key
+from duobench.results.run import RUN_SCHEMA
 from duobench.results.salt import ROUNDS, Round, Salt, read_rounds
 from duobench.tasks import catalog
-from duobench.versions import has_avx2, package_versions, source_hashes
+from duobench.versions import has_avx2, package_source, package_versions
 
 JUDGEMENT_SCHEMA = 3
 _SHOWN = 3
 _LONGEST_REASON = 600
+_LONGEST_COMMAND, _MOST_COMMANDS = 2000, 20
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,8 +73,8 @@ def make_leaderboard(
     """Verify the bundles in a folder, and write the pages of a leaderboard.
 
     Args:
-        folder: Folder with bundles, files whose names end in `.duobench.zip`, and the `ROUNDS` of
-            their organiser, if any; no folder in it is looked into.
+        folder: Folder with bundles, files whose names end in `.zip`, and the `ROUNDS` of their
+            organiser, if any; no folder in it is looked into.
         out: Folder of the leaderboard; an earlier one in it is replaced, and what it knows about
             bundles is used.
         workers: Processes that verify side by side; 0 verifies in this process.
@@ -80,10 +83,8 @@ def make_leaderboard(
     Returns:
         The leaderboard, and its first page.
     """
-    if not (paths := sorted(filter(Path.is_file, folder.glob(f"*{BUNDLE_SUFFIX}")))):
-        raise EvaluationError(
-            f"There is no bundle in {folder}: no file whose name ends in {BUNDLE_SUFFIX}."
-        )
+    if not (paths := sorted(filter(Path.is_file, folder.glob("*.zip")))):
+        raise EvaluationError(f"There is no bundle in {folder}: no file whose name ends in .zip.")
     rounds = read_rounds(folder / ROUNDS) if (folder / ROUNDS).exists() else ()
     begin_site(out)
     entries: dict[str, BoardEntry] = {}
@@ -118,8 +119,7 @@ def _entry(
 ) -> BoardEntry:
     """The entry of a bundle, or a `_RefusedError` if it counts for nothing.
 
-    The file of a run is noted by the SHA-256 of its round, and of the records that count and
-    whether their attempts are noted.
+    The file of a run is noted by the SHA-256 of all that is shown of it.
     """
     bundle = Bundle(path)
     if _digest(path) != digest:
@@ -137,10 +137,10 @@ def _entry(
     counts = counting(run)
     records = bundle.read_records(run, counts)
     noted = bundle.attempts().keys()
-    # A copy without its round or its journal must not take the place of the run.
-    texts = [str(hosted and hosted.name)]
-    texts += [f"{record.key.path in noted}{encode(record, RECORD_SCHEMA)}" for record in records]
-    content = hashlib.sha256("".join(texts).encode()).hexdigest()
+    # A copy of which anything else would be shown must not take the place of the run.
+    about = hosted and hosted.name, bundle.commands(), bundle.attempts(), encode(run, RUN_SCHEMA)
+    texts = [json.dumps(about), *(encode(record, RECORD_SCHEMA) for record in records)]
+    content = hashlib.sha256("\n".join(texts).encode()).hexdigest()
     if twin := runs.get(content):
         raise _RefusedError(f"It holds the same run as {twin}.")
     kept = out / VERDICTS / f"{digest}.json"
@@ -165,7 +165,7 @@ def _entry(
         judgement.verdicts,
         judgement.unverifiable,
         noted=noted,
-        commands=bundle.commands(),
+        commands=[each[:_LONGEST_COMMAND] for each in bundle.commands()[:_MOST_COMMANDS]],
         hosted=hosted,
     )
 
@@ -186,7 +186,7 @@ def _here(salt: Salt | None) -> dict[str, str]:
         "salt": salt.sha256 if salt else "",
         **package_versions(),
         "suite": SUITE_VERSION,
-        "source": checksum(source_hashes()),
+        "source": package_source(),
         "machine": platform.machine(),
         "avx2": str(has_avx2()),
     }

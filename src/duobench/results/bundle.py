@@ -33,7 +33,7 @@ MAX_BYTES = 512 * 2**20
 """Largest bundle, packed and unpacked; eleven tasks with a hundred episodes have a tenth of it."""
 
 _MANIFEST = "manifest.json"
-_NAMES = re.compile(rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/\w[\w.-]*/[0-9]{{5,9}}\.json")
+_NAMES = re.compile(rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/[\w-][\w.-]*/[0-9]{{5,9}}\.json")
 _ENTRY = b"PK\x01\x02"  # what each entry of an archive's list of contents begins with
 _DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, struct.error),
@@ -64,7 +64,7 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
         EvaluationError: If there is no run, a record of another one, or too many of them.
         OutputError: If the file is something else than an archive.
     """
-    if path.exists() and not zipfile.is_zipfile(path):
+    if path.exists() and not _is_bundle(path):
         raise OutputError(f"{path} is there and is no bundle; give the bundle another name.")
     description = run.read_run()
     records = run.read_records(description)
@@ -84,6 +84,14 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
     parts = {_MANIFEST: encode(manifest, BUNDLE_SCHEMA).encode(), **parts}
     write(path, zipped(parts, zipfile.ZIP_DEFLATED))
     return manifest
+
+
+def _is_bundle(path: Path) -> bool:
+    """Whether a file is an archive with a bundle's first parts, whole or not."""
+    if not zipfile.is_zipfile(path):
+        return False
+    with zipfile.ZipFile(path) as archive:
+        return {_MANIFEST, DESCRIPTION} <= set(archive.namelist())
 
 
 def open_source(path: Path) -> RunReader:
@@ -178,7 +186,8 @@ def _unpacked(path: Path) -> dict[str, bytes]:
         if data.count(_ENTRY) > MAX_PARTS:  # before they are listed, which takes memory for each
             raise FileError(f"It has more than {MAX_PARTS} parts.")
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            entries = archive.infolist()
+            # Folders, which other tools put in when they pack it again, hold nothing.
+            entries = [each for each in archive.infolist() if each.file_size or not each.is_dir()]
             _check_entries(entries)
             return {entry.filename: _content(archive, entry) for entry in entries}
     except _DAMAGE as error:

@@ -2,20 +2,22 @@
 
 import io
 import json
+import shlex
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-from duobench.errors import EvaluationError
+from duobench.errors import EvaluationError, FileError
 from duobench.files import digest_of, write
 from duobench.lerobot_keys import CARD
 from duobench.pages import render
-from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash, read
+from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, open_source, write_bundle
 from duobench.results.figures import stage_bars
 from duobench.results.report import read_parts
 from duobench.results.scores import interval_percent, percent, progress_text
+from duobench.results.suite import conditions_text, suite_options
 
 EVALUATION = f"evaluation{BUNDLE_SUFFIX}"
 FIGURE = "stages.png"
@@ -29,7 +31,7 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
 
     Raises:
         EvaluationError: The run is none of this checkpoint alone: the version of its policy names
-            no file of the folder by its SHA-256.
+            no file of the folder by its SHA-256; or it is not finished.
     """
     reader = open_source(source)
     part, *others = read_parts(reader)
@@ -39,6 +41,8 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
             f"{source} is no evaluation of {folder} alone: the version of its policy is "
             f"{version}, which names no file of that folder by its SHA-256."
         )
+    if left := part.size - part.results.overall.episodes:
+        raise EvaluationError(f"{source} lacks {left} of {part.size} episodes: finish it first.")
     bundle = folder / EVALUATION
     if not isinstance(reader, Bundle):
         write_bundle(reader, bundle)
@@ -47,12 +51,16 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
     figure: Any = stage_bars(part.results)
     figure.savefig(png := io.BytesIO(), format="png", dpi=160, facecolor="white")
     write(folder / FIGURE, png.getvalue())
+    is_lerobot = (folder / CONFIG).exists()
+    words = ["--policy", "lerobot:checkpoint" if is_lerobot else part.candidate.policy]
     text = render(
         "duobench.results",
         "card.md.j2",
         id=name,
         licence=licence,
-        is_lerobot=(folder / CONFIG).exists(),
+        is_lerobot=is_lerobot,
+        command=shlex.join(["duobench", "eval", *words, *suite_options(part.suite)]),
+        conditions=conditions_text(part.suite),
         part=part,
         percent=percent,
         interval=interval_percent,
@@ -70,17 +78,33 @@ def _digests(folder: Path) -> Iterator[str]:
     """What may name the weights of a folder in the version of a policy."""
     if (folder / WEIGHTS).exists():
         yield content_hash(folder)[:_HASH]
+        return
     for path in folder.iterdir():
-        if path.is_file() and path.name not in (CARD, FIGURE, EVALUATION, TRAINING):
+        is_other = path.suffix == ".py" or path.name in (CARD, FIGURE, EVALUATION, TRAINING)
+        if path.is_file() and not is_other:
             yield digest_of(path)[:_HASH]
+
+
+def _object(path: Path) -> dict[str, Any]:
+    """A JSON object from a file, an empty one where there is none."""
+    try:
+        content: Any = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        return {}
+    except ValueError as error:
+        raise FileError(f"{path} is no JSON: {error}.") from error
+    if not isinstance(content, dict):
+        raise FileError(f"{path} holds no object of names and values.")
+    return cast("dict[str, Any]", content)
 
 
 def _training(folder: Path) -> dict[str, Any]:
     """What is known of the training: what stands beside the checkpoint, or what LeRobot keeps."""
     if (folder / TRAINING).exists():
-        return json.loads((folder / TRAINING).read_bytes())
-    known = read(folder / "train_config.json")
-    data: dict[str, Any] = known.get("dataset") or {}
-    found = {"policy": read(folder / CONFIG).get("type"), "data set": data.get("repo_id")}
+        return _object(folder / TRAINING)
+    known = _object(folder / "train_config.json")
+    data: Any = known.get("dataset")
+    repository: Any = cast("Any", data).get("repo_id") if isinstance(data, dict) else None
+    found: dict[str, Any] = {"policy": _object(folder / CONFIG).get("type"), "data set": repository}
     found |= {key: known.get(key) for key in ("steps", "batch_size", "seed")}
     return {key: value for key, value in found.items() if value is not None}

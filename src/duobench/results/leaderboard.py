@@ -14,6 +14,7 @@ from duobench.envs.config import EnvConfig
 from duobench.errors import escaped
 from duobench.files import make_folder, remove
 from duobench.looks.look import Look
+from duobench.policy.serving.address import SERVED
 from duobench.randomness import EVAL, SALTED
 from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
@@ -91,8 +92,9 @@ class BoardEntry:
 
     @property
     def name(self) -> str:
-        """Name of the policy, as its author gave it."""
-        return escaped(self.part.candidate.policy)[:LONGEST_NAME]
+        """Name of the policy, as its author gave it; of a served one its own."""
+        one = self.part.candidate
+        return escaped(one.metadata.name if one.policy in SERVED else one.policy)[:LONGEST_NAME]
 
     @property
     def privileged(self) -> bool:
@@ -101,9 +103,9 @@ class BoardEntry:
 
     @property
     def standing(self) -> tuple[float, float]:
-        """Success rate and mean final progress, by which entries are ranked."""
+        """What entries are ranked by: success rate in the worst case, and mean final progress."""
         overall = self.results.overall
-        return overall.success_rate or 0.0, overall.mean_final_progress or 0.0
+        return overall.worst_rate or 0.0, overall.mean_final_progress or 0.0
 
 
 Ranked = list[tuple[int, BoardEntry]]

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 import msgspec
 
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
-from duobench.errors import EvaluationError
+from duobench.errors import EvaluationError, escaped
 from duobench.files import checksum, differences
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
@@ -172,7 +172,7 @@ class Candidate:
     @property
     def title(self) -> str:
         """Its name for people, with a word if it is privileged."""
-        return f"{self.policy} (privileged)" if self.privileged else self.policy
+        return escaped(f"{self.policy} (privileged)" if self.privileged else self.policy)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -328,11 +328,11 @@ def failed_stages(result: TaskResult) -> tuple[FailedStage, ...]:
 
 def _unmet(records: Iterable[EpisodeRecord]) -> tuple[tuple[int, str], ...]:
     """What did not hold in episodes, without those that an error ended."""
-    alike: dict[str, list[str]] = {}
+    alike: dict[tuple[str, ...], list[str]] = {}
     for record in records:
         if record.error is None:
             for text in dict.fromkeys(record.unmet or ()):
-                alike.setdefault(_NUMBER.sub("#", text), []).append(text)
+                alike.setdefault(tuple(_NUMBER.split(text)), []).append(text)
     found = [(len(texts), _merged(texts)) for texts in alike.values()]
     return tuple(sorted(found, key=lambda one: (-one[0], one[1])))
 

@@ -85,6 +85,10 @@ class Episode:
         return self.salted[1] if self.salted else policy_seed(self.task.id, self.seed, self.split)
 
 
+MAX_EPISODES = 2**53
+"""Indices of episodes are below it: every program reads such whole numbers from JSON."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Suite:
     """What a policy is evaluated on."""
@@ -110,10 +114,10 @@ class Suite:
     """SHA-256 of the salt that all seeds follow from; None where they are public."""
 
     def __post_init__(self) -> None:
-        if self.episodes < 1 or self.first_episode < 0:
+        if self.episodes < 1 or not 0 <= self.first_episode <= MAX_EPISODES - self.episodes:
             raise EvaluationError(
-                "A suite has at least one episode, counted from 0; got "
-                f"{self.episodes} from {self.first_episode}."
+                f"A suite has at least one episode, counted from 0, and ends before {MAX_EPISODES};"
+                f" got {self.episodes} from {self.first_episode}."
             )
         if not 1.0 <= self.overtime < math.inf:
             raise EvaluationError(
@@ -306,6 +310,40 @@ def deviations(suite: Suite) -> list[str]:
         "seeds from a salt": suite.salt is not None,
     }
     return [phrase for phrase, differs in differing.items() if differs]
+
+
+def suite_options(suite: Suite) -> list[str]:
+    """The words of `duobench eval` that choose a suite under one shift, what is usual left out."""
+    ids, (shift,) = [task.reference for task in suite.tasks], suite.shifts
+    words = ["--suite", suite.name] if suite.name in SUITES else []
+    if ids != list(catalog.names()):
+        words += ["--tasks", *ids]
+    words += ["--episodes", str(suite.episodes)]
+    named = SUITES.get(suite.name, _OWN).execution
+    chosen = {
+        "first-episode": suite.first_episode or None,
+        "look": None if suite.look == looks.DEFAULT else suite.look,
+        "shift": None if shift == NO_SHIFT else shift.name,
+        "execute": None if suite.execution.execute == named.execute else suite.execution.execute,
+        "latency": suite.execution.latency or None,
+    }
+    return words + [
+        word for name, value in chosen.items() if value for word in (f"--{name}", str(value))
+    ]
+
+
+def conditions_text(suite: Suite) -> str:
+    """Under what a suite is played, for people: whatever is not usual; empty if all is."""
+    (shift,) = suite.shifts
+    said = {
+        f"suite {suite_text(suite)}": suite.name != CUSTOM,
+        f"look {suite.look}": suite.look != looks.DEFAULT,
+        f"shift {shift.name}": shift != NO_SHIFT,
+        f"{execute_text(suite)} executed": suite.execution.execute is not None,
+        latency_text(suite): suite.execution.latency > 0,
+        "seeds from a salt": suite.salt is not None,
+    }
+    return ", ".join(phrase for phrase, is_said in said.items() if is_said)
 
 
 def suite_text(suite: Suite) -> str:
