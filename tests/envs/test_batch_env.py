@@ -345,7 +345,7 @@ def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEn
         with pytest.raises(gym.error.ResetNeeded, match=words):
             call()
     vector.reset(seed=SEED)
-    before = vector.save_state(1).hash
+    before, start = vector.save_state(1).hash, vector.save_state(0).layout
     nothing = np.where(np.arange(COUNT)[:, None] == 1, np.nan, actions)
     wrong: tuple[tuple[Callable[[], Any], type[DuoBenchError], str], ...] = (
         (lambda: vector.step(nothing), ActionError, r"environments \[1\]"),
@@ -353,10 +353,16 @@ def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEn
         (lambda: vector.reset(seed=[1]), OptionError, "one entry for each"),
         (lambda: vector.reset(seed=-1), OptionError, "from 0 on"),
         (lambda: vector.reset(options={"reset_mask": [1, 0]}), OptionError, "booleans"),
+        (lambda: vector.reset(seed=2**63), OptionError, r"below 2\*\*63"),
         (lambda: vector.reset(options={"states": []}), OptionError, "one entry for each"),
+        (lambda: vector.reset(options={"states": None}), OptionError, "list of states"),
+        (lambda: vector.save_state(COUNT), OptionError, "Episodes are 0 to"),
+        (lambda: vector.save_state(-1), OptionError, "Episodes are 0 to"),
         (lambda: vector.reset(options={"statse": []}), UnknownNameError, "states"),
     )
     for call, error, words in wrong:
         with pytest.raises(error, match=words):
             call()
     assert vector.save_state(1).hash == before
+    vector.reset(seed=np.array(SEED))  # type: ignore[arg-type]
+    assert vector.save_state(0).layout == start

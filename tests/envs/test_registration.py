@@ -67,6 +67,11 @@ def test_there_is_one_time_limit(make: Make, mine: Task, horizon: int, option: s
             env.step(action)
 
 
+def test_two_time_limits_are_refused(make: Make, mine: Task) -> None:
+    with pytest.raises(OptionError, match="two names of one number"):
+        make(replace(mine, horizon=5), horizon=4, max_episode_steps=3)
+
+
 def test_a_limit_of_gymnasium_counts_control_steps_and_is_part_of_the_state(make: Make) -> None:
     env = make(chunk=4, max_episode_steps=6)
     env.reset(seed=0)

@@ -16,7 +16,14 @@ from duobench.rig_sessions import interruptible
 from duobench.rig_sessions.interruptible import GIVEN_UP
 from duobench.rig_sessions.session import HELD_BY_OPERATOR, NEVER_COUNTS
 from duobench.rig_sessions.trials import ASK_AT_END
-from duobench.rig_sessions.trials_folder import CUT, LogEntry, LogKind, TrialsFolder, TrialsProgress
+from duobench.rig_sessions.trials_folder import (
+    CUT,
+    REMOVED,
+    LogEntry,
+    LogKind,
+    TrialsFolder,
+    TrialsProgress,
+)
 from duobench.rig_sessions.trials_report import write_trials_report
 from duobench.robot.joints import HOME_JOINTS
 from duobench.types import Side
@@ -485,6 +492,20 @@ def test_removed_record_is_played_again(tmp_path: Path) -> None:
         stand = played(tmp_path / "t", script, ONE)
         stand.folder.run.record(only_record(stand)[0].key).unlink()
     assert TrialsProgress.of(stand.folder.read_log()).attempts == {0: 2}
+    (one,) = invalid(stand)
+    assert (one.reason, one.stage, one.is_chosen) == (REMOVED, 1, True)
+
+
+def test_removal_of_a_record_is_told_by_the_one_that_takes_its_place(tmp_path: Path) -> None:
+    def script(operator: Operator) -> None:
+        operator.begin()
+        operator.play([[1]])
+        operator.finish()
+
+    stand = played(tmp_path / "t", script, ONE)
+    stand.folder.run.record(only_record(stand)[0].key).unlink()
+    _, judged = only_record(played(tmp_path / "t", script, ONE))
+    assert [one.reason for one in judged.repeated] == [REMOVED]
 
 
 def test_entry_says_only_what_there_is_to_say(tmp_path: Path) -> None:

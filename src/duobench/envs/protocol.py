@@ -17,6 +17,7 @@ from duobench.envs.duo_env import DuoWrapper
 from duobench.envs.episode_wrappers import RandomizedReset, TaskStages, TimeLimit
 from duobench.envs.observation_wrappers import Cameras, FlatObservations, ObjectStates, Sensing
 from duobench.envs.registration import WRAPPERS
+from duobench.errors import OptionError
 from duobench.references import load
 from duobench.shifts.levels import level_for
 from duobench.shifts.shift import SENSING
@@ -76,7 +77,12 @@ def with_wrappers(env: gym.Env) -> gym.Env:
     config = base.config or EnvConfig()
     horizon = config.horizon
     if isinstance(env, gym.wrappers.TimeLimit):
-        horizon = horizon or env.get_wrapper_attr("_max_episode_steps")
+        limit = env.get_wrapper_attr("_max_episode_steps")
+        if horizon is not None and limit not in (horizon, base.definition.horizon):
+            raise OptionError(
+                f"horizon ({horizon}) and max_episode_steps ({limit}) are two names of one number."
+            )
+        horizon = horizon or limit
         env = env.env
     if horizon is not None and horizon != base.definition.horizon:
         base.definition = replace(base.definition, horizon=horizon)

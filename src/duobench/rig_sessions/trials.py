@@ -41,6 +41,8 @@ from duobench.tasks.task import Task
 from duobench.versions import package_source, package_versions, record_versions, source_hashes
 from duobench.web.server import PageServer
 
+RATER = "operator"
+"""Who judges where nobody is named."""
 ASK_AT_END = "Say first whether the last stage still held at the end: yes or no."
 
 
@@ -57,7 +59,7 @@ class TrialsSession(RigSession):
             on: "sim", "real", "mixed", or "" if nobody said.
         server: The operator's page.
         ending: Frees policies, renderer and log when it ends.
-        rater: Who judges, by a pseudonym.
+        rater: Who judges in this session, by a pseudonym; empty is who began the evaluation.
         episodes: Episodes of each policy.
         first_episode: Index of the first one.
         order_seed: Decides the order in which policies take turns, and the letters of blind ones.
@@ -76,7 +78,7 @@ class TrialsSession(RigSession):
         server: PageServer,
         ending: ExitStack,
         *,
-        rater: str,
+        rater: str = "",
         episodes: int = 15,
         first_episode: int = 0,
         order_seed: int = 0,
@@ -103,8 +105,11 @@ class TrialsSession(RigSession):
             rig=checksum(duo.rig.chosen),
         )
         folder.check_rig(duo.rig)
-        plan = folder.begin(TrialsPlan(run=run, rater=rater, order_seed=order_seed, blind=blind))
-        duo.start()
+        duo.start()  # first, so that what cannot be reached begins nothing
+        plan = folder.begin(
+            TrialsPlan(run=run, rater=rater or RATER, order_seed=order_seed, blind=blind)
+        )
+        self._rater = rater or plan.rater
         folder.keep_rig(duo.rig)
         super().__init__(duo, HumanJudge(plan.task.max_stage, duo.clock.now))
         definition = cast(Task, catalog.get(task.reference))
@@ -245,10 +250,10 @@ class TrialsSession(RigSession):
             domain=REAL,
             rig=self.duo.rig.hash,
             judged=Judged(
-                rater=self._plan.rater,
+                rater=self._rater,
                 presses=labels.all,
                 note=self.note,
-                repeated=tuple(self._progress.invalid.get(trial.number, ())),
+                repeated=tuple(TrialsProgress.of(self._log.entries).invalid.get(trial.number, ())),
                 stopped=played.stopped,
                 fault=played.fault,
                 waits=played.waits,

@@ -7,6 +7,7 @@ to the disk as well. A trial that the log does not close was cut, and is played 
 
 from __future__ import annotations
 
+import errno
 import os
 import threading
 from collections.abc import Iterable
@@ -28,6 +29,7 @@ from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPla
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
+REMOVED = "It counted, and its record was removed: somebody had it played again."
 CUT = "The program ended during the trial."
 """Why a trial is invalid whose process was killed."""
 
@@ -99,9 +101,12 @@ class TrialsProgress:
         """What a log adds up to."""
         progress = TrialsProgress()
         labels, fault = StageLabels(), None
+        counted: dict[int, InvalidTrial] = {}
         for entry in entries:
             match entry.kind:
                 case LogKind.BEGIN:
+                    if progress.valid.pop(entry.trial, None) is not None:
+                        progress.invalid.setdefault(entry.trial, []).append(counted[entry.trial])
                     progress.attempts[entry.trial] = entry.attempt
                     labels, fault = StageLabels(), None
                 case LogKind.PRESS:
@@ -113,6 +118,9 @@ class TrialsProgress:
                     progress.cut = entry.trial, entry.attempt
                 case LogKind.VALID:
                     progress.valid[entry.trial], progress.cut = entry.attempt, None
+                    counted[entry.trial] = InvalidTrial(
+                        reason=REMOVED, stage=labels.stage, fault=fault, is_chosen=True
+                    )
                 case LogKind.INVALID:
                     found = InvalidTrial(
                         reason=entry.text,
@@ -138,7 +146,7 @@ class TrialLog:
         self._lock = threading.Lock()
         files.make_folder(path.parent)
         with files.writing(path):
-            self._file = path.open("ab")
+            self._file = path.open("ab", buffering=0)
             content = path.read_bytes()
             whole = content.rfind(b"\n") + 1
             if whole < len(content):
@@ -158,8 +166,10 @@ class TrialLog:
             said["stage"] = entry.stage  # null takes a press back
         line = msgspec.json.encode(said) + b"\n"
         with self._lock, files.writing(self.path):
-            self._file.write(line)
-            self._file.flush()
+            end = self._file.seek(0, os.SEEK_END)
+            if self._file.write(line) != len(line):  # there is no room for the rest
+                self._file.truncate(end)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             if entry.kind in _CLOSING:  # a press shall not wait for a disk
                 os.fsync(self._file.fileno())
             self._entries.append(entry)

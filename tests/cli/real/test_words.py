@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
+from duobench.hardware.drivers.simulated import SimulatedArm
 from tests.cli.conftest import Told, refusal
 
 Types = Callable[[str], None]
@@ -34,6 +35,23 @@ def test_grippers_that_were_off_are_activated_at_a_word(types: Types, told: Told
 def test_home_asks_for_the_activation_first(types: Types, told: Told) -> None:
     types("activate\nhome\n")
     assert told("real", "home", *REHEARSAL).rstrip().endswith("Both arms are home.")
+
+
+def test_home_asks_to_recover_what_was_left_wrong(
+    types: Types, told: Told, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connect = SimulatedArm.connect
+
+    def left_in_reflex(arm: SimulatedArm) -> None:
+        connect(arm)
+        arm.fail("cartesian_reflex")
+
+    monkeypatch.setattr(SimulatedArm, "connect", left_in_reflex)
+    types("recover\nhome\n")
+    said = told("real", "home", "--rig", "simulated", "--fast")
+    assert "everything answers" not in said
+    assert "cartesian_reflex Is it set right" in said
+    assert said.rstrip().endswith("Both arms are home.")
 
 
 @pytest.mark.parametrize("typed", ["home\n", "", "activate\nyes\n"])

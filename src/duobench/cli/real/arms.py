@@ -61,7 +61,8 @@ def home(rig: str, check: bool = False, fast: bool = False, with_object: bool = 
         assert duo.guard is not None
         nearest = duo.guard.nearest(here, within=1.0)
         way = duo.path_home()
-        say(f"Rig {duo.rig.name}, {duo.rig.hash[:12]}: everything answers.")
+        fault = duo.health()
+        say(f"Rig {duo.rig.name}, {duo.rig.hash[:12]}: {fault or 'everything answers.'}")
         say(f"Nearest to each other: {nearest or 'nothing within a metre.'}")
         turns = [np.abs(b - a).max() for a, b in pairwise([here, *way])]
         say(
@@ -71,6 +72,9 @@ def home(rig: str, check: bool = False, fast: bool = False, with_object: bool = 
         if check:
             return
         _activate(duo)
+        if duo.fault is not None:
+            _confirm(f"{duo.held} Is it set right, so that it may be cleared?", "recover")
+            duo.supervisor.recover()
         with advising(GRIPPERS):
             duo.hands.check_free(with_object=with_object)
         _confirm("Is nobody within reach, and is somebody at the emergency stop?", WORD)
@@ -194,7 +198,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     episodes: int = 15,
     blind: bool = False,
     trained_on: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
-    rater: str = "operator",
+    rater: str = "",
     first_episode: int = 0,
     order_seed: int | None = None,
     record: Path | None = None,
@@ -216,7 +220,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         episodes: Episodes of each policy; the paper has 15.
         blind: Hide the names of the policies on the page until all trials are played.
         trained_on: What the policies were trained on, in their order: sim, real or mixed.
-        rater: Pseudonym of who judges; it is recorded.
+        rater: Pseudonym of who judges in this session; it is recorded. Without one that of who
+            began, or "operator".
         first_episode: Index of the first episode; layouts follow from task and index alone.
         order_seed: Decides the order in which policies take turns; without it nobody knows it.
         record: Record the trials that count into this data set too, with all cameras.

@@ -112,6 +112,7 @@ class ExportForm:
         for part in self.state:
             check_known("part of a state", part, [each.value for each in StatePart])
         object.__setattr__(self, "state", tuple(part for part in StatePart if part in self.state))
+        object.__setattr__(self, "cameras", tuple(dict.fromkeys(self.cameras)))
         for camera in self.cameras:
             check_known("camera", camera, POLICY_CAMERAS)
         check_known("action mode of an export", self.action, LABELS)
