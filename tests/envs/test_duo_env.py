@@ -243,13 +243,6 @@ def test_a_layouts_variant_is_switched_in_the_model(worlds: Task) -> None:
     assert hashes["high"] != hashes["flat"]
 
 
-def test_a_variant_that_a_task_has_not_is_refused(worlds: Task) -> None:
-    layout = world("flat").to_json()
-    layout["variants"] = {**layout["variants"], "zz": "a"}
-    with pytest.raises(LayoutError, match="no variant 'zz'"):
-        SimEnv(worlds).reset(options={"layout": layout})
-
-
 @pytest.mark.parametrize("variants", [{}, {"world": "round"}])
 def test_an_unknown_variant_is_refused(worlds: Task, variants: dict[str, str]) -> None:
     env = SimEnv(worlds)

@@ -224,8 +224,10 @@ def checked_seed(seed: Any) -> int | None:
     if seed is None:
         return None
     number = as_whole(seed)
-    if number is None or not 0 <= number < SEEDS_END:
-        raise OptionError(f"A seed is a whole number from 0 on and below 2**63, got {seed!r}.")
+    if number is None or number < 0:
+        raise OptionError(f"A seed is a whole number from 0 on, got {seed!r}.")
+    if number >= SEEDS_END:
+        raise OptionError(f"A seed is below 2**63, got {seed!r}.")
     return number
 
 

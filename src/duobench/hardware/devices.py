@@ -170,6 +170,13 @@ class Frame:
 class Camera(Device, Protocol):
     """One camera, which takes images all the time once it is connected."""
 
+    def recover(self) -> None:
+        """On a person's word connect it again where something is wrong, such as a pulled plug.
+
+        Raises:
+            BackendError: It cannot be connected; that is tried again the next time.
+        """
+
     def latest(self) -> Frame | None:
         """The latest frame; None before the first one."""
 

@@ -97,7 +97,6 @@ class FrankaDuo:
         self._views = CanonicalViews(self.cameras, rig.cameras)
         self._state: DuoState | None = None
         self._velocities = np.zeros((2, 7))
-        self._unplugged: set[str] = set()  # cameras that could not be connected again
 
     # --- connecting ------------------------------------------------------------------------------
 
@@ -209,19 +208,10 @@ class FrankaDuo:
         return None if fault is None else fault.text
 
     def _recover(self) -> None:
-        """Clear the faults of all devices, at the operator's word; nothing moves.
-
-        Cameras with one are connected again, as they are after a pulled plug.
-        """
+        """Clear the faults of all devices, at the operator's word; nothing moves."""
         self._controller.disengage()
-        for device in (*self.arms.values(), *self.grippers.values()):
+        for device in (*self.arms.values(), *self.grippers.values(), *self.cameras.values()):
             device.recover()
-        for name, camera in self.cameras.items():
-            if camera.fault is not None or name in self._unplugged:
-                self._unplugged.add(name)
-                camera.close()
-                camera.connect()
-                self._unplugged.remove(name)
         if (fault := self._watchdog.find_fault()) is not None:
             raise BackendError(f"The rig is not well yet: {fault.text}")
 

@@ -18,7 +18,7 @@ JOIN_S = 3.0
 """Seconds that a thread has to end; one that waits for a camera that hangs is left behind."""
 
 
-class LatestFrame:
+class LatestFrame(ABC):
     """The latest frame of a camera; frames come from one thread, questions from any.
 
     Messages name the camera, or its device where no name is given.
@@ -37,6 +37,23 @@ class LatestFrame:
         self._frame: Frame | None = None
         self._call: Callable[[Frame], None] | None = None
         self._connected_at: float | None = None  # since when a missing frame is a fault
+        self._is_lost = False  # it could not be connected again
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Begin to take images; BackendError where that cannot be."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Take no more images; closing twice is harmless."""
+
+    def recover(self) -> None:
+        """Connect again where something is wrong, or where that failed the last time."""
+        if self.fault is not None or self._is_lost:
+            self._is_lost = True
+            self.close()
+            self.connect()
+            self._is_lost = False
 
     def latest(self) -> Frame | None:
         """The latest frame; None before the first one."""
@@ -79,7 +96,7 @@ class LatestFrame:
             call(frame)
 
 
-class TickedCamera(LatestFrame, ABC):
+class TickedCamera(LatestFrame):
     """A camera whose images a ticker of the clock takes; arguments are those of `LatestFrame`."""
 
     def __init__(self, config: CameraConfig, clock: Clock, name: str = "") -> None:
@@ -124,7 +141,7 @@ class TickedCamera(LatestFrame, ABC):
             self.trouble = str(error)
 
 
-class ThreadedCamera(LatestFrame, ABC):
+class ThreadedCamera(LatestFrame):
     """A camera that a thread of its own waits for; arguments are those of `LatestFrame`."""
 
     opening_s = 10.0
