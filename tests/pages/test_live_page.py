@@ -157,8 +157,13 @@ def test_driver_is_asked_what_becomes_of_an_episode(page: Page, shown: Shown) ->
         *(False, False, True)
     ]
     assert page.locator(".facts").text_content() == "Kept2 of 10Clutchright closed"
-    shown.server.publish_status({**status, "state": "success", "success": True})
-    page.click("#keep")
+    # On real arms nothing else sees that it is solved.
+    shown.server.publish_status({**status, "state": "recording", "may_keep": True})
+    page.wait_for_selector("#keep:visible")
+    assert page.locator("#keep").text_content() == "Solved"
+    status = {**status, "state": "success", "may_keep": True, "success": True}
+    shown.server.publish_status(status)
+    page.get_by_role("button", name="Keep").click()
     wait_for(page, shown, Keep())
     page.fill("#wording input", "Pass it on.")
     page.keyboard.press("Enter")
