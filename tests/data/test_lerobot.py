@@ -68,6 +68,10 @@ def export(data: DataSet, out: Path, **options: Any) -> Exported:
     return export_lerobot(data, out, replace(SMALL, **{"cameras": (), **options}), workers=0)
 
 
+def test_a_camera_that_is_named_twice_is_one() -> None:
+    assert ExportOptions(cameras=("head", "left_wrist", "head")).cameras == ("head", "left_wrist")
+
+
 @pytest.mark.parametrize("pairing", Pairing)
 def test_rows_pair_an_action_with_what_was_seen_before_or_after_it(
     original: DataSet, tmp_path: Path, pairing: Pairing

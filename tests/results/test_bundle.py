@@ -74,6 +74,9 @@ def test_archive_that_is_no_bundle_is_not_overwritten(folder: RunFolder, tmp_pat
     with pytest.raises(OutputError, match="is no bundle"):
         write_bundle(folder, tmp_path / "weights.npz")
     assert (tmp_path / "weights.npz").read_bytes() == before
+    (tmp_path / "weights.npz").write_bytes(before.replace(b"PK\x01\x02", b"PK\x01\x09"))
+    with pytest.raises(OutputError, match="is no bundle"):
+        write_bundle(folder, tmp_path / "weights.npz")
 
 
 def test_bundle_is_read_as_its_folder_is(folder: RunFolder, path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from duobench.envs.execution import ChunkExecution
-from duobench.errors import EvaluationError, FileError
+from duobench.errors import EvaluationError, PolicyError
 from duobench.policy import PolicyMetadata
 from duobench.policy.lerobot_checkpoint import content_hash
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, write_bundle
@@ -119,7 +119,7 @@ def test_what_is_known_of_a_training_is_one_object(
     tmp_path: Path, weights: Path, name: str, text: str
 ) -> None:
     (weights / name).write_text(text)
-    with pytest.raises(FileError, match=name):
+    with pytest.raises(PolicyError, match=name):
         write_checkpoint_card(weights, run_of(tmp_path / "run", VERSION).path, NAME, "mit")
 
 

@@ -191,6 +191,22 @@ def test_stop_holds_arms_that_go_home_and_ends_the_session(tmp_path: Path) -> No
     bench.session.close()
 
 
+def test_stop_while_it_is_asked_moves_nothing_whatever_is_answered(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.lead(10)
+    ask = bench.terminal.ask
+
+    def stopped(text: str, keys: str) -> str:
+        bench.session.stop()
+        return ask(text, keys)
+
+    bench.terminal.ask = stopped  # type: ignore[method-assign]
+    with pytest.raises(EndedError):
+        bench.say("discard")
+    assert bench.duo.held == STOPPED
+    bench.session.close()
+
+
 def test_session_that_ends_between_episodes_notes_none(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "hq", episodes=3)
     bench.lead(10)

@@ -152,7 +152,9 @@ def read(path: Path) -> Mapping[str, Any]:
         return {}
     except (OSError, ValueError) as error:
         raise PolicyError(f"Cannot read {path}: {error}") from error
-    return content if isinstance(content, Mapping) else {}
+    if not isinstance(content, Mapping):
+        raise PolicyError(f"Cannot read {path}: it holds no object of names and values.")
+    return content
 
 
 def inputs(

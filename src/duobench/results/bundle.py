@@ -87,11 +87,12 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
 
 
 def _is_bundle(path: Path) -> bool:
-    """Whether a file is an archive with a bundle's first parts, whole or not."""
-    if not zipfile.is_zipfile(path):
+    """Whether a file is an archive with a bundle's first parts."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {_MANIFEST, DESCRIPTION} <= set(archive.namelist())
+    except _DAMAGE:
         return False
-    with zipfile.ZipFile(path) as archive:
-        return {_MANIFEST, DESCRIPTION} <= set(archive.namelist())
 
 
 def open_source(path: Path) -> RunReader:

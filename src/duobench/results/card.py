@@ -1,18 +1,17 @@
 """The card of a checkpoint: what it reached, and the bundle of the evaluation that says so."""
 
 import io
-import json
 import shlex
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
-from duobench.errors import EvaluationError, FileError
+from duobench.errors import EvaluationError
 from duobench.files import digest_of, write
 from duobench.lerobot_keys import CARD
 from duobench.pages import render
-from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash
+from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash, read
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, open_source, write_bundle
 from duobench.results.figures import stage_bars
 from duobench.results.report import read_parts
@@ -85,26 +84,16 @@ def _digests(folder: Path) -> Iterator[str]:
             yield digest_of(path)[:_HASH]
 
 
-def _object(path: Path) -> dict[str, Any]:
-    """A JSON object from a file, an empty one where there is none."""
-    try:
-        content: Any = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        return {}
-    except ValueError as error:
-        raise FileError(f"{path} is no JSON: {error}.") from error
-    if not isinstance(content, dict):
-        raise FileError(f"{path} holds no object of names and values.")
-    return cast("dict[str, Any]", content)
-
-
-def _training(folder: Path) -> dict[str, Any]:
+def _training(folder: Path) -> Mapping[str, Any]:
     """What is known of the training: what stands beside the checkpoint, or what LeRobot keeps."""
     if (folder / TRAINING).exists():
-        return _object(folder / TRAINING)
-    known = _object(folder / "train_config.json")
-    data: Any = known.get("dataset")
-    repository: Any = cast("Any", data).get("repo_id") if isinstance(data, dict) else None
-    found: dict[str, Any] = {"policy": _object(folder / CONFIG).get("type"), "data set": repository}
+        return read(folder / TRAINING)
+    known = read(folder / "train_config.json")
+    dataset: Any = known.get("dataset")
+    is_told = isinstance(dataset, dict)
+    found = {
+        "policy": read(folder / CONFIG).get("type"),
+        "data set": cast("dict[str, Any]", dataset).get("repo_id") if is_told else None,
+    }
     found |= {key: known.get(key) for key in ("steps", "batch_size", "seed")}
     return {key: value for key, value in found.items() if value is not None}

@@ -334,9 +334,10 @@ def suite_options(suite: Suite) -> list[str]:
 
 def conditions_text(suite: Suite) -> str:
     """Under what a suite is played, for people: whatever is not usual; empty if all is."""
+    if suite.name != CUSTOM:
+        return f"suite {suite_text(suite)}"
     (shift,) = suite.shifts
     said = {
-        f"suite {suite_text(suite)}": suite.name != CUSTOM,
         f"look {suite.look}": suite.look != looks.DEFAULT,
         f"shift {shift.name}": shift != NO_SHIFT,
         f"{execute_text(suite)} executed": suite.execution.execute is not None,

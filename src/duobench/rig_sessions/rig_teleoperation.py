@@ -112,7 +112,8 @@ class RigTeleoperation(Teleoperation):
         rig, given = self._real.rig, options.get(LAYOUT)
         question = CLEAR.format(placement(given if isinstance(given, Layout) else Layout(poses={})))
         is_over = self._is_stopped or not ask_to_make_ready(rig, self._operator)
-        if is_over or self._operator.ask(question, f"h{QUIT}") == QUIT:
+        is_over = is_over or self._operator.ask(question, f"h{QUIT}") == QUIT
+        if is_over or self._is_stopped:  # perhaps while it was asked
             raise EndedError(ENDED)
         rig.supervisor.confirm()
 

@@ -217,7 +217,6 @@ class RigSession:
         fault = self.duo.fault
         if played.failure is not None and fault is not None:
             played = replace(played, fault=fault.kind)
-        self.duo.hold("The episode is over.")
         failure = "" if played.failure is None else played.invalid
         self.write(
             LogKind.END,
