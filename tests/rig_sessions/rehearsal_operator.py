@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import cast
 
+from duobench.errors import MessageError
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.session import Phase, Stopped
 from duobench.stages.progress import Progress
@@ -82,10 +83,20 @@ class RehearsalOperator:
             session.message = ""
         clock.wait_until(clock.now() + 0.1)
         if session.phase is Phase.JUDGING:
-            return self._judged()
-        self._turns += 1
-        assert self._turns < PATIENCE, self.said[-5:]
-        return self._prepared()
+            message = self._judged()
+        else:
+            self._turns += 1
+            assert self._turns < PATIENCE, self.said[-5:]
+            message = self._prepared()
+        return None if message is None or self._is_done(message) else message
+
+    def _is_done(self, message: messages.Message) -> bool:
+        """Say it when it is pressed, as pages do; whether nothing else is to be done."""
+        try:
+            return self._session.take(message)
+        except MessageError as error:
+            self.said.append(str(error))
+            return True
 
     def _prepared(self) -> messages.Message | None:
         session, duo = self._session, self._duo

@@ -73,7 +73,7 @@ class SessionView(Protocol):
         """Show the session as it is now."""
 
     def next(self) -> messages.Message | None:
-        """What the operator wants next; None after a while without a word."""
+        """What the operator wants next and `take` left to do; None after a while without a word."""
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
