@@ -63,8 +63,9 @@ class Page:
 
     def hear(self) -> dict[str, Any]:
         """The next message that is no frame; frames are kept."""
+        deadline = time.monotonic() + TIMEOUT_S  # frames may go on when nothing else is said
         while True:
-            data = self.connection.recv(TIMEOUT_S)
+            data = self.connection.recv(max(deadline - time.monotonic(), 0.0))
             if isinstance(data, str):
                 return json.loads(data)
             self.frames.append(data)
