@@ -58,6 +58,10 @@ class UnknownNameError(DuoBenchError, LookupError):
         super().__init__(f"{what}.{hint} Known: {', '.join(names) or '(none)'}.")
 
 
+class ForeignTaskError(UnknownNameError):
+    """Data of others name a task that is none of the benchmark, and must not be imported."""
+
+
 class UnknownOptionError(UnknownNameError, TypeError):
     """A call got an option that there is not.
 

@@ -17,8 +17,10 @@ PICTURES = "pictures"
 """Folder of what a card shows: made of recordings; an export shows the JPEGs that are there."""
 
 
-def write_data_card(folder: Path, name: str, licence: str) -> Path:
+def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool = False) -> Path:
     """Write the card and its pictures into the folder of a data set; the card's path.
+
+    Tasks that are not of the benchmark are imported if asked for, as by `DataSet`.
 
     Raises:
         DataError: It holds neither recordings nor an export in LeRobot's format, or one for each
@@ -27,14 +29,14 @@ def write_data_card(folder: Path, name: str, licence: str) -> Path:
     exports = sorted(path.parents[1] for path in folder.glob("**/meta/info.json"))
     summary, about = None, dict[str, Any]()
     if (folder / DESCRIPTION).exists():
-        data = DataSet.open(folder, create=False)
+        data = DataSet.open(folder, create=False, import_tasks=import_tasks)
         summary, suite = summarize(data), data.read_description().suite_version
         parts = [(one.task, one.episodes, one.frames) for one in summary.tasks]
         make_folder(folder / PICTURES)
         from duobench.data.page import contact_sheet  # loads the engine
 
         for task in data.tasks:
-            if sheet := contact_sheet(data.episodes(task)[0]):
+            if sheet := contact_sheet(data, data.episodes(task)[0]):
                 write(folder / PICTURES / f"{task}.jpg", sheet)
     elif exports:
         about, suite = _read(exports[0], "info.json"), _read(exports[0], "duobench.json")[SUITE]

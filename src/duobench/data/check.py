@@ -67,14 +67,14 @@ def find_problems(
     ]
     paths = data.episodes()
     progress(0, len(paths))
-    with closing(run_all(_checker, paths, workers)) as results:
+    with closing(run_all(partial(_checker, data), paths, workers)) as results:
         for done, faults in enumerate(results, start=1):
             problems += faults
             progress(done, len(paths))
     return sorted(problems, key=lambda problem: (str(problem.path), problem.what))
 
 
-def _checker() -> Callable[[Path], list[Problem]]:
+def _checker(data: DataSet) -> Callable[[Path], list[Problem]]:
     """Checks one episode after the other, and keeps the environment of one for the next."""
     environment = lru_cache(maxsize=1)(partial(make_env, cameras=False))
 
@@ -83,7 +83,7 @@ def _checker() -> Callable[[Path], list[Problem]]:
             recording = Recording.read(path)
             faults = [*_disagreements(recording, path), *_wrong_videos(recording, path)]
             if not recording.info.is_real:
-                faults += _beginning(recording, environment)
+                faults += _beginning(recording, data.reference(recording.info), environment)
         except DuoBenchError as error:
             faults = [str(error)]
         return [Problem(path=path, what=what) for what in faults]
@@ -91,10 +91,10 @@ def _checker() -> Callable[[Path], list[Problem]]:
     return check
 
 
-def _beginning(recording: Recording, environment: Callable[..., gym.Env]) -> list[str]:
+def _beginning(recording: Recording, task: str, environment: Callable[..., gym.Env]) -> list[str]:
     info = recording.info
     shift = NO_SHIFT if info.config is None else info.config.shift
-    env = environment(info.task, action_mode=info.mode.name, shift=shift)
+    env = environment(task, action_mode=info.mode.name, shift=shift)
     options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
     _, seen = env.reset(seed=info.seed, options=options)
     if seen["layout"] != info.layout:

@@ -44,15 +44,21 @@ class DataSet:
     """Names in the folder of a data set."""
 
     path: Path
+    import_tasks: bool = False
+    """Whether tasks that are not of the benchmark are imported, which runs the code of the modules
+    that its episodes name."""
 
     @staticmethod
-    def open(path: str | Path, *, create: bool = True, how: str = "") -> "DataSet":
+    def open(
+        path: str | Path, *, create: bool = True, how: str = "", import_tasks: bool = False
+    ) -> "DataSet":
         """The data set in a folder.
 
         Args:
             path: The folder, absolute from here on.
             create: Whether to make it a data set if it is missing or empty.
             how: The command that makes it.
+            import_tasks: See `DataSet`.
 
         Raises:
             DataError: There is none, and none is to be made.
@@ -60,7 +66,7 @@ class DataSet:
             FileError: Its description cannot be read, or is of another version.
             OutputError: It cannot be made.
         """
-        data = DataSet(Path(path).absolute())
+        data = DataSet(Path(path).absolute(), import_tasks)
         if not create and not data.description.exists():
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
         about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)
@@ -110,6 +116,20 @@ class DataSet:
     def tasks(self) -> list[str]:
         """Ids of the tasks that have an episode, sorted."""
         return sorted({path.parent.name for path in self.episodes()})
+
+    def reference(self, info: EpisodeInfo) -> str:
+        """By what the task of an episode is loaded, its id or its import path.
+
+        Raises:
+            ForeignTaskError: It is none of the benchmark, and must not be imported.
+            UnknownNameError: It is none of the benchmark, and nothing says where it is.
+            ImportPathError: Its module is missing or raises an error.
+            DataError: Another task is there.
+        """
+        reference = catalog.trusted(info.task, info.reference, import_tasks=self.import_tasks)
+        if (found := catalog.get(reference).id) != info.task:
+            raise DataError(f"At {reference} is the task {found!r}, not {info.task!r}.")
+        return reference
 
     def recordings(self, task: str | None = None) -> Iterator[Recording]:
         """Read one episode after the other; a `DataError` names the file that cannot be read."""

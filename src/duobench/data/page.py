@@ -42,7 +42,7 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
     sheets = {
         task: base64.b64encode(s).decode()
         for task, path in firsts.items()
-        if (s := contact_sheet(path))
+        if (s := contact_sheet(data, path))
     }
     page = data.path / PAGE
     text = render(
@@ -60,12 +60,13 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
     return page
 
 
-def contact_sheet(path: Path) -> bytes | None:
+def contact_sheet(data: DataSet, path: Path) -> bytes | None:
     """Images of an episode side by side, as a JPEG; None if it has none."""
     recording = Recording.read(path)
     rows = np.linspace(0, len(recording), COLUMNS).round().astype(int).tolist()
     if not recording.info.is_real:
-        with closing(ImageSource(path.parent.name, cameras=(HEAD,), size=IMAGE_SIZE)) as source:
+        task = data.reference(recording.info)
+        with closing(ImageSource(task, cameras=(HEAD,), size=IMAGE_SIZE)) as source:
             images = [source.images(recording, row)[HEAD] for row in rows]
     elif HEAD in recording.info.videos:
         with closing(RecordedImages(recording, path, (HEAD,), IMAGE_SIZE, raw_view)) as videos:

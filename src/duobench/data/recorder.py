@@ -147,6 +147,7 @@ class Recorder(DuoWrapper):
         observation, info = self.env.reset(seed=seed, options=options)
         described = EpisodeInfo(
             task=self.task,
+            reference=self.base.reference,
             instruction=info["instruction"],
             subinstructions=tuple(info["stage_to_subinstructions"].values()),
             layout=info.get("layout", {}),

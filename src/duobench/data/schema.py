@@ -22,7 +22,8 @@ from duobench.errors import OptionError
 from duobench.types import CONTROL_HZ, SIDES
 
 SCHEMA = 5
-"""Version of the columns and of `EpisodeInfo`; raised when one is added, removed or changes."""
+"""Version of the columns and of `EpisodeInfo`; raised when one is removed or changes, or is added
+without a default."""
 INFO_KEY = b"duobench.episode"
 """Key of the file's metadata under which `EpisodeInfo` stands as JSON."""
 
@@ -170,6 +171,9 @@ class EpisodeInfo:
     """What is said about an episode as a whole."""
 
     task: str
+    """Its id."""
+    reference: str = ""
+    """By what it is loaded, its id or import path; empty where nobody knows."""
     instruction: str
     """Instruction of the policy, or what an operator typed."""
     subinstructions: tuple[str, ...]

@@ -16,6 +16,7 @@ from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError
 from duobench.robot.joints import JOINT_RANGES, VELOCITY_LIMITS
 from duobench.tasks import catalog
+from duobench.tasks.task import Task
 from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
 
 LONG = 0.99
@@ -168,6 +169,7 @@ def summarize(data: DataSet) -> Summary:
 
     Raises:
         DataError: A file cannot be read, or there is no episode.
+        UnknownNameError, ImportPathError, ForeignTaskError: See `DataSet.reference`.
     """
     tasks, commands, speeds, names = [], [], [], ()
     for task in data.tasks:
@@ -179,7 +181,8 @@ def summarize(data: DataSet) -> Summary:
             # States are most of a recording, and not needed.
             recordings.append(replace(recording, state=recording.state[:, :1].copy()))
         begun = tuple(of_task(data, task))
-        tasks.append(replace(_summarize_task(task, recordings), attempts=begun))
+        definition = catalog.get(data.reference(recordings[0].info))
+        tasks.append(replace(_summarize_task(definition, recordings), attempts=begun))
     if not tasks:
         raise DataError(f"{data.path} holds no episode.")
     sent = np.concatenate(commands)
@@ -187,9 +190,8 @@ def summarize(data: DataSet) -> Summary:
     return Summary(tasks=tuple(tasks), joints=tuple(joints))
 
 
-def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
-    definition = catalog.get(task)
-    stages = range(definition.max_stage + 1)
+def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
+    stages = range(task.max_stage + 1)
     seconds = [
         [np.diff(each.time)[each.stage[:-1] == stage].sum() for stage in stages]
         for each in recordings
@@ -198,10 +200,10 @@ def _summarize_task(task: str, recordings: Sequence[Recording]) -> TaskSummary:
     simulated = [info for info in infos if not info.is_real]
     outcomes = [info.outcome for info in infos]
     return TaskSummary(
-        task=task,
-        title=definition.title,
-        horizon=definition.horizon,
-        stages=tuple(stage.name for stage in definition.stages),
+        task=task.id,
+        title=task.title,
+        horizon=task.horizon,
+        stages=tuple(stage.name for stage in task.stages),
         episodes=len(recordings),
         successes=sum(bool(each.success[-1]) for each in recordings),
         discarded=sum(outcome is None or not outcome.kept for outcome in outcomes),

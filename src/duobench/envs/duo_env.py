@@ -82,6 +82,8 @@ class DuoEnv(gym.Env[Observation, Any]):
         """The arms."""
         self.definition = task
         """The task as data."""
+        self.reference = ""
+        """By what it was given, its id or import path; empty where it was given itself."""
         self.config: EnvConfig | None = None
         """What was chosen about the environment; None where wrappers were put together by hand."""
         self._instruction = task.instruction

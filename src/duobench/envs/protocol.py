@@ -60,6 +60,7 @@ def make_base(task: str | Task, **options: Any) -> SimEnv:
         shift=config.shift,
     )
     base.config = config
+    base.reference = catalog.plain(task) if isinstance(task, str) else ""
     return base
 
 

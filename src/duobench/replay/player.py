@@ -23,7 +23,6 @@ from duobench.errors import (
     DataError,
     DuoBenchError,
     EvaluationError,
-    UnknownNameError,
 )
 from duobench.evaluation.episode import Latest
 from duobench.evaluation.recorder import EpisodeRecorder
@@ -205,9 +204,7 @@ def command_config(config: EnvConfig) -> EnvConfig:
 
 def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
     """A task of a run as it is, whatever the run says about it; see `RecordPlayer`."""
-    reference = claimed.id if claimed.id in catalog.names() else claimed.reference
-    if reference != claimed.id and not import_tasks:
-        raise UnknownNameError(f"The task {reference!r} is none of the benchmark.")
+    reference = catalog.trusted(claimed.id, claimed.reference, import_tasks=import_tasks)
     (actual,) = find_tasks((reference,))
     return actual
 

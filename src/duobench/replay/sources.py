@@ -81,7 +81,7 @@ class DataSource:
     def __init__(
         self, data: DataSet, look: str | Look = DEFAULT, tasks: Sequence[str] = ()
     ) -> None:
-        self._look = as_look(look)
+        self._data, self._look = data, as_look(look)
         self.title = data.path.name
         self._paths = {f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)}
         self.items = [_recorded(name, path) for name, path in self._paths.items()]
@@ -92,7 +92,7 @@ class DataSource:
         """Collect the poses of every recorded state."""
         recording = Recording.read(self._paths[item])
         info = recording.info
-        task = catalog.get(info.task)
+        task = catalog.get(self._data.reference(info))
         if info.is_real:
             raise EvaluationError(
                 "It was played on real arms, whose objects nobody measured: there is no state of a "
@@ -301,7 +301,9 @@ def open_view(
     """
     path = Path(what)
     if (path / DATA_SET).exists():
-        source = DataSource(DataSet.open(path, create=False), look, tasks)
+        source = DataSource(
+            DataSet.open(path, create=False, import_tasks=import_tasks), look, tasks
+        )
     elif path.is_file() or (path / RUN).exists():
         source = RunSource(open_source(path), look, tasks, import_tasks=import_tasks)
     elif path.exists() and catalog.plain(what) not in catalog.names():

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from duobench.errors import UnknownNameError, check_known
+from duobench.errors import ForeignTaskError, UnknownNameError, check_known
 from duobench.references import load
 
 if TYPE_CHECKING:
@@ -59,6 +59,24 @@ def check(name: str) -> None:
         raise UnknownNameError(f"{name!r} is one word; separate names by spaces: {separate}.")
     if ":" not in name:
         check_known("task", name, HORIZONS)
+
+
+def trusted(task: str, reference: str, *, import_tasks: bool) -> str:
+    """By what to load a task that data of others name: its id, or its import path if that may be.
+
+    Raises:
+        ForeignTaskError: It is none of the benchmark, and must not be imported.
+        UnknownNameError: It is none of the benchmark, and nothing says where it is.
+    """
+    if task in HORIZONS:
+        return task
+    if ":" not in reference:
+        raise UnknownNameError(
+            f"The task {task!r} is none of the benchmark, and nothing says where it is."
+        )
+    if not import_tasks:
+        raise ForeignTaskError(f"The task {reference!r} is none of the benchmark.")
+    return reference
 
 
 def get(task: Task | str) -> Task:

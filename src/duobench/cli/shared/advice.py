@@ -7,6 +7,7 @@ from pathlib import Path
 from duobench.cli.shared.console import say
 from duobench.errors import (
     DuoBenchError,
+    ForeignTaskError,
     LockedError,
     MachineryError,
     OtherRunError,
@@ -53,10 +54,13 @@ def find_run(path: Path) -> None:
         find_folder(path, "run.json")
 
 
+_IMPORT = "With --import-tasks its tasks are imported; that runs the code of others."
+
+
 def offer_to_import(tasks: Set[str], *, import_tasks: bool) -> None:
     """Say what would help where tasks are not of the benchmark, and not imported."""
     if tasks - set(catalog.names()) and not import_tasks:
-        say("With --import-tasks its tasks are imported; that runs the code of others.")
+        say(_IMPORT)
 
 
 def relative(path: Path) -> Path:
@@ -68,6 +72,7 @@ def relative(path: Path) -> Path:
 Advice = Mapping[type[DuoBenchError], str | Callable[[], str]]
 """What to say after an error of a class; the first class that fits counts."""
 
+FOREIGN: Advice = {ForeignTaskError: _IMPORT}
 OTHER_RUN: Advice = {OtherRunError: "Give --out another folder."}
 OTHER_OUT: Advice = {**OTHER_RUN, LockedError: "Give --out another folder."}
 FOR_RECORDING: Advice = {

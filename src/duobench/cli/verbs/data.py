@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 import tyro
 from rich.table import Table
 
-from duobench.cli.shared.advice import Advice, AdvisedError, advising, find_folder
+from duobench.cli.shared.advice import (
+    FOREIGN,
+    Advice,
+    AdvisedError,
+    advising,
+    find_folder,
+    offer_to_import,
+)
 from duobench.cli.shared.console import counted, numeric, say, table, whole
 from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import display
@@ -24,30 +31,33 @@ if TYPE_CHECKING:
     from duobench.data.summary import Summary, TaskSummary
 
 
-def opened(folder: Path) -> DataSet:
+def opened(folder: Path, *, import_tasks: bool = False) -> DataSet:
     """The data set in a folder; an error if there is none, or MuJoCo cannot be loaded."""
     find_folder(folder, "dataset.json")
     load_engine()
     from duobench.data import DataSet
 
-    return DataSet.open(folder, create=False)
+    return DataSet.open(folder, create=False, import_tasks=import_tasks)
 
 
 def data() -> None:
     """Look at data sets, check them, put them together and take them apart."""
 
 
-def info(data: tyro.conf.Positional[Path], images: bool = True) -> None:
+def info(data: tyro.conf.Positional[Path], images: bool = True, import_tasks: bool = False) -> None:
     """Show what a data set adds up to, and write a page about it into its folder.
 
     Args:
         data: Folder of the data set.
         images: Show images of each task on the page, which takes a moment.
+        import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
+            that the data set names.
     """
-    source = opened(data)
+    source = opened(data, import_tasks=import_tasks)
     from duobench.data import summarize, write_page
 
-    summary = summarize(source)
+    with advising(FOREIGN):
+        summary = summarize(source)
     columns = numeric("Episodes", "Successes", "Frames", "Median", "99 %", "Horizon")
     rows = table(whole("Task"), *columns)
     for task in summary.tasks:
@@ -95,14 +105,16 @@ def _smoothness(summary: Summary) -> Table:
     return rows
 
 
-def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
+def check(data: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool = False) -> None:
     """Check every file of a data set; exit code 1 if something is wrong.
 
     Args:
         data: Folder of the data set.
         workers: Processes that check side by side.
+        import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
+            that the data set names.
     """
-    source = opened(data)
+    source = opened(data, import_tasks=import_tasks)
     from duobench.data import find_problems
 
     with display("episode") as shown:
@@ -111,22 +123,31 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1) -> None:
         say(f"{problem.path}: {problem.what}")
     episodes = counted(len(source.episodes()), "episode")
     say(f"{episodes}, {counted(len(problems), 'problem')}")
+    offer_to_import(set(source.tasks), import_tasks=import_tasks)
     if problems:
         sys.exit(1)
 
 
-def card(data: tyro.conf.Positional[Path], name: str = ID, licence: str = "apache-2.0") -> None:
+def card(
+    data: tyro.conf.Positional[Path],
+    name: str = ID,
+    licence: str = "apache-2.0",
+    import_tasks: bool = False,
+) -> None:
     """Write the card of a data set, README.md as the Hub shows it, with pictures, into its folder.
 
     Args:
         data: Folder of recordings or of an export in LeRobot's format, or one with several.
         name: Its id on the Hub, as commands on the card name it.
         licence: The Hub's word for what others may do with it.
+        import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
+            that recordings name.
     """
     load_engine()
     from duobench.data.card import write_data_card
 
-    say(f"Card: {write_data_card(data, name, licence)}")
+    with advising(FOREIGN):
+        say(f"Card: {write_data_card(data, name, licence, import_tasks=import_tasks)}")
     say(f"Upload: hf upload {name} {data} --repo-type dataset")
 
 
@@ -204,7 +225,7 @@ def split(
 
 
 _EPISODES, _FORM = EpisodeChoice(), ExportForm()
-_ADVICE: Advice = {SeveralTasksError: "With --per-task one command does that."}
+_ADVICE: Advice = {SeveralTasksError: "With --per-task one command does that.", **FOREIGN}
 
 
 def export() -> None:
@@ -218,6 +239,7 @@ def lerobot(
     export: tyro.conf.OmitArgPrefixes[ExportForm] = _FORM,
     per_task: bool = False,
     workers: int = 1,
+    import_tasks: bool = False,
 ) -> None:
     """Export data sets to LeRobot's format; images are rendered from the recorded states.
 
@@ -232,10 +254,12 @@ def lerobot(
         per_task: Write one data set a task, each in a folder of its name; object states of several
             tasks need it.
         workers: Processes that render and encode side by side.
+        import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
+            that the data sets name.
     """
     if not data:
         raise AdvisedError("Name the folder of a data set, such as duobench record makes.")
-    sources = [opened(each) for each in data]
+    sources = [opened(each, import_tasks=import_tasks) for each in data]
     from duobench.data import export_lerobot
     from duobench.rig_sessions.cameras import view_of
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,13 @@ from rich.table import Table
 from tyro.conf import Positional
 
 from duobench.backend import Image
-from duobench.cli.shared.advice import FOR_RECORDING, advising, for_evaluation, relative
+from duobench.cli.shared.advice import (
+    FOR_RECORDING,
+    FOREIGN,
+    advising,
+    for_evaluation,
+    relative,
+)
 from duobench.cli.shared.console import counted, results_table, say
 from duobench.cli.shared.options import command_line
 from duobench.cli.shared.page import followed
@@ -126,6 +132,7 @@ def replay(
     cameras: tuple[str, ...] = ("overview",),
     size: tuple[int, int] = (480, 640),
     look: str = "default",
+    import_tasks: bool = False,
 ) -> None:
     """Replay recorded episodes.
 
@@ -141,22 +148,30 @@ def replay(
         cameras: What the videos show, side by side: overview, head, left_wrist, right_wrist.
         size: Height and width of one image in pixels, both even.
         look: Look of the images: wood_table, dark, random:7, ... (see duobench docs looks).
+        import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
+            that the data set names.
     """
-    dataset = opened(data)
+    dataset = opened(data, import_tasks=import_tasks or any(":" in task for task in tasks))
+    from duobench.data import Recording
+
+    episodes: dict[str, list[Path]] = {}
+    with advising(FOREIGN):
+        for name in [catalog.get(task).id for task in tasks] or dataset.tasks:
+            paths = dataset.episodes_of([name])
+            episodes[dataset.reference(Recording.read_info(paths[0]))] = paths
     if mode == "actions":
-        _by_actions(dataset, tasks)
+        _by_actions(dataset, episodes)
     else:
-        _by_states(dataset, tasks, out, cameras, size, look)
+        _by_states(episodes, out, cameras, size, look)
 
 
-def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
+def _by_actions(data: DataSet, episodes: Mapping[str, Sequence[Path]]) -> None:
     from duobench.data import Recording
     from duobench.replay import replay as play_again
 
     table = Table("task", "episodes", "bit-exact", "same stages", "largest difference")
     wrong = 0
-    for task in tasks or data.tasks:
-        paths = data.episodes_of([catalog.get(task).id])
+    for task, paths in episodes.items():
         results = []
         for path, result in zip(paths, play_again(task, map(Recording.read, paths)), strict=True):
             results.append(result)
@@ -183,8 +198,7 @@ def _by_actions(data: DataSet, tasks: tuple[str, ...]) -> None:
 
 
 def _by_states(
-    data: DataSet,
-    tasks: tuple[str, ...],
+    episodes: Mapping[str, Sequence[Path]],
     out: Path,
     cameras: tuple[str, ...],
     size: tuple[int, int],
@@ -197,8 +211,7 @@ def _by_states(
     if not cameras:
         raise DataError("A video shows at least one camera; --cameras names none.")
     remove_abandoned(out, VIDEO_SUFFIX)
-    for task in tasks or data.tasks:
-        paths = data.episodes_of([catalog.get(task).id])
+    for task, paths in episodes.items():
         with closing(ImageSource(task, cameras=cameras, size=size, look=look)) as source:
             for path in paths:
                 recording = Recording.read(path)

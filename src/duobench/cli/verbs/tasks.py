@@ -135,8 +135,8 @@ def view(
         page: Where the page is served.
         look: Look of the scene, without textures: wood_table, dark, random:7, ... (see
             duobench docs looks).
-        import_tasks: Import tasks of a run that are not of the benchmark, which runs the code of
-            the modules that the run names.
+        import_tasks: Import tasks of episodes that are not of the benchmark, which runs the code of
+            the modules that the data set or the run names.
         follow: Follow a run that is going on, or is going to be started: successes so far, the
             time that is left, and every finished episode; at its end the page shows the report.
     """

@@ -154,7 +154,7 @@ def _plan(
         recording = Recording.read(path)
         if _is_wanted(recording, options):
             _check(recording, options, path)
-            tasks.add(recording.info.task)
+            tasks.add(sources[number].reference(recording.info))
             episodes.append(
                 SourceEpisode(
                     file=path.relative_to(sources[number].path).as_posix(),
@@ -287,12 +287,12 @@ def _exporter(
                     )
                     images = ending.enter_context(closing(recorded)).images
                 else:
-                    source = source_of(recording.info.task)
+                    source = source_of(sources[episode.data_set].reference(recording.info))
                     source.set_look(episode.look or options.look)
                     images = partial(source.images, recording)
                 write_videos(_frames(images, shown, counts), paths)
         if OBJECT_STATE in export.vectors:
-            source = source_of(recording.info.task)
+            source = source_of(sources[episode.data_set].reference(recording.info))
             columns[OBJECT_STATE] = np.array([source.objects(recording, row) for row in shown])
         described = schema(export.vectors, options.format)
         arrays = [to_arrow(columns[name]) for name in described.names]
