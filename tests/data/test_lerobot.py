@@ -305,6 +305,7 @@ def test_a_folder_of_something_else_is_left_alone(original: DataSet, tmp_path: P
     ("options", "error", "message"),
     [
         ({"size": (33, 48)}, DataError, "even"),
+        ({"size": (8, 2)}, DataError, "even numbers from 4 on"),
         ({"size": (722, 48)}, RenderingError, "1280x720"),
         ({"cameras": ("left_wrists",)}, UnknownNameError, "left_wrist"),
         ({"look": "wood_tabel"}, UnknownNameError, "wood_table"),

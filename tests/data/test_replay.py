@@ -9,7 +9,7 @@ import pytest
 import duobench
 from duobench.cli import main
 from duobench.data import DataSet, ImageSource, Recording, find_problems
-from duobench.errors import DataError
+from duobench.errors import DataError, OptionError
 from duobench.replay import replay
 from duobench.tasks import catalog
 from tests.data.tools import TASK, only, recorded, recorder
@@ -136,3 +136,12 @@ def test_the_command_replays_a_task_by_any_of_its_names(
 def test_the_command_says_what_there_is_not(demos: Path, words: str, message: str) -> None:
     with pytest.raises(SystemExit, match=message):
         main(["replay", str(demos), *words.split()])
+
+
+def test_images_take_one_camera_and_squares_and_no_other_size(expert: Recording) -> None:
+    source = ImageSource(TASK, cameras="head", size=16)
+    assert source.images(expert, 0)["head"].shape == (16, 16, 3)
+    source.close()
+    for size in ((8, 8, 8), ("a", "b"), (0, 3)):
+        with pytest.raises(OptionError, match="one number for a square"):
+            ImageSource(TASK, size=size)  # type: ignore[arg-type]

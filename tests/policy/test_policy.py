@@ -70,7 +70,7 @@ def test_text_that_cannot_be_written_down_is_refused_as_given(name: str) -> None
     [
         ("control_rate_hz", [0.0, float("nan"), "often"]),
         ("image_size", [(0, 224), (224,), 0, True, "32", (224.5, 224)]),
-        ("version", [3]),
+        ("version", [3, "v" * 1001]),
         ("name", [3]),
         ("action_mode", [None]),
         ("cameras", [None, (1,)]),

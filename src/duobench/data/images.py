@@ -16,7 +16,7 @@ from duobench.backend import Image
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
 from duobench.envs.config import IMAGE_SIZE
-from duobench.errors import DataError, DuoBenchError
+from duobench.errors import DataError, DuoBenchError, OptionError
 from duobench.looks.catalog import DEFAULT, as_look
 from duobench.looks.look import Look
 from duobench.sim.backend import SimBackend
@@ -25,7 +25,7 @@ from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task
-from duobench.types import POLICY_CAMERAS
+from duobench.types import POLICY_CAMERAS, as_size
 
 
 class ImageSource:
@@ -34,19 +34,20 @@ class ImageSource:
     Args:
         task: The task, its id, or its import path.
         cameras: Which cameras to render.
-        size: Height and width of the images in pixels.
+        size: Height and width of the images in pixels, or one number for a square.
         look: How the images look, whatever they looked like while recording.
 
     Raises:
         UnknownNameError: There is no such task or look.
+        OptionError: The size is none.
     """
 
     def __init__(
         self,
         task: str | Task,
         *,
-        cameras: Sequence[str] = POLICY_CAMERAS,
-        size: tuple[int, int] = IMAGE_SIZE,
+        cameras: str | Sequence[str] = POLICY_CAMERAS,
+        size: int | tuple[int, int] = IMAGE_SIZE,
         look: str | Look = DEFAULT,
     ) -> None:
         definition = catalog.get(task)
@@ -55,7 +56,12 @@ class ImageSource:
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
         self.set_look(look)
-        self._cameras, self._size = tuple(cameras), size
+        self._cameras = (cameras,) if isinstance(cameras, str) else tuple(cameras)
+        if (pixels := as_size(size)) is None:
+            raise OptionError(
+                f"size is (height, width) in pixels, or one number for a square; got {size!r}."
+            )
+        self._size = pixels
         self._layout: dict[str, Any] | None = None
 
     def set_look(self, look: str | Look) -> None:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from duobench.envs.config import EnvConfig
 
+_LONGEST_TEXT = 1000
+"""Characters of a name or a version, which tables show."""
 _LONGEST_SHOWN = 400
 """Characters of something that is no chunk that an error shows."""
 
@@ -71,6 +73,11 @@ class PolicyMetadata:
             value = getattr(self, name)
             if not isinstance(value, kinds) or (value and value != escaped(value)):
                 raise PolicyError(f"The {name} of a policy is printable text, got {value!a}.")
+            if value and len(value) > _LONGEST_TEXT:
+                raise PolicyError(
+                    f"The {name} of a policy has at most {_LONGEST_TEXT} characters, not "
+                    f"{len(value)}, as a hash of what it would say."
+                )
         if not all(isinstance(camera, str) for camera in self.cameras):
             raise PolicyError(f"The cameras of a policy are names, got {self.cameras!r}.")
 

@@ -14,6 +14,8 @@ from duobench.looks.catalog import DEFAULT, RANDOM, as_look
 from duobench.robot.cameras import check_image_size
 from duobench.types import POLICY_CAMERAS
 
+LEAST_SIZE = 4
+"""Pixels along an edge of a video that its encoder takes at least."""
 PER_EPISODE = "random_per_episode"
 """A random look for each episode, another one each; `:SEED` may follow."""
 
@@ -83,7 +85,7 @@ class ExportForm:
     cameras: tuple[str, ...] = POLICY_CAMERAS
     """Cameras whose images are rendered; without any, or with "none" alone, there are no images."""
     size: tuple[int, int] = IMAGE_SIZE
-    """Height and width of the images in pixels, even numbers."""
+    """Height and width of the images in pixels, even numbers from 4 on."""
     look: str = DEFAULT
     """How rendered images look, such as wood_table or random:7; see duobench docs looks. In
     random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
@@ -127,9 +129,9 @@ class ExportForm:
                 f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "
                 f"{PER_EPISODE} or {PER_EPISODE}:SEED, one for each; got {self.look!r}."
             ) from error
-        if any(pixels % 2 for pixels in self.size):
+        if any(pixels % 2 or pixels < LEAST_SIZE for pixels in self.size):
             raise DataError(
-                "Height and width of images in a video are even numbers, got "
+                f"Height and width of images in a video are even numbers from {LEAST_SIZE} on, got "
                 f"{self.size[0]}x{self.size[1]}."
             )
 
