@@ -11,7 +11,7 @@ import pytest
 from duobench.data import DataSet, find_problems, summarize
 from duobench.data.attempts import SKIPPED, of_task
 from duobench.data.recorder import UNDECIDED
-from duobench.errors import LockedError
+from duobench.errors import BackendError, LockedError
 from duobench.rig_sessions.takes import NOTHING_DISCARDED, SET_ASIDE
 from duobench.rig_sessions.teleoperation import DISCARDED, TeleopState
 from tests.teleop.test_session import TASK, Desk
@@ -111,6 +111,19 @@ def test_what_a_killed_session_has_discarded_is_offered_to_the_next(tmp_path: Pa
     after.say("restore")
     assert list(files(tmp_path)) == ["00000"]
     after.session.close()
+
+
+def test_what_a_session_that_broke_has_discarded_is_offered_to_the_next(tmp_path: Path) -> None:
+    broken = Desk(tmp_path)
+    take(broken)
+    broken.say("discard")
+    with pytest.raises(BackendError), broken.session:
+        raise BackendError("A device is gone.")
+    after = Desk(tmp_path)
+    assert after.status("discarded") == 1
+    with after.session:
+        pass
+    assert not (tmp_path / "discarded").exists()
 
 
 def test_an_episode_is_not_restored_over_another(desk: Desk, tmp_path: Path) -> None:

@@ -67,10 +67,11 @@ class Takes:
                 note(self._data, replace(each, kept=True, error=None))
         return path.stem
 
-    def close(self) -> None:
-        """Remove what was discarded."""
-        rmtree(self._folder, ignore_errors=True)
-        with suppress(OSError):  # other tasks have theirs there
-            self._folder.parent.rmdir()
-            self._folder.parent.parent.rmdir()
+    def close(self, *, forget: bool) -> None:
+        """Let other sessions have the task; and remove what was discarded, if it is forgotten."""
+        if forget:
+            rmtree(self._folder, ignore_errors=True)
+            with suppress(OSError):  # other tasks have theirs there
+                self._folder.parent.rmdir()
+                self._folder.parent.parent.rmdir()
         self._lock.close()

@@ -5,7 +5,7 @@ The environment judges, and says when the task is solved.
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Self, cast
 
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.attempts import SKIPPED, Attempt
@@ -158,11 +158,21 @@ class Teleoperation:
         self._step(now_s)
         return True
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(forget=kind is None)
+
+    def close(self, *, forget: bool = True) -> None:
         """End the session.
 
         An episode that has begun is written as one that is not meant to be used; one that waits
-        for the operator is forgotten, and what was discarded is removed.
+        for the operator is forgotten.
+
+        Args:
+            forget: Whether what was discarded is removed; after an error, where nobody ended the
+                session, the next one can restore it.
         """
         if self._state is TeleopState.WAITING:
             self.env.discard()
@@ -170,7 +180,7 @@ class Teleoperation:
             self._note_attempt(UNDECIDED)
         self.env.close()
         if self._takes is not None:
-            self._takes.close()
+            self._takes.close(forget=forget)
 
     @property
     def state(self) -> TeleopState:

@@ -126,8 +126,9 @@ def teleop(
     with ExitStack() as ending:
         led_by, actor = leading.open(ending)
         recorder = make_recorder(task, out, actor, action_mode=led_by.action_mode, look=look)
-        session = Teleoperation(recorder, led_by, episodes=episodes, **leading.asked())
-        ending.callback(session.close)
+        session = ending.enter_context(
+            Teleoperation(recorder, led_by, episodes=episodes, **leading.asked())
+        )
         server = page.serve()
         ending.callback(server.close)
         times = _led(TeleopPage(session, server), server, "Ctrl-C ends the session.")
@@ -180,7 +181,7 @@ def teleop_rig(
                 session = RigTeleoperation(
                     recorder, led_by, terminal, episodes=episodes, **leading.asked()
                 )
-            ending.callback(session.close)
+            ending.enter_context(session)
             server = page.serve()
             ending.callback(server.close)
             ending.callback(CameraFeed(duo, server).close)
