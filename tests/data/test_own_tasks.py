@@ -11,6 +11,7 @@ import pytest
 import duobench
 from duobench.cli import main
 from duobench.data import Actor, DataSet, Recorder, Recording, find_problems, summarize
+from duobench.data.card import write_data_card
 from duobench.errors import DataError, ForeignTaskError, UnknownNameError
 from duobench.replay.sources import open_view
 from duobench.tasks import catalog
@@ -78,6 +79,13 @@ def test_what_reads_them_imports_it_only_if_told(
         call[4] = str(demos.parent / f"out{len(words)}")
     main([*call, "--import-tasks"])
     assert capsys.readouterr().out
+
+
+def test_a_card_names_it_and_commands_that_import_it(demos: Path) -> None:
+    text = write_data_card(demos, "me/demos", "mit", import_tasks=True).read_text(encoding="utf-8")
+    assert "in 1 task of DuoBench" in text
+    assert "Not of the benchmark: my_sort." in text
+    assert "duobench data check data --import-tasks" in text
 
 
 def test_a_check_offers_to_import_it(demos: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,7 @@ from duobench.errors import DataError
 from duobench.files import make_folder, write
 from duobench.lerobot_keys import CARD, SUITE
 from duobench.pages import render
+from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
 
 PICTURES = "pictures"
@@ -46,6 +47,7 @@ def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool
             f"{folder} is no data set: neither recordings, with {DESCRIPTION}, nor an export in "
             "LeRobot's format, with meta/info.json."
         )
+    own = [task for task, *_ in parts if task not in catalog.names()]
     files = [path for path in folder.rglob("*") if path.is_file() and path.name != CARD]
     text = render(
         "duobench.data",
@@ -56,6 +58,8 @@ def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool
         summary=summary,
         about=about,
         parts=parts,
+        own=own,
+        asked=" --import-tasks" if own else "",
         pictures=sorted(path.name for path in (folder / PICTURES).glob("*.jpg")),
         rate=CONTROL_HZ,
         megabytes=sum(path.stat().st_size for path in files) / 1e6,
