@@ -18,8 +18,9 @@ from duobench.data.images import plain_view, resized
 from duobench.data.lerobot import metadata
 from duobench.data.lerobot.export import Exported, export_lerobot, write_videos
 from duobench.data.lerobot.folder import ExportFolder
-from duobench.data.lerobot.options import ActionSource, ExportOptions, Pairing
+from duobench.data.lerobot.options import ActionSource, ExportOptions, Format, Pairing
 from duobench.data.schema import Domain
+from duobench.envs.state_labels import StatePart
 from duobench.errors import DataError, OtherRunError, OutputError, RenderingError, UnknownNameError
 from duobench.files import locked
 from duobench.rig_sessions.cameras import view_of
@@ -70,6 +71,30 @@ def export(data: DataSet, out: Path, **options: Any) -> Exported:
 
 def test_a_camera_that_is_named_twice_is_one() -> None:
     assert ExportOptions(cameras=("head", "left_wrist", "head")).cameras == ("head", "left_wrist")
+
+
+def test_words_are_as_good_as_what_they_stand_for() -> None:
+    words = ExportOptions(
+        tasks=TASK,  # type: ignore[arg-type]
+        cameras="head",  # type: ignore[arg-type]
+        size=64,  # type: ignore[arg-type]
+        format="v2.1",  # type: ignore[arg-type]
+        pairing="delayed",  # type: ignore[arg-type]
+        action_source="sent",  # type: ignore[arg-type]
+        state="tcp_pose",  # type: ignore[arg-type]
+        domains="sim",  # type: ignore[arg-type]
+    )
+    assert words == ExportOptions(
+        tasks=(TASK,),
+        cameras=("head",),
+        size=(64, 64),
+        format=Format.V21,
+        pairing=Pairing.DELAYED,
+        action_source=ActionSource.SENT,
+        state=(StatePart.TCP_POSE,),
+        domains=(Domain.SIM,),
+    )
+    assert words.action_source is ActionSource.SENT
 
 
 @pytest.mark.parametrize("pairing", Pairing)
@@ -306,6 +331,10 @@ def test_a_folder_of_something_else_is_left_alone(original: DataSet, tmp_path: P
     [
         ({"size": (33, 48)}, DataError, "even"),
         ({"size": (8, 2)}, DataError, "even numbers from 4 on"),
+        ({"size": "large"}, DataError, "one number"),
+        ({"pairing": "later"}, UnknownNameError, "delayed"),
+        ({"action_source": "wanted"}, UnknownNameError, "intended"),
+        ({"domains": ("dream",)}, UnknownNameError, "real"),
         ({"size": (722, 48)}, RenderingError, "1280x720"),
         ({"cameras": ("left_wrists",)}, UnknownNameError, "left_wrist"),
         ({"look": "wood_tabel"}, UnknownNameError, "wood_table"),

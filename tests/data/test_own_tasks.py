@@ -12,7 +12,7 @@ import duobench
 from duobench.cli import main
 from duobench.data import Actor, DataSet, Recorder, Recording, find_problems, summarize
 from duobench.data.card import write_data_card
-from duobench.errors import DataError, ForeignTaskError, UnknownNameError
+from duobench.errors import DataError, ForeignTaskError, OptionError, UnknownNameError
 from duobench.replay.sources import open_view
 from duobench.tasks import catalog
 from tests.envs.tools import wave
@@ -22,6 +22,7 @@ from dataclasses import replace
 from duobench.tasks.bin_sort import TASK as BIN_SORT
 TASK = replace(BIN_SORT, id="my_sort")
 OTHER = replace(BIN_SORT, id="another")
+SAME = replace(BIN_SORT, horizon=100)
 """
 PATH = "sorts_of_mine:TASK"
 
@@ -102,6 +103,28 @@ def test_a_view_of_them_shows_it(demos: Path) -> None:
     source = open_view(str(demos), import_tasks=True)
     assert len(source.load("my_sort/00000").poses()) == 5
     source.close()
+
+
+def test_a_recording_of_the_task_itself_is_read_where_its_path_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record(tmp_path / "demos", catalog.get(PATH))
+    demos = str(tmp_path / "demos")
+    with pytest.raises(SystemExit):
+        main(["data", "check", demos])
+    assert "--import-tasks" not in capsys.readouterr().out, "it would not help"
+    out = ["--out", str(tmp_path / "out"), "--cameras", "none"]
+    main(["export", "lerobot", demos, "--tasks", PATH, *out, "--object-state"])
+    main(["replay", demos, "--tasks", PATH, "--mode", "actions"])
+    source = open_view(demos, tasks=[PATH])
+    assert len(source.load("my_sort/00000").poses()) == 5
+    source.close()
+
+
+def test_a_task_with_the_id_of_another_is_refused() -> None:
+    with pytest.raises(OptionError, match="has a task 'bin_sort', and sorts_of_mine:SAME is"):
+        duobench.make("sorts_of_mine:SAME")
+    assert catalog.get("duobench.tasks.bin_sort:TASK") is catalog.get("bin_sort")
 
 
 def test_where_nobody_said_where_it_is_that_is_the_reason(demos: Path, tmp_path: Path) -> None:

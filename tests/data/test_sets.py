@@ -275,6 +275,18 @@ def test_an_episode_without_its_video_is_not_copied(real_copy: DataSet, tmp_path
         split(real_copy, tmp_path / "a", tmp_path / "b", fraction=0.5)
 
 
+def test_a_damaged_episode_is_not_copied(original: DataSet, tmp_path: Path) -> None:
+    data = DataSet.open(tmp_path / "data")
+    merge([original], data.path)
+    path = data.episodes()[1]
+    content = bytearray(path.read_bytes())
+    content[len(content) // 3] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=path.name):
+        merge([data], tmp_path / "out")
+    assert not (tmp_path / "out" / "episodes").exists()
+
+
 # --- info ----------------------------------------------------------------------------------------
 
 

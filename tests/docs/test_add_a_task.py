@@ -41,10 +41,10 @@ def test_the_task_is_short() -> None:
 
 def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, Any] = {}
-    exec(_block("from stack_cube import TASK\n\n"), names)
+    exec(_block('info["stage_to_subinstructions"]'), names)
     assert "red cube" in capsys.readouterr().out
-    assert names["TASK"] is catalog.get(module)
-    assert names["TASK"].id == "stack_cube"
+    assert names["env"].get_wrapper_attr("definition") is catalog.get(module)
+    assert names["env"].get_wrapper_attr("task") == "stack_cube"
     names["env"].close()
 
 

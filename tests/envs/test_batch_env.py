@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -27,7 +28,7 @@ from duobench.objects.cup import square_mark
 from duobench.objects.prop import Prop
 from duobench.randomness import around
 from duobench.sim import simulation, thread_batch
-from duobench.stages.logic import Predicate, since
+from duobench.stages.logic import Predicate, held_for, since
 from duobench.stages.predicates import touches
 from duobench.stages.progress import Stage
 from duobench.tasks import catalog, object_state
@@ -278,6 +279,69 @@ def test_words_of_ones_own_take_one_simulation_at_a_time(
         assert alone[2]
 
 
+@pytest.mark.parametrize("remembers", [since, partial(held_for, seconds=0.2)])
+def test_words_of_ones_own_that_take_many_remember_each_of_its_own(
+    several: Callable[..., BatchEnv], remembers: Callable[[Predicate], Predicate]
+) -> None:
+    left = Predicate(
+        "left of the middle",
+        lambda state: state.simulation.origin("white_cube")[1] > 0.1,
+        vectorized=True,
+    )
+    once, both = remembers(left), left & ~left
+    asks = Predicate("once", once.ask, (once,), vectorized=True)
+    never = Predicate("never", both.ask, (both,), vectorized=True)
+    stages = (Stage(name=one.name, instruction="Do it.", holds=one) for one in (asks, never))
+    task = replace(catalog.get(TASK), id="own", stages=tuple(stages))
+    vector, action = several(task, 6), waves(1)[0]
+    vector.reset(seed=SEED)
+    for _ in range(10):
+        *_, info = vector.step(np.tile(action, (6, 1)))
+    assert len(set(info["stage"])) == 2
+    with closing(make_small(task)) as env:
+        for number, stage in enumerate(info["stage"]):
+            env.reset(seed=SEED + number)
+            for _ in range(10):
+                *_, alone = env.step(action)
+            assert alone["stage"] == stage
+
+
+def test_what_never_held_has_not_held_for_a_hundredth_second(
+    several: Callable[..., BatchEnv],
+) -> None:
+    never = Predicate("never", lambda _state: False)
+    stage = Stage(name="never", instruction="Do it.", holds=held_for(never, 0.01))
+    vector = several(replace(catalog.get(TASK), id="own", stages=(stage,)), reward="dense")
+    vector.reset(seed=SEED)
+    _, rewards, *_, info = vector.step(np.tile(waves(1)[0], (COUNT, 1)))
+    assert np.isfinite(rewards).all()
+    assert not info["stage"].any()
+
+
+def test_numbers_of_ones_own_are_as_many_as_their_names(several: Callable[..., BatchEnv]) -> None:
+    short = Numbers(names=("a", "b"), read=lambda _simulation: [1.0])
+    task = replace(catalog.get(TASK), id="own", object_numbers=(short,))
+    vector = several(task, object_state=True)
+    with pytest.raises(OptionError, match="names 2 numbers, a, b, but 1 were read"):
+        vector.reset(seed=SEED)
+
+
+def test_it_says_what_was_chosen_and_what_numbers_are(several: Callable[..., BatchEnv]) -> None:
+    vector = several(object_state=True)
+    assert vector.config.object_state
+    assert vector.object_state_names == catalog.get(TASK).object_state.names
+
+
+def test_a_state_of_shifted_physics_is_refused(several: Callable[..., BatchEnv]) -> None:
+    vector = several()
+    vector.reset(seed=SEED)
+    with closing(make_small(shift="physics-3")) as env:
+        env.reset(seed=SEED)
+        state = env.get_wrapper_attr("save_state")()
+    with pytest.raises(OptionError, match="environment 1 is of a shift of physics"):
+        vector.reset(options={"states": [None, state]})
+
+
 def test_diverged_physics_is_an_error_until_a_reset(several: Callable[..., BatchEnv]) -> None:
     vector = several()
     vector.reset(seed=SEED)
@@ -313,6 +377,7 @@ def test_rendering_shows_each_episode(several: Callable[..., BatchEnv]) -> None:
             {"threads": 1, "vector_kwargs": {"autoreset_mode": AutoresetMode.SAME_STEP}},
             "NEXT_STEP or DISABLED",
         ),
+        ({"threads": 1, "vector_kwargs": {"autoreset_mode": "disabled"}}, "an AutoresetMode"),
         ({"threads": 1, "action_mode": "cartesian"}, "leave threads and engine out"),
         ({"threads": 1, "chunk": 3}, "leave threads and engine out"),
         ({"threads": 1, "shift": "physics-1"}, "leave threads and engine out"),
@@ -339,6 +404,7 @@ def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEn
     early: tuple[tuple[Callable[[], Any], str], ...] = (
         (lambda: vector.step(actions), "call reset"),
         (lambda: vector.save_state(0), "call reset"),
+        (vector.render, "nothing to see before the first reset"),
         (lambda: vector.reset(options={"reset_mask": np.array([True, False])}), "leave reset_mask"),
     )
     for call, words in early:
@@ -358,6 +424,7 @@ def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEn
         (lambda: vector.reset(options={"states": None}), OptionError, "list of states"),
         (lambda: vector.save_state(COUNT), OptionError, "Episodes are 0 to"),
         (lambda: vector.save_state(-1), OptionError, "Episodes are 0 to"),
+        (lambda: vector.save_state(1.0), OptionError, "Episodes are 0 to"),  # type: ignore[arg-type]
         (lambda: vector.reset(options={"statse": []}), UnknownNameError, "states"),
     )
     for call, error, words in wrong:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -13,6 +14,7 @@ from duobench.envs import sim_of
 from duobench.objects import cup
 from duobench.objects.maze_board import cell_centre
 from duobench.objects.mazes import CELLS, MAZES, Direction, Segment
+from duobench.randomness import Uniform
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from tests.envs.tools import Make, equal, waves
@@ -130,3 +132,14 @@ def test_one_vector_holds_everything_in_the_order_of_the_page(make: Make) -> Non
     assert numbers.dtype == np.float32
     np.testing.assert_array_equal(numbers, np.concatenate(parts))
     assert numbers in flat.observation_space
+
+
+def test_a_door_that_always_stands_at_one_place_still_says_how_far_it_is_open() -> None:
+    task = catalog.get("hinge_chest")
+    place = replace(
+        task.placements["chest"], x=Uniform(0.6, 0.6), y=Uniform(-0.2, -0.2), yaw=Uniform(0.0, 0.0)
+    )
+    fixed = replace(task, id="fixed", placements={**task.placements, "chest": place})
+    names = fixed.object_state.names
+    assert [name for name in names if name.startswith("chest")] == ["chest/lid_angle"]
+    assert set(names) < set(task.object_state.names)

@@ -44,7 +44,7 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
         plan: dict[Path, Path] = {}
         clashes = []
         for path in chain.from_iterable(source.episodes() for source in sources):
-            _check_videos(path)
+            _check_whole(path)
             place = target.episode(path.parent.name, path.stem)
             if rename:
                 place = _free(place, path, plan)
@@ -124,7 +124,7 @@ def _part(paths: Sequence[Path], target: DataSet) -> dict[Path, Path]:
     """Episodes by their place in a part, which holds no other ones."""
     plan = {target.episode(path.parent.name, path.stem): path for path in paths}
     for path in paths:
-        _check_videos(path)
+        _check_whole(path)
     for place in target.episodes():
         if place not in plan or not _may_be(plan[place], place, {}):
             raise DataError(
@@ -134,8 +134,9 @@ def _part(paths: Sequence[Path], target: DataSet) -> dict[Path, Path]:
     return plan
 
 
-def _check_videos(path: Path) -> None:
-    """Reject now an episode that cannot be read, or lacks a video."""
+def _check_whole(path: Path) -> None:
+    """Reject now an episode that cannot be read to its end, or lacks a video."""
+    Recording.read(path)
     for video, _ in _videos(path, path):
         if not video.exists():
             raise DataError(f"{video} is missing, which belongs to {path.name}.")

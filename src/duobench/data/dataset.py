@@ -47,10 +47,17 @@ class DataSet:
     import_tasks: bool = False
     """Whether tasks that are not of the benchmark are imported, which runs the code of the modules
     that its episodes name."""
+    own_tasks: tuple[str, ...] = ()
+    """Import paths of such tasks that are imported, whatever its episodes name."""
 
     @staticmethod
     def open(
-        path: str | Path, *, create: bool = True, how: str = "", import_tasks: bool = False
+        path: str | Path,
+        *,
+        create: bool = True,
+        how: str = "",
+        import_tasks: bool = False,
+        own_tasks: Collection[str] = (),
     ) -> "DataSet":
         """The data set in a folder.
 
@@ -59,6 +66,7 @@ class DataSet:
             create: Whether to make it a data set if it is missing or empty.
             how: The command that makes it.
             import_tasks: See `DataSet`.
+            own_tasks: See `DataSet`.
 
         Raises:
             DataError: There is none, and none is to be made.
@@ -66,7 +74,7 @@ class DataSet:
             FileError: Its description cannot be read, or is of another version.
             OutputError: It cannot be made.
         """
-        data = DataSet(Path(path).absolute(), import_tasks)
+        data = DataSet(Path(path).absolute(), import_tasks, tuple(own_tasks))
         if not create and not data.description.exists():
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
         about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)
@@ -103,7 +111,7 @@ class DataSet:
         Raises:
             UnknownNameError: There is no episode of a task.
         """
-        found, wanted = self.tasks, {catalog.plain(task) for task in tasks}
+        found, wanted = self.tasks, {catalog.id_of(task) for task in tasks}
         for task in wanted:
             check_known("task in the data set", task, found)
         return [path for path in self.episodes() if not wanted or path.parent.name in wanted]
@@ -126,6 +134,9 @@ class DataSet:
             ImportPathError: Its module is missing or raises an error.
             DataError: Another task is there.
         """
+        for path in self.own_tasks:
+            if catalog.id_of(path) == info.task:
+                return path
         reference = catalog.trusted(info.task, info.reference, import_tasks=self.import_tasks)
         if (found := catalog.get(reference).id) != info.task:
             raise DataError(f"At {reference} is the task {found!r}, not {info.task!r}.")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, SupportsIndex
 
 import gymnasium as gym
 import numpy as np
@@ -40,6 +40,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, OptionError, SimulationError
 from duobench.robot.joints import RANGE_MARGIN, duo_limits
 from duobench.shifts.levels import level_for
+from duobench.shifts.samples import UNSCALED
 from duobench.shifts.shift import PHYSICS, SENSING
 from duobench.sim.batch import SimulationBatch
 from duobench.sim.thread_batch import ThreadBatch
@@ -94,11 +95,18 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self._env, self._base = env, sim_of(env)
         config = self._config = self._base.config or EnvConfig()
         _check(config, self._base.task)
-        if autoreset_mode is AutoresetMode.SAME_STEP:
-            raise OptionError("With threads or Warp, autoreset_mode is NEXT_STEP or DISABLED.")
+        if autoreset_mode not in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
+            raise OptionError(
+                "With threads or Warp, autoreset_mode is NEXT_STEP or DISABLED, an AutoresetMode; "
+                f"got {autoreset_mode!r}."
+            )
         if config.cameras:
             env.get_wrapper_attr("set_rendering")(False)  # images of all are rendered here
         self.num_envs, self.spec, self.render_mode = num_envs, env.spec, config.render_mode
+        self.config = config
+        """What was chosen about the environments."""
+        self.object_state_names = self._base.definition.object_state.names
+        """What each number of an object state is."""
         self.autoreset_mode = autoreset_mode
         self.metadata = {**env.metadata, "autoreset_mode": autoreset_mode}
         self.single_action_space = env.action_space
@@ -173,6 +181,11 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if seed is not None:
             self._generators[number] = seeding.np_random(seed)[0]
         if state is not None:
+            if getattr(state, "scale", UNSCALED) != UNSCALED:
+                raise OptionError(
+                    f"The state for environment {number} is of a shift of {PHYSICS}, which threads "
+                    "and Warp do not play."
+                )
             return self._made(self._env.get_wrapper_attr("restore_state")(state)[1])
         if options.get(LAYOUT) is not None:
             return self._made(self._env.reset(options=options)[1])
@@ -319,7 +332,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         """The whole state of one of the episodes; an environment of `make` takes it as well."""
         if not self._starts:
             raise ResetNeededError("There is no state before the first reset; call reset first.")
-        if not 0 <= number < self.num_envs:
+        if not isinstance(number, SupportsIndex) or not 0 <= number < self.num_envs:
             raise OptionError(f"Episodes are 0 to {self.num_envs - 1}, got {number}.")
         start, _ = self._starts[number]
         return replace(
@@ -332,6 +345,10 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
 
     def render(self) -> tuple[Any, ...]:
         """What `render` of each episode gives."""
+        if not self._starts:
+            raise ResetNeededError(
+                "There is nothing to see before the first reset; call reset first."
+            )
         return tuple(self._rendered(self._env.render))
 
     def close_extras(self, **_kwargs: Any) -> None:

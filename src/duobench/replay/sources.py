@@ -136,7 +136,7 @@ class RunSource:
         titles = ", ".join(candidate.title for candidate in self.run.candidates)
         self.title = f"{run.path.name}: {titles}"
         known = {task.id for task in self.run.suite.tasks}
-        self._wanted = {catalog.plain(task) for task in tasks} or known
+        self._wanted = {catalog.id_of(task) for task in tasks} or known
         for task in self._wanted:
             check_known("task in the run", task, known)
         self.records: dict[str, EpisodeRecord] = {}
@@ -302,7 +302,11 @@ def open_view(
     path = Path(what)
     if (path / DATA_SET).exists():
         source = DataSource(
-            DataSet.open(path, create=False, import_tasks=import_tasks), look, tasks
+            DataSet.open(
+                path, create=False, import_tasks=import_tasks, own_tasks=catalog.own(tasks)
+            ),
+            look,
+            tasks,
         )
     elif path.is_file() or (path / RUN).exists():
         source = RunSource(open_source(path), look, tasks, import_tasks=import_tasks)

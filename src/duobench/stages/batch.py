@@ -204,7 +204,9 @@ def _sorted(
         if isinstance(predicate, Not | AllOf | AnyOf | AtLeast):
             takes_one = any(same[part] in partial for part in predicate.parts)
         elif not isinstance(predicate, Since | HeldFor):
-            takes_one = not predicate.vectorized
+            # What combines or remembers answers its test for one simulation alone.
+            plain = (type(p) is Predicate and same[p] not in partial for p in predicate.parts)
+            takes_one = not (predicate.vectorized and all(plain))
         same[predicate] = firsts.setdefault(key, predicate)
         if takes_one:
             partial.add(same[predicate])

@@ -320,7 +320,7 @@ class HeldFor(Predicate):
     @property
     def steps(self) -> int:
         """The same in control steps."""
-        return round(self.seconds * CONTROL_HZ)
+        return _steps(self.seconds)
 
     def _unmet(self, state: StateView) -> Words:
         part = self.clock.of
@@ -330,18 +330,22 @@ class HeldFor(Predicate):
         )
 
 
+def _steps(seconds: float) -> int:
+    return max(round(seconds * CONTROL_HZ), 1)
+
+
 @shared
 def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = None) -> Predicate:
     """`predicate` has held for some time: without a break, or in all.
 
     Args:
         predicate: What must hold.
-        seconds: For how long, rounded to control steps of 1/30 s.
+        seconds: For how long, rounded to control steps of 1/30 s, one at least.
         reset: Where it is given, time is summed up over breaks since it held last. Otherwise
             `predicate` has held at every control step of the last `seconds`.
     """
     clock = Clock(of=predicate, reset=reset)
-    steps = round(seconds * CONTROL_HZ)
+    steps = _steps(seconds)
     return HeldFor(
         f"{predicate.name} for {seconds:g} s" + ("" if reset is None else " in all"),
         lambda state: state.lasted.get(clock, 0) >= steps,

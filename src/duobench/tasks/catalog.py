@@ -6,10 +6,10 @@ Importing this module loads no task and no physics, so that ids can be registere
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from duobench.errors import ForeignTaskError, UnknownNameError, check_known
+from duobench.errors import ForeignTaskError, OptionError, UnknownNameError, check_known
 from duobench.references import load
 
 if TYPE_CHECKING:
@@ -47,6 +47,20 @@ def plain(name: str) -> str:
     return found[1] if found else name
 
 
+def id_of(name: str) -> str:
+    """The id of the task that a name stands for, whether or not there is such a task.
+
+    Raises:
+        UnknownNameError, ImportPathError: Nothing is at an import path.
+    """
+    return get(name).id if ":" in plain(name) else plain(name)
+
+
+def own(names: Iterable[str]) -> tuple[str, ...]:
+    """Those of some names that are import paths."""
+    return tuple(name for name in names if ":" in plain(name))
+
+
 def check(name: str) -> None:
     """Reject a name that is neither a task's id nor an import path, without loading anything."""
     name = plain(name)
@@ -72,7 +86,8 @@ def trusted(task: str, reference: str, *, import_tasks: bool) -> str:
         return task
     if ":" not in reference:
         raise UnknownNameError(
-            f"The task {task!r} is none of the benchmark, and nothing says where it is."
+            f"The task {task!r} is none of the benchmark, and nothing says where it is: the "
+            "environment was made from the task itself, not from its import path."
         )
     if not import_tasks:
         raise ForeignTaskError(f"The task {reference!r} is none of the benchmark.")
@@ -89,6 +104,7 @@ def get(task: Task | str) -> Task:
     Raises:
         UnknownNameError: There is no such task.
         ImportPathError: The module of an import path is missing or raises an error.
+        OptionError: At an import path is a task of one's own with the id of one of the benchmark.
     """
     if not isinstance(task, str):
         return task
@@ -98,4 +114,10 @@ def get(task: Task | str) -> Task:
     from duobench.tasks.task import Task
 
     path = task if ":" in task else f"duobench.tasks.{task}:TASK"
-    return load(path, "task", lambda value: isinstance(value, Task))
+    found: Task = load(path, "task", lambda value: isinstance(value, Task))
+    if ":" in task and found.id in HORIZONS and found is not get(found.id):
+        raise OptionError(
+            f"The benchmark has a task {found.id!r}, and {task} is another one; give it an id of "
+            "its own."
+        )
+    return found

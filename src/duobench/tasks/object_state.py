@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from duobench.errors import OptionError
 from duobench.objects.mazes import MAZES, SEGMENTS
 from duobench.objects.prop import Prop
 from duobench.randomness import Choice
@@ -66,22 +67,31 @@ class ObjectState:
         Of many simulations at once they are (simulations, n).
         """
         parts = [simulation.ask(part.read, vectorized=part.vectorized) for part in self.parts]
+        for part, numbers in zip(self.parts, parts, strict=True):
+            if len(numbers) != len(part.names):
+                raise OptionError(
+                    f"The object state names {len(part.names)} numbers, {', '.join(part.names)}, "
+                    f"but {len(numbers)} were read."
+                )
         values = [number for part in parts for number in part]
         return np.array(values, dtype=np.float32).T.clip(-LARGEST, LARGEST)
 
 
-def usual_numbers(props: Iterable[Prop], choices: Mapping[str, Choice]) -> tuple[Numbers, ...]:
+def usual_numbers(
+    props: Iterable[Prop], still: Collection[str], choices: Mapping[str, Choice]
+) -> tuple[Numbers, ...]:
     """The numbers of a task that has none of its own.
 
     Args:
-        props: Those that are not at the same place in every layout.
+        props: All of them.
+        still: Names of those that are at the same place in every layout, and stay there.
         choices: What a layout chooses.
     """
     objects = [
         numbers
         for prop in props
         for numbers in (
-            pose(prop.name),
+            *(() if prop.name in still else (pose(prop.name),)),
             *(hinge_angle(prop.part_name(part.name)) for part in prop.parts if part.hinge),
         )
     ]

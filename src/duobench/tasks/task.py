@@ -120,7 +120,7 @@ class Task:
             placed = self.placements
             still = {prop.name for prop in self.props if prop.fixed and prop.name in placed}
             still = {name for name in still if placed[name].is_always_the_same}
-            numbers = usual_numbers((p for p in self.props if p.name not in still), self.variants)
+            numbers = usual_numbers(self.props, still, self.variants)
         return ObjectState(parts=numbers)
 
     def layouts(self, seed: int, split: str = EVAL) -> Iterator[Layout]:

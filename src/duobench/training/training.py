@@ -224,7 +224,7 @@ def _tasks(source: LearningData, wanted: Sequence[str], *, needed: bool = False)
             )
         return ()
     there = tuple(dict.fromkeys(episodes))
-    wanted = [catalog.plain(task) for task in wanted]
+    wanted = [catalog.id_of(task) for task in wanted]
     for task in wanted:
         check_known(f"task in {source.path}", task, there)
     return tuple(dict.fromkeys(wanted)) or there

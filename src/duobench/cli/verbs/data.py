@@ -25,19 +25,24 @@ from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptio
 from duobench.errors import DataError, NamesTakenError, OutputError, SeveralTasksError
 from duobench.files import locked
 from duobench.lerobot_keys import ID
+from duobench.tasks import catalog
 
 if TYPE_CHECKING:
     from duobench.data import DataSet
     from duobench.data.summary import Summary, TaskSummary
 
 
-def opened(folder: Path, *, import_tasks: bool = False) -> DataSet:
-    """The data set in a folder; an error if there is none, or MuJoCo cannot be loaded."""
+def opened(folder: Path, tasks: tuple[str, ...] = (), *, import_tasks: bool = False) -> DataSet:
+    """The data set in a folder; an error if there is none, or MuJoCo cannot be loaded.
+
+    Of the tasks that were named, those of one's own are imported.
+    """
     find_folder(folder, "dataset.json")
     load_engine()
     from duobench.data import DataSet
 
-    return DataSet.open(folder, create=False, import_tasks=import_tasks)
+    own = catalog.own(tasks)
+    return DataSet.open(folder, create=False, import_tasks=import_tasks, own_tasks=own)
 
 
 def data() -> None:
@@ -123,7 +128,8 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool
         say(f"{problem.path}: {problem.what}")
     episodes = counted(len(source.episodes()), "episode")
     say(f"{episodes}, {counted(len(problems), 'problem')}")
-    offer_to_import(set(source.tasks), import_tasks=import_tasks)
+    if any("is none of the benchmark." in problem.what for problem in problems):
+        offer_to_import(set(source.tasks), import_tasks=import_tasks)
     if problems:
         sys.exit(1)
 
@@ -259,7 +265,7 @@ def lerobot(
     """
     if not data:
         raise AdvisedError("Name the folder of a data set, such as duobench record makes.")
-    sources = [opened(each, import_tasks=import_tasks) for each in data]
+    sources = [opened(each, episodes.tasks, import_tasks=import_tasks) for each in data]
     from duobench.data import export_lerobot
     from duobench.rig_sessions.cameras import view_of
 

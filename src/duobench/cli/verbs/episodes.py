@@ -151,14 +151,16 @@ def replay(
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the data set names.
     """
-    dataset = opened(data, import_tasks=import_tasks or any(":" in task for task in tasks))
+    dataset = opened(data, tasks, import_tasks=import_tasks)
     from duobench.data import Recording
 
     episodes: dict[str, list[Path]] = {}
     with advising(FOREIGN):
-        for name in [catalog.get(task).id for task in tasks] or dataset.tasks:
+        for name in [catalog.id_of(task) for task in tasks] or dataset.tasks:
             paths = dataset.episodes_of([name])
             episodes[dataset.reference(Recording.read_info(paths[0]))] = paths
+    if not episodes:
+        raise DataError(f"{data} has no finished episode.")
     if mode == "actions":
         _by_actions(dataset, episodes)
     else:
@@ -192,7 +194,8 @@ def _by_actions(data: DataSet, episodes: Mapping[str, Sequence[Path]]) -> None:
     if wrong:
         say(
             f"{counted(wrong, 'episode')} came out differently: by other versions of MuJoCo or "
-            "DuoBench than those that recorded, or on a processor that is no x86-64 with AVX2.",
+            "DuoBench than those that recorded, by a task of one's own that has changed, or on a "
+            "processor that is no x86-64 with AVX2.",
         )
         sys.exit(1)
 

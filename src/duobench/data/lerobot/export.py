@@ -134,7 +134,7 @@ def _episodes(sources: Sequence[DataSet], tasks: Collection[str]) -> list[tuple[
     if not sources:
         raise DataError("There is nothing to export; name at least one data set.")
     known = sorted({task for source in sources for task in source.tasks})
-    wanted = {catalog.plain(task) for task in tasks}
+    wanted = {catalog.id_of(task) for task in tasks}
     for task in wanted:
         check_known("task in the data set", task, known)
     return [

@@ -1,5 +1,6 @@
 """What can be chosen about an export."""
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -12,7 +13,7 @@ from duobench.errors import DataError, OptionError, check_known
 from duobench.looks import catalog as looks
 from duobench.looks.catalog import DEFAULT, RANDOM, as_look
 from duobench.robot.cameras import check_image_size
-from duobench.types import POLICY_CAMERAS
+from duobench.types import POLICY_CAMERAS, as_size
 
 LEAST_SIZE = 4
 """Pixels along an edge of a video that its encoder takes at least."""
@@ -66,6 +67,36 @@ class ActionSource(StrEnum):
     targets by inverse kinematics that starts at the observed joints of each row."""
 
 
+_KINDS = {"format": Format, "pairing": Pairing, "action_source": ActionSource}
+"""Options that are one of some words."""
+
+
+_set = object.__setattr__  # of what is frozen
+
+
+def _words(kind: str, given: str | Iterable[str], known: Collection[str]) -> tuple[str, ...]:
+    """Words that are known, of one or several."""
+    words = (given,) if isinstance(given, str) else tuple(given)
+    for word in words:
+        check_known(kind, word, known)
+    return words
+
+
+def _checked_size(given: object) -> tuple[int, int]:
+    """Height and width in pixels that a camera gives and a video has."""
+    if (size := as_size(given)) is None:
+        raise DataError(
+            f"Images have a size (height, width) in pixels, or one number; got {given!r}."
+        )
+    check_image_size(*size)
+    if any(pixels % 2 or pixels < LEAST_SIZE for pixels in size):
+        raise DataError(
+            f"Height and width of images in a video are even numbers from {LEAST_SIZE} on, got "
+            f"{size[0]}x{size[1]}."
+        )
+    return size
+
+
 @dataclass(frozen=True, kw_only=True)
 class EpisodeChoice:
     """Which episodes are exported."""
@@ -76,6 +107,10 @@ class EpisodeChoice:
     """Leave out episodes that did not succeed."""
     domains: tuple[Domain, ...] = tuple(Domain)
     """Export episodes from there: the simulation, real arms, or both."""
+
+    def __post_init__(self) -> None:
+        _set(self, "tasks", (self.tasks,) if isinstance(self.tasks, str) else tuple(self.tasks))
+        _set(self, "domains", tuple(map(Domain, _words("domain", self.domains, [*Domain]))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,18 +142,16 @@ class ExportForm:
     """Export where the objects are too, as numbers that no camera sees."""
 
     def __post_init__(self) -> None:
-        if self.cameras == ("none",):
-            object.__setattr__(self, "cameras", ())
-        check_known("format", self.format, [each.value for each in Format])
-        object.__setattr__(self, "format", Format(self.format))
-        for part in self.state:
-            check_known("part of a state", part, [each.value for each in StatePart])
-        object.__setattr__(self, "state", tuple(part for part in StatePart if part in self.state))
-        object.__setattr__(self, "cameras", tuple(dict.fromkeys(self.cameras)))
-        for camera in self.cameras:
-            check_known("camera", camera, POLICY_CAMERAS)
+        for name, kind in _KINDS.items():
+            check_known(name.replace("_", " "), getattr(self, name), [*kind])
+            _set(self, name, kind(getattr(self, name)))
+        state = _words("part of a state", self.state, [*StatePart])
+        _set(self, "state", tuple(part for part in StatePart if part in state))
+        is_none = self.cameras in ("none", ("none",))
+        cameras = () if is_none else _words("camera", self.cameras, POLICY_CAMERAS)
+        _set(self, "cameras", tuple(dict.fromkeys(cameras)))
         check_known("action mode of an export", self.action, LABELS)
-        check_image_size(*self.size)
+        _set(self, "size", _checked_size(self.size))
         name, colon, seed = self.look.partition(":")
         if f"{name}:" != RANDOM:
             check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
@@ -129,11 +162,6 @@ class ExportForm:
                 f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "
                 f"{PER_EPISODE} or {PER_EPISODE}:SEED, one for each; got {self.look!r}."
             ) from error
-        if any(pixels % 2 or pixels < LEAST_SIZE for pixels in self.size):
-            raise DataError(
-                f"Height and width of images in a video are even numbers from {LEAST_SIZE} on, got "
-                f"{self.size[0]}x{self.size[1]}."
-            )
 
     @property
     def look_numbers(self) -> int | None:
@@ -145,3 +173,7 @@ class ExportForm:
 @dataclass(frozen=True, kw_only=True)
 class ExportOptions(ExportForm, EpisodeChoice):
     """Options of an export; the defaults suit the evaluation's environment."""
+
+    def __post_init__(self) -> None:
+        ExportForm.__post_init__(self)
+        EpisodeChoice.__post_init__(self)
