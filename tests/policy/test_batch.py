@@ -1,3 +1,4 @@
+import random
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,8 +18,9 @@ from duobench.policy import (
     inference as inference_module,
     noise,
 )
-from duobench.policy.batch import PolicyPool, answer
+from duobench.policy.batch import ONE_BY_ONE, PolicyPool, answer
 from duobench.policy.inference import BusyError, InferenceLoop
+from duobench.policy.serving.host import make_served
 
 OBSERVATION = {"agent_pos": np.zeros(16, np.float32)}
 TIMEOUT_S = 30
@@ -332,9 +334,30 @@ def test_plain_policies_keep_their_episodes_apart() -> None:
         assert [chunk[0, 0] for chunk in chunks] == [200 + number, 100 + number]
     with pytest.raises(MachineryError, match="All 2 objects of this policy are playing"):
         pool.begin("Do it.", 3)
+    for size in (1, 2):
+        made, _, batching = make_served("hold", Batching(mode="dynamic", size=size))
+        assert (made.size, batching.size) == (size, size)  # type: ignore[attr-defined]
     pool.end(first)
     third = pool.begin("Do it.", 3)
     assert answer(pool, [third], [OBSERVATION], batching)[0][0, 0] == 301
+
+
+class Noisy(Counts):
+    """Samples from generators that all policies share."""
+
+    def act(self, observation: Any) -> np.ndarray:  # noqa: ARG002 - the protocol
+        return np.full((1, 16), random.random() + np.random.random())  # noqa: NPY002
+
+
+def test_noise_of_an_episode_is_that_of_its_seed_whoever_plays_beside_it() -> None:
+    alone, pool = PolicyPool(Noisy(), Noisy), PolicyPool(Noisy(), Noisy, size=2)
+    session = alone.begin("Do it.", 5)
+    wanted = [answer(alone, [session], [OBSERVATION], ONE_BY_ONE)[0][0, 0] for _ in range(3)]
+    first, second = pool.begin("Do it.", 5), pool.begin("Do it.", 2**40)
+    batching = Batching(mode="dynamic", size=2)
+    found = [answer(pool, [second, first], [OBSERVATION] * 2, batching)[1][0, 0] for _ in range(3)]
+    assert found == wanted
+    assert len({*wanted}) == 3
 
 
 def test_plain_policy_that_cannot_be_reset_is_kept_and_all_are_closed() -> None:

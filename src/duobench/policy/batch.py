@@ -213,9 +213,23 @@ class SessionPolicy:
         getattr(self._policy, "close", lambda: None)()
 
 
+Noise = tuple[Any, Any]
+
+
+def _noise() -> Noise:
+    return random.getstate(), np.random.get_state()  # noqa: NPY002 - which policies share
+
+
+def _go_on_with(noise: Noise) -> None:
+    random.setstate(noise[0])
+    np.random.set_state(noise[1])  # noqa: NPY002
+
+
 @dataclass(kw_only=True, slots=True)
 class _PlainSession(Session):
     policy: Policy
+    noise: Noise
+    """Where Python's and NumPy's global generators are in this episode."""
     intended: ArrayLike | None = None
     """What the policy wanted its last action to be, if it has disturbed it."""
 
@@ -224,8 +238,8 @@ class PolicyPool:
     """Plain policies as a batch policy: each episode under way has an object for itself.
 
     Args:
-        first: A policy that plays no episode. If it stays the only one, Python's and NumPy's global
-            generators get the seed of its episodes, for policies that use them.
+        first: A policy that plays no episode. For policies that use Python's and NumPy's global
+            generators, these get the seed of each episode, and go on in each where they were.
         make: Makes another one, when more episodes are played side by side.
         size: Most objects at a time.
     """
@@ -244,13 +258,12 @@ class PolicyPool:
                 raise MachineryError(f"All {self.size} objects of this policy are playing.")
             self._idle.append(self._make())
             self._all.append(self._idle[-1])
-        if self.size == 1:
-            random.seed(seed)
-            np.random.seed(seed)  # noqa: NPY002 - the generator that policies share
+        random.seed(seed)
+        np.random.seed(seed % 2**32)  # noqa: NPY002
         policy = self._idle[-1]
         policy.reset(instruction, seed)
         self._idle.pop()
-        return _PlainSession(instruction=instruction, seed=seed, policy=policy)
+        return _PlainSession(instruction=instruction, seed=seed, policy=policy, noise=_noise())
 
     def act_batch(
         self, sessions: Sequence[_PlainSession], observations: Sequence[Observation]
@@ -258,7 +271,9 @@ class PolicyPool:
         """Ask one object after the other."""
         chunks = []
         for session, observation in zip(sessions, observations, strict=True):
+            _go_on_with(session.noise)
             chunks.append(session.policy.act(observation))
+            session.noise = _noise()
             session.intended = getattr(session.policy, "intended_action", None)
         return chunks
 

@@ -165,15 +165,16 @@ def _factory(name: PolicyName) -> Callable[[], object]:
 
 
 def make_batched(
-    name: PolicyName, batching: Batching | None = None, *, objects: int = 1
+    name: PolicyName, batching: Batching | None = None, *, objects: int | None = None
 ) -> tuple[BatchPolicy, PolicyMetadata, Batching | None]:
     """Make a policy of either kind for many episodes at a time; errors are those of `make`.
 
     Args:
         name: That of a policy that is not scripted.
         batching: How many observations a `BatchPolicy` answers together; None takes the default,
-            and anything else is an error for one object of a plain policy.
-        objects: How many episodes a plain policy may play side by side, with an object for each.
+            and anything else is an error for a plain policy without `objects`.
+        objects: How many episodes a plain policy may play side by side, with an object for each;
+            None for one of them, and no batches.
 
     Returns:
         The policy; its metadata, with the hash of its source where it has no version; and how many
@@ -186,9 +187,9 @@ def make_batched(
         metadata = replace(metadata, version=source_version(type(policy).__module__, *own))
     if isinstance(policy, BatchPolicy):
         return policy, metadata, batching or Batching()
-    if batching is not None and objects == 1:
+    if batching is not None and objects is None:
         raise no_batches(name)
-    return PolicyPool(policy, lambda: make(name.text), objects), metadata, None
+    return PolicyPool(policy, lambda: make(name.text), objects or 1), metadata, None
 
 
 def no_batches(name: PolicyName) -> PolicyError:
