@@ -10,6 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -203,14 +204,15 @@ def test_server_that_is_killed_and_started_again_gives_the_undisturbed_result(
         assert f":{serving.port}".encode() not in content
 
 
-def test_server_that_dies_ends_the_run_with_the_rest_unplayed(play, tmp_path):
-    serving = Serving()
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
+def test_server_that_dies_or_hangs_ends_the_run_with_the_rest_unplayed(play, tmp_path, end):
+    serving, limits = Serving(), TimeLimits(act_timeout=4.0)
     with (
         serving.process() as server,
-        after_a_record(tmp_path / "run", server.kill) as found,
+        after_a_record(tmp_path / "run", partial(server.send_signal, end)) as found,
         pytest.raises(MachineryError, match="cannot be played; in each of 3 attempts"),
     ):
-        play(serving.choice, workers=1, episodes=20)
+        play(serving.choice, workers=1, episodes=20, limits=limits)
     kept = found()
     assert 1 <= len(kept) < 40
     assert all(b'"error": null' in path.read_bytes() for path in kept)
