@@ -25,7 +25,6 @@ from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.files import differences
-from duobench.policy.serving.limits import HEALTH_S
 from duobench.results.attempts import (
     ENDS,
     MACHINERY,
@@ -387,10 +386,8 @@ class ProcessExecutor:
         if worker.episode is None:
             return
         limits = self._job.limits
-        if worker.policy is not None:
+        if worker.policy or self._job.policy.server:  # which says itself that it is late, or gone
             limits = replace(limits, act_timeout=float("inf"))
-        elif self._job.policy.server is not None:  # it says itself whether it is late, or gone
-            limits = replace(limits, act_timeout=limits.act_timeout + HEALTH_S + HANG_S)
         clock = worker.process.clock()
         if late := clock.late(limits):
             (episode,) = self._remove(worker)

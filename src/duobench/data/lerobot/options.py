@@ -1,6 +1,6 @@
 """What can be chosen about an export."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -74,11 +74,11 @@ _KINDS = {"format": Format, "pairing": Pairing, "action_source": ActionSource}
 _set = object.__setattr__  # of what is frozen
 
 
-def _words(kind: str, given: str | Iterable[str], known: Collection[str]) -> tuple[str, ...]:
+def _words(kind: str, given: str | Iterable[str], known: Iterable[str]) -> tuple[str, ...]:
     """Words that are known, of one or several."""
     words = (given,) if isinstance(given, str) else tuple(given)
     for word in words:
-        check_known(kind, word, known)
+        check_known(kind, word, [*map(str, known)])
     return words
 
 
@@ -110,7 +110,7 @@ class EpisodeChoice:
 
     def __post_init__(self) -> None:
         _set(self, "tasks", (self.tasks,) if isinstance(self.tasks, str) else tuple(self.tasks))
-        _set(self, "domains", tuple(map(Domain, _words("domain", self.domains, [*Domain]))))
+        _set(self, "domains", tuple(map(Domain, _words("domain", self.domains, Domain))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,9 +143,9 @@ class ExportForm:
 
     def __post_init__(self) -> None:
         for name, kind in _KINDS.items():
-            check_known(name.replace("_", " "), getattr(self, name), [*kind])
+            check_known(name.replace("_", " "), getattr(self, name), [*map(str, kind)])
             _set(self, name, kind(getattr(self, name)))
-        state = _words("part of a state", self.state, [*StatePart])
+        state = _words("part of a state", self.state, StatePart)
         _set(self, "state", tuple(part for part in StatePart if part in state))
         is_none = self.cameras in ("none", ("none",))
         cameras = () if is_none else _words("camera", self.cameras, POLICY_CAMERAS)
