@@ -19,7 +19,7 @@ from duobench.envs.config import LAYOUT, SPLIT
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
-from duobench.errors import DataError, DuoBenchError
+from duobench.errors import DataError, DuoBenchError, ForeignTaskError
 from duobench.randomness import SUITE_VERSION
 from duobench.shifts.shift import NO_SHIFT
 from duobench.types import POLICY_CAMERAS
@@ -35,6 +35,8 @@ class Problem:
 
     path: Path
     what: str
+    is_foreign: bool = False
+    """Whether it is that its task is none of the benchmark, and must not be imported."""
 
 
 def find_problems(
@@ -84,6 +86,8 @@ def _checker(data: DataSet) -> Callable[[Path], list[Problem]]:
             faults = [*_disagreements(recording, path), *_wrong_videos(recording, path)]
             if not recording.info.is_real:
                 faults += _beginning(recording, data.reference(recording.info), environment)
+        except ForeignTaskError as error:
+            return [Problem(path=path, what=str(error), is_foreign=True)]
         except DuoBenchError as error:
             faults = [str(error)]
         return [Problem(path=path, what=what) for what in faults]

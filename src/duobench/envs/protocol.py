@@ -60,7 +60,7 @@ def make_base(task: str | Task, **options: Any) -> SimEnv:
         shift=config.shift,
     )
     base.config = config
-    base.reference = catalog.plain(task) if isinstance(task, str) else ""
+    base.reference = catalog.reference(task)
     return base
 
 

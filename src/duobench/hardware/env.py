@@ -176,6 +176,6 @@ def make_real_env(
         definition = replace(definition, horizon=horizon)
     base = RealEnv(duo, definition, prepare=prepare)
     base.config = config
-    base.reference = catalog.plain(task) if isinstance(task, str) else ""
+    base.reference = catalog.reference(task)
     judge = judge or HumanJudge(definition.max_stage, duo.clock.now)
     return stack_on(TaskStages(base, judge, reward=config.reward), config, horizon)

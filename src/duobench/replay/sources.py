@@ -303,7 +303,7 @@ def open_view(
     if (path / DATA_SET).exists():
         source = DataSource(
             DataSet.open(
-                path, create=False, import_tasks=import_tasks, own_tasks=catalog.own(tasks)
+                path, create=False, import_tasks=import_tasks, own_tasks=catalog.import_paths(tasks)
             ),
             look,
             tasks,

@@ -56,7 +56,12 @@ def id_of(name: str) -> str:
     return get(name).id if ":" in plain(name) else plain(name)
 
 
-def own(names: Iterable[str]) -> tuple[str, ...]:
+def reference(task: Task | str) -> str:
+    """By what a task was given, its id or import path; empty for a task itself."""
+    return plain(task) if isinstance(task, str) else ""
+
+
+def import_paths(names: Iterable[str]) -> tuple[str, ...]:
     """Those of some names that are import paths."""
     return tuple(name for name in names if ":" in plain(name))
 

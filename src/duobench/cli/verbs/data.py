@@ -41,7 +41,7 @@ def opened(folder: Path, tasks: tuple[str, ...] = (), *, import_tasks: bool = Fa
     load_engine()
     from duobench.data import DataSet
 
-    own = catalog.own(tasks)
+    own = catalog.import_paths(tasks)
     return DataSet.open(folder, create=False, import_tasks=import_tasks, own_tasks=own)
 
 
@@ -128,7 +128,7 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool
         say(f"{problem.path}: {problem.what}")
     episodes = counted(len(source.episodes()), "episode")
     say(f"{episodes}, {counted(len(problems), 'problem')}")
-    if any("is none of the benchmark." in problem.what for problem in problems):
+    if any(problem.is_foreign for problem in problems):
         offer_to_import(set(source.tasks), import_tasks=import_tasks)
     if problems:
         sys.exit(1)
