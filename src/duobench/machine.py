@@ -14,6 +14,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
+from duobench.awake import HERE
 from duobench.errors import DuoBenchError
 
 DISTRIBUTION = "duobench-fr3"
@@ -83,6 +84,7 @@ def watch_parent(parent: int, end: Callable[[], object]) -> None:
 
     def watch() -> None:
         while os.getppid() == parent:
+            HERE.note()
             time.sleep(0.1)
         end()
 

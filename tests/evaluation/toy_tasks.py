@@ -241,6 +241,15 @@ class SpoilsClock(Acts, HoldPolicy):
             time.sleep(1000)
 
 
+class ThinksTwice(HoldPolicy):
+    """Thinks for two seconds before the second answer of a run, and says when it begins to."""
+
+    def act(self, observation: Mapping[str, Any]) -> np.ndarray:
+        if not mark("rehearsed") and mark("thinking"):
+            time.sleep(2.0)
+        return super().act(observation)
+
+
 class HasHelpers(HoldPolicy):
     """Starts processes of every kind, and none of them ever ends."""
 

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -26,19 +27,24 @@ from rich.console import Console
 from duobench.results.folder import RunFolder
 from duobench.cli.shared.console import results_table
 from duobench.results.report import read_parts
+from duobench.results.run import TimeLimits
 from duobench.runners.evaluate import evaluate
 from tests.evaluation.conftest import small_suite
 
 folder, workers, policy = RunFolder(Path(sys.argv[1])), int(sys.argv[2]), sys.argv[3]
-evaluate(policy, small_suite(episodes=EPISODES), folder, videos=1, workers=workers)
+limits = TimeLimits(act_timeout=float(sys.argv[4]))
+suite = small_suite(episodes=EPISODES)
+evaluate(policy, suite, folder, videos=1, workers=workers, limits=limits)
 Console(width=130).print(results_table(read_parts(folder)[0]))
 """
 EPISODES = 4
 
 
-def start(script: Path, folder: Path, workers: int, policy: str = "random") -> Any:
+def start(
+    script: Path, folder: Path, workers: int, policy: str = "random", act_timeout: float = 120.0
+) -> Any:
     return subprocess.Popen(
-        [sys.executable, str(script), str(folder), str(workers), policy],
+        [sys.executable, str(script), str(folder), str(workers), policy, str(act_timeout)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -97,6 +103,26 @@ def test_interrupted_run_stops_and_keeps_what_is_finished(script, tmp_path):
     wait_until(lambda: not any(map(is_running, workers)), "the end of the workers")
     run_folder = RunFolder(folder)
     assert run_folder.read_records(run_folder.read_run())
+
+
+def test_suspended_run_fails_no_policy_for_the_time_that_it_was_stopped(
+    script, tmp_path, monkeypatch
+):
+    monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
+    slow, act_timeout = f"{toy_tasks.__name__}:ThinksTwice", 4.0
+    with start(script, tmp_path / "run", 1, slow, act_timeout) as process:
+        wait_until((tmp_path / "thinking").exists, "a policy that thinks")
+        job = [process.pid, *children(process.pid)]
+        for pid in job:
+            os.kill(pid, signal.SIGSTOP)
+        time.sleep(act_timeout + 2)
+        for pid in job:
+            os.kill(pid, signal.SIGCONT)
+        _, complaint = process.communicate()
+    assert len(job) >= 3  # a worker and the policy beside it
+    assert process.returncode == 0, complaint
+    folder = RunFolder(tmp_path / "run")
+    assert [record.error for record in folder.read_records(folder.read_run())] == [None] * 8
 
 
 def test_helpers_of_a_policy_end_with_a_killed_run(script, tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ from typing import Any
 
 import gymnasium as gym
 
+from duobench.awake import HERE, Awake
 from duobench.envs.duo_env import base_of
 from duobench.errors import PolicyTimeoutError
 from duobench.results.journal import EpisodeTimes
@@ -48,12 +49,14 @@ class EpisodeClock:
     Args:
         file: Descriptor of a memory file of `SIZE` bytes that another process has too; -1 if none
             has.
+        awake: Knows when this process was stopped, which counts for nothing.
     """
 
     SIZE = 3 * 8
     """Bytes that it takes: two doubles and a whole number."""
 
-    def __init__(self, file: int = -1) -> None:
+    def __init__(self, file: int = -1, awake: Awake = HERE) -> None:
+        self._awake = awake
         memory = memoryview(mmap.mmap(file, self.SIZE))
         self._times, self._counts = memory.cast("d"), memory.cast("q")
 
@@ -93,7 +96,7 @@ class EpisodeClock:
 
     def _seconds(self, which: int) -> float:
         since = self._times[which]
-        return time.monotonic() - since if since else 0.0
+        return self._awake.seconds_since(since) if since else 0.0
 
 
 class Stopwatch:

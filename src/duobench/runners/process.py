@@ -23,6 +23,7 @@ from typing import Any, NoReturn, Protocol
 
 import msgspec
 
+from duobench.awake import Awake
 from duobench.errors import (
     DuoBenchError,
     EvaluationError,
@@ -171,7 +172,8 @@ class WorkerProcess:
         self._channel = Channel(ours, kind, most)
         memory = os.memfd_create("duobench-clock")
         os.ftruncate(memory, EpisodeClock.SIZE)
-        self._clock = EpisodeClock(memory)
+        self._awake = Awake()
+        self._clock = EpisodeClock(memory, self._awake)
         files = (theirs.fileno(), memory)
         # In safe mode (-P), the current folder does not come before the standard library.
         flags = subprocess._args_from_interpreter_flags()  # pyright: ignore[reportAttributeAccessIssue]
@@ -204,7 +206,8 @@ class WorkerProcess:
         return self._channel.receive()
 
     def clock(self) -> ClockReading:
-        """What its clock shows."""
+        """What its clock shows; who asks for it many times a second may be stopped with it."""
+        self._awake.note()
         return self._clock.read()
 
     def death(self) -> str | None:

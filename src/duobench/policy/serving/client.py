@@ -106,7 +106,7 @@ class OpenpiPolicy(ConnectedPolicy):
         self, connection: ClientConnection, message: dict[str, Any], *, is_text: bool = False
     ) -> Any:
         connection.send(pack(message))
-        reply = connection.recv(self._left())
+        reply = self._heard(connection)
         if not isinstance(reply, str):
             return read(reply)
         if not is_text:
@@ -118,7 +118,7 @@ class OpenpiPolicy(ConnectedPolicy):
         return reported(words)
 
     def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
-        first = connection.recv(self._left())
+        first = self._heard(connection)
         try:
             handshake = unpack(first if isinstance(first, bytes) else first.encode())
         except MessageError as error:

@@ -19,6 +19,7 @@ import numpy as np
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from duobench.awake import HERE
 from duobench.errors import (
     LONGEST_TEXT,
     DuoBenchError,
@@ -68,12 +69,12 @@ class ConnectedPolicy(ABC):
         self._connection: ClientConnection | None = None
         self._served: tuple[PolicyMetadata, Batching | None] | None = None
         self._instruction = ""
-        self._deadline = time.monotonic() + server.wait_s + server.answer_s
+        self._allow(server.wait_s + server.answer_s)
         self._connect()
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode, once more if the connection was lost since the last request."""
-        self._deadline = time.monotonic() + self._server.answer_s
+        self._allow(self._server.answer_s)
         self._instruction = instruction
         for is_last in (self._connection is None, True):
             try:
@@ -86,7 +87,7 @@ class ConnectedPolicy(ABC):
 
     def act(self, observation: Observation) -> Chunk:
         """The next actions (H, n)."""
-        self._deadline = time.monotonic() + self._server.answer_s
+        self._allow(self._server.answer_s)
         if self._connection is None:
             raise MachineryError("The connection to the policy's server is lost.")
         with self._exchange() as connection:
@@ -123,9 +124,21 @@ class ConnectedPolicy(ABC):
         version = f"{version}, format {digest}, {self._server.executed}"
         return self._format.metadata(name, version, seeded=seeded)
 
+    def _allow(self, seconds: float) -> None:
+        self._asked, self._most_s = time.monotonic(), seconds
+
     def _left(self) -> float:
         """Seconds that the answer may still take."""
-        return max(self._deadline - time.monotonic(), 0.0)
+        return max(self._most_s - HERE.seconds_since(self._asked), 0.0)
+
+    def _heard(self, connection: ClientConnection) -> str | bytes:
+        """What the server says next; time in which this process is stopped does not count."""
+        while True:
+            try:
+                return connection.recv(self._left())
+            except TimeoutError:
+                if not self._left():
+                    raise
 
     def _late(self) -> DuoBenchError:
         """Whose fault it is that there was no answer: a server that still lives has waited too."""
@@ -158,7 +171,7 @@ class ConnectedPolicy(ABC):
 
     def _connect(self) -> ClientConnection:
         """Connect, and wait for a server that is not there."""
-        give_up = min(self._deadline, time.monotonic() + self._server.wait_s)
+        give_up = time.monotonic() + min(self._left(), self._server.wait_s)
         while True:
             try:
                 connection = self._ending.enter_context(self._opened())

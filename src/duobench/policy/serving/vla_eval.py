@@ -131,7 +131,7 @@ class VlaEvalPolicy(ConnectedPolicy):
         return self._seq
 
     def _receive(self, connection: ClientConnection) -> tuple[str, dict[str, Any], int]:
-        frame = connection.recv(self._left())
+        frame = self._heard(connection)
         if isinstance(frame, str):
             raise MessageError("A message is binary, got text.")
         message = unpack(frame)
