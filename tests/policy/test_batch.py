@@ -247,9 +247,86 @@ def test_answer_that_is_no_chunks_is_refused(returned: Any, message: str) -> Non
     policy = Network()
     policy.act_batch = lambda *_: returned  # type: ignore[method-assign]
     sessions = [policy.begin("Do it.", seed) for seed in (0, 1)]
-    with pytest.raises(PolicyError, match=message):
-        answer(policy, sessions, [OBSERVATION] * 2, Batching(mode="dynamic"))
+    with pytest.raises(PolicyError, match=message):  # noqa: PT012 - all of it, or each chunk
+        for each in answer(policy, sessions, [OBSERVATION] * 2, Batching(mode="dynamic")):
+            assert isinstance(each, PolicyError)
+            raise each
     assert [session.call for session in sessions] == [0, 0]
+
+
+class Spoils(Network):
+    """Answers with how often a session was answered; where it sees ones, with what is no number."""
+
+    def act_batch(
+        self, sessions: Sequence[Session], observations: Sequence[dict[str, Any]]
+    ) -> np.ndarray:
+        for session in sessions:
+            session.instruction += "."
+        chunks = [np.full((1, 16), len(session.instruction), float) for session in sessions]
+        for chunk, observation in zip(chunks, observations, strict=True):
+            chunk[0, observation["agent_pos"] == 1] = np.nan
+        return np.stack(chunks)
+
+
+def together(
+    loop: InferenceLoop, busy: threading.Event, *asked: tuple[Session, dict[str, Any]]
+) -> list[Any]:
+    """What is answered to observations that all wait while the loop is busy: chunk or error."""
+    busy.clear()
+    free = loop.begin("wait", 9)
+    futures = [loop.act(session, observation) for session, observation in asked]
+    busy.set()
+    loop.end(free.result(TIMEOUT_S))
+    return [future.exception(TIMEOUT_S) or future.result() for future in futures]
+
+
+ONES = {"agent_pos": np.ones(16, np.float32)}
+
+
+def test_chunk_that_is_none_makes_nobody_be_answered_twice(start: Start) -> None:
+    policy, busy = Spoils(), threading.Event()
+    policy.begin = partial(_begun, busy)  # type: ignore[method-assign]
+    loop = start(policy, mode="dynamic", size=2)
+    good, bad = (loop.begin("", seed).result(TIMEOUT_S) for seed in (0, 1))
+    seen: list[float] = []
+    for number in range(4):
+        ones = ONES if number == 1 else OBSERVATION
+        chunk, other = together(loop, busy, (good, OBSERVATION), (bad, ones))
+        seen.append(chunk[0, 0])
+        assert isinstance(other, PolicyError) == (number == 1)
+    assert seen == [1, 2, 3, 4]
+
+
+def _begun(busy: threading.Event, instruction: str, seed: int) -> Session:
+    assert not instruction or busy.wait(TIMEOUT_S)
+    return Session(instruction="", seed=seed)
+
+
+class Remembers:
+    """A plain policy that answers with how often it was asked; ones break it."""
+
+    metadata = PolicyMetadata(name="remembers")
+
+    busy = threading.Event()
+
+    def reset(self, instruction: str, seed: int) -> None:
+        assert not instruction or self.busy.wait(TIMEOUT_S)
+        self._asked = 0
+
+    def act(self, observation: dict[str, Any]) -> np.ndarray:
+        if observation["agent_pos"][0] == 1:
+            raise ZeroDivisionError
+        self._asked += 1
+        return np.full((1, 16), self._asked, float)
+
+
+def test_served_plain_policy_is_asked_once_for_what_another_episode_breaks_at(start: Start) -> None:
+    made, _, batching = make_served(f"{__name__}:Remembers", Batching(mode="dynamic", size=3))
+    loop = start(InferenceLoop(made, batching))
+    good, bad = (loop.begin("", seed).result(TIMEOUT_S) for seed in (0, 1))
+    asked = [together(loop, Remembers.busy, (good, OBSERVATION), (bad, ONES)) for _ in range(3)]
+    assert [chunk[0, 0] for chunk, _ in asked] == [1, 2, 3]
+    assert all(isinstance(error, PolicyError) for _, error in asked)
 
 
 def test_session_of_another_kind_is_refused() -> None:
@@ -336,7 +413,7 @@ def test_plain_policies_keep_their_episodes_apart() -> None:
         pool.begin("Do it.", 3)
     for size in (1, 2):
         made, _, batching = make_served("hold", Batching(mode="dynamic", size=size))
-        assert (made.size, batching.size) == (size, size)  # type: ignore[attr-defined]
+        assert (made.size, batching.size) == (size, 1)  # type: ignore[attr-defined]
     pool.end(first)
     third = pool.begin("Do it.", 3)
     assert answer(pool, [third], [OBSERVATION], batching)[0][0, 0] == 301

@@ -120,10 +120,11 @@ def answer(
     sessions: Sequence[Session],
     observations: Sequence[Observation],
     batching: Batching,
-) -> list[Chunk]:
+) -> list[Chunk | PolicyError]:
     """One chunk (H, n) for each of at most `batching.size` sessions, which count their answers.
 
-    The policy gets copies of the observations, which it may change. A fixed batch is filled up
+    One that is no chunk is an error in its place: it is no fault of the other sessions, which
+    the policy may have moved on. The policy gets copies of the observations, which it may change. A fixed batch is filled up
     with the first one, in sessions of its own.
     """
     missing = batching.size - len(sessions) if batching.mode == "fixed" else 0
@@ -147,10 +148,17 @@ def answer(
             raise PolicyError(
                 f"A policy was asked for {len(filled)} chunks and returned {len(chunks)}."
             )
-        checked = [as_chunk(chunk, width=None) for chunk in chunks[: len(sessions)]]
-    for session in sessions:
-        session.call += 1
+        checked = [_checked(chunk) for chunk in chunks[: len(sessions)]]
+    for session, chunk in zip(sessions, checked, strict=True):
+        session.call += not isinstance(chunk, PolicyError)
     return checked
+
+
+def _checked(chunk: Any) -> Chunk | PolicyError:
+    try:
+        return as_chunk(chunk, width=None)
+    except PolicyError as error:
+        return error
 
 
 def begin(policy: BatchPolicy, instruction: str, seed: int) -> Session:
@@ -201,7 +209,10 @@ class SessionPolicy:
         """
         if self._session is None:
             raise PolicyError("A policy is reset before it acts.")
-        return answer(self._policy, [self._session], [observation], self._batching)[0]
+        (chunk,) = answer(self._policy, [self._session], [observation], self._batching)
+        if isinstance(chunk, PolicyError):
+            raise chunk
+        return chunk
 
     @property
     def intended_action(self) -> ArrayLike | None:

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from duobench.errors import (
     MachineryError,
+    PolicyError,
     PolicyFailedError,
     PolicyTimeoutError,
     foreign_traceback,
@@ -184,7 +185,10 @@ class InferenceLoop:
                 self._deadline = time.monotonic() + min(PATIENCE * busy_s, LONGEST_WAIT_S)
             for request, chunk in zip(batch, chunks, strict=True):
                 request.busy_s = busy_s
-                request.set_result(chunk)
+                if isinstance(chunk, PolicyError):
+                    _fail(request, chunk)
+                else:
+                    request.set_result(chunk)
             return
         _log.warning("A batch failed; its observations are answered one by one.")
         for request in batch:

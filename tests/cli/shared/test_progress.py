@@ -45,6 +45,21 @@ def test_continued_run_says_what_was_there() -> None:
     assert lines[-1].startswith("12 of 12 episodes")
 
 
+def test_first_minute_in_which_nothing_is_done_says_how_long_it_has_taken() -> None:
+    out, now = io.StringIO(), [0.0]
+    with display("episode", Console(file=out, width=100), clock=lambda: now[0]) as live:
+        live.begin("Recording", {"sort": 6})
+        now[0] = 65.0
+        live.advance("sort", 0)
+        live.advance("sort", 2, earlier=True)
+        now[0] = 200.0
+        live.advance("sort", 0)
+    assert out.getvalue().splitlines()[1:] == [
+        "0 of 6 episodes, 0:01:05 elapsed",
+        "2 of 6 episodes, 0:03:20 elapsed",
+    ]
+
+
 def test_broken_episode_is_told_with_its_reason() -> None:
     records = [
         *sample_records(sample_run(episodes=1))[:2],

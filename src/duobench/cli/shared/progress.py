@@ -81,9 +81,11 @@ class Display:
 
     def _times(self, elapsed: float) -> str:
         """How long it has taken, and how long the rest takes at the same speed."""
-        left = elapsed / (self._done - self._earlier) * (self._total - self._done)
-        past, rest = (timedelta(seconds=round(seconds)) for seconds in (elapsed, left))
-        return f"{past} elapsed" + (f", {rest} left" if self._done < self._total else "")
+        past, here = timedelta(seconds=round(elapsed)), self._done - self._earlier
+        if not here or self._done >= self._total:
+            return f"{past} elapsed"
+        rest = timedelta(seconds=round(elapsed / here * (self._total - self._done)))
+        return f"{past} elapsed, {rest} left"
 
     def tell(self, done: int, total: int) -> None:
         """Show that so many of so many things are done; those of the first call were before."""

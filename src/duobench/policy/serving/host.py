@@ -20,7 +20,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from duobench.errors import DuoBenchError, MessageError, PolicyError, PolicyTimeoutError
-from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, Session
+from duobench.policy.batch import ONE_BY_ONE, Batching, BatchPolicy, PolicyPool, Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import PolicyName, make_batched
@@ -324,4 +324,4 @@ def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetad
     """
     objects = batching.size
     made, metadata, together = make_batched(PolicyName.parse(name), batching, objects=objects)
-    return made, metadata, together or Batching(mode="dynamic", size=objects)
+    return made, metadata, together or ONE_BY_ONE
