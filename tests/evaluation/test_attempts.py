@@ -91,6 +91,26 @@ def test_a_record_that_hides_its_earlier_attempts_is_contradicted(
     assert finding.reason == "its earlier attempts ended so: none; the journal says: failure"
 
 
+@pytest.mark.parametrize(
+    ("copied", "ends", "reason"),
+    [
+        (False, "success", "it is a failure; the journal says: success"),
+        (True, "success", "its earlier attempts ended so: none; the journal says: failure"),
+        (True, "failure", None),
+    ],
+)
+def test_a_record_of_another_attempt_than_the_noted_one_is_contradicted(
+    play: Play, ends: str, reason: str | None, *, copied: bool
+) -> None:
+    folder, _ = play("hold", episodes=1)
+    (journal,) = folder.path.glob("attempts/*")
+    luckier = journal.read_text().replace('"how":"failure"', f'"how":"{ends}"')
+    (journal.with_name("1-of-2.jsonl") if copied else journal).write_text(luckier)
+    assert {each.success for each in folder.read_records(folder.read_run())} == {False}
+    found = verify(folder, import_tasks=True).of(Verdict.CONTRADICTED)
+    assert [each.reason for each in found] == ([reason] * 2 if reason else [])
+
+
 def test_what_no_journal_notes_is_told(play: Play, capsys: pytest.CaptureFixture[str]) -> None:
     folder, _ = play("random", episodes=1)
     for path in folder.path.glob("attempts/*"):

@@ -309,7 +309,7 @@ class Remembers:
 
     busy = threading.Event()
 
-    def reset(self, instruction: str, seed: int) -> None:
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - as policies have it
         assert not instruction or self.busy.wait(TIMEOUT_S)
         self._asked = 0
 

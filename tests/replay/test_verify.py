@@ -3,17 +3,19 @@
 import json
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from duobench.errors import FileError, OtherRunError
+from duobench.errors import DuoBenchError, FileError, OtherRunError
 from duobench.randomness import episode_seed, policy_seed
 from duobench.replay.verify import Verdict, Verification, verify
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
+from duobench.results.journal import Journal
 from duobench.results.suite import Suite, find_tasks
 from duobench.runners.evaluate import evaluate
 from tests.evaluation import test_recorder
@@ -53,11 +55,15 @@ def held(runs: dict[str, RunFolder], tmp_path: Path) -> RunFolder:
 
 @pytest.fixture
 def verified(runs: dict[str, RunFolder], tmp_path: Path) -> Any:
-    """Forge the second episode of a run, and verify what becomes of it."""
+    """Forge the second episode of a run and its journal, and verify what becomes of it."""
 
     def forge(edit: Edit, policy: str = "expert", *, sealed: bool = True) -> Verification:
         folder = copied(runs[policy], tmp_path / "forged")
-        rewritten(folder.record(key(folder, TASK, SECOND)), edit, sealed=sealed)
+        second = key(folder, TASK, SECOND)
+        rewritten(folder.record(second), edit, sealed=sealed)
+        with suppress(DuoBenchError):  # a record that cannot be read
+            journal = Journal(next(folder.path.glob("attempts/*")), folder.entries)
+            journal.end(folder.read_record(folder.read_run(), second), None)
         return verify(folder)
 
     return forge

@@ -129,10 +129,33 @@ def test_permutation_of_many_is_sampled_in_the_same_way_every_time() -> None:
     assert permutation(a, b) == permutation(a, b) == pytest.approx(0.07, abs=0.02)
 
 
-@pytest.mark.parametrize(("successes", "episodes"), [((5, 11), (20, 20)), ((0, 4), (10, 30))])
-def test_barnard_is_that_of_scipy(successes: tuple[int, int], episodes: tuple[int, int]) -> None:
-    table = [successes, [n - k for k, n in zip(successes, episodes, strict=True)]]
-    assert barnard(successes, episodes) == pytest.approx(barnard_exact(table).pvalue)
+def extremeness(solved: tuple[int, int], episodes: tuple[int, int]) -> Fraction:
+    rate = Fraction(sum(solved), sum(episodes))
+    gap = Fraction(solved[0], episodes[0]) - Fraction(solved[1], episodes[1])
+    return gap**2 / (rate * (1 - rate)) if 0 < rate < 1 else Fraction(0)
+
+
+@pytest.mark.parametrize(
+    ("successes", "episodes"),
+    [
+        *[((5, 11), (20, 20)), ((0, 4), (10, 30)), ((6, 13), (20, 20)), ((6, 2), (15, 20))],
+        *[((1, 1), (3, 1)), ((6, 14), (10, 15)), ((13, 8), (30, 10)), ((9, 17), (12, 40))],
+    ],
+)
+def test_barnard_counts_ties_exactly(successes: tuple[int, int], episodes: tuple[int, int]) -> None:
+    observed = extremeness(successes, episodes)
+    tables = itertools.product(*(range(n + 1) for n in episodes))
+    extreme = [solved for solved in tables if extremeness(solved, episodes) >= observed]
+    first, second = (np.array(k)[:, None] for k in zip(*extreme, strict=True))
+    rates = np.linspace(0, 1, 4001)
+    chances = binom.pmf(first, episodes[0], rates) * binom.pmf(second, episodes[1], rates)
+    assert barnard(successes, episodes) == pytest.approx(chances.sum(0).max(), abs=1e-5)
+
+
+def test_barnard_is_near_that_of_scipy() -> None:  # which loses some ties to rounding
+    assert barnard_exact([[5, 11], [15, 9]]).pvalue == pytest.approx(
+        barnard((5, 11), (20, 20)), 2e-3
+    )
 
 
 @pytest.mark.parametrize("solved", [0, 20])

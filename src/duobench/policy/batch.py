@@ -124,8 +124,8 @@ def answer(
     """One chunk (H, n) for each of at most `batching.size` sessions, which count their answers.
 
     One that is no chunk is an error in its place: it is no fault of the other sessions, which
-    the policy may have moved on. The policy gets copies of the observations, which it may change. A fixed batch is filled up
-    with the first one, in sessions of its own.
+    the policy may have moved on. The policy gets copies of the observations, which it may change.
+    A fixed batch is filled up with the first one, in sessions of its own.
     """
     missing = batching.size - len(sessions) if batching.mode == "fixed" else 0
     padded = [*observations, *[observations[0]] * missing]

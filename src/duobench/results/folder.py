@@ -103,9 +103,9 @@ class RunReader(ABC):
                     f"{self.path} has a record of no episode of its run, {name}: {DESCRIPTION} "
                     f"says {run.suite.episodes} episodes of {len(tasks)} tasks under "
                     f"{len(conditions)} conditions. It was copied from another run, or from a part "
-                    f"of this one with more to play, whose {DESCRIPTION} belongs to all. Parts of which "
-                    "none plays all are whole once the run of all their tasks, axes and levels "
-                    "goes on in this folder."
+                    f"of this one with more to play, whose {DESCRIPTION} belongs to all. Parts of "
+                    "which none plays all are whole once the run of all their tasks, axes and "
+                    "levels goes on in this folder."
                 )
             found.append(key)
         return sorted(found, key=lambda key: (conditions[key.condition], tasks[key.task], key[2]))

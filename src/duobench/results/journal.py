@@ -7,7 +7,7 @@ how long it took. Records say what attempts there were, and no time of the clock
 import math
 import os
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -92,21 +92,39 @@ def read_entries(path: Path) -> list[Entry]:
     return entries
 
 
+def end_of(record: EpisodeRecord) -> str:
+    """How an attempt ended of which there is a record."""
+    return ERROR if record.error else SUCCESS if record.success else FAILURE
+
+
 def read_attempts(entries: Iterable[Entry]) -> dict[Key, tuple[str, ...]]:
-    """How the attempts at each episode ended, first to last, as writers have noted it."""
-    found: defaultdict[Key, dict[int, str]] = defaultdict(dict)
+    """How the attempts at each episode ended, first to last, as writers have noted it.
+
+    One that two journals began, and that ended in two ways, is two: folders of one run in which
+    both were played were copied together.
+    """
+    found: defaultdict[Key, dict[int, Ended | None]] = defaultdict(dict)
+    begun_again: dict[tuple[Key, int], Ended] = {}
+    twins: defaultdict[Key, list[str]] = defaultdict(list)
     for entry in entries:
         match entry:
             case Begun():
-                found[entry.key].setdefault(entry.attempt, STOPPED)
+                if before := found[entry.key].setdefault(entry.attempt, None):
+                    begun_again[entry.key, entry.attempt] = before
             case Ended():
-                found[entry.key][entry.attempt] = entry.how
+                found[entry.key][entry.attempt] = entry
+                before = begun_again.pop((entry.key, entry.attempt), entry)
+                if (before.how, before.steps) != (entry.how, entry.steps):
+                    twins[entry.key].append(before.how)
             case Started():
                 pass
-    return {
-        key: tuple(ends.get(number, STOPPED) for number in range(1, 1 + max(ends)))
-        for key, ends in found.items()
-    }
+    return {key: (*twins[key], *_ends(noted)) for key, noted in found.items()}
+
+
+def _ends(noted: Mapping[int, Ended | None]) -> Iterator[str]:
+    for number in range(1, 1 + max(noted)):
+        end = noted.get(number)
+        yield STOPPED if end is None else end.how
 
 
 class Journal:
@@ -141,7 +159,7 @@ class Journal:
 
     def end(self, record: EpisodeRecord, times: EpisodeTimes | None) -> None:
         """Note that an episode has a record, and how long it took, in whole milliseconds."""
-        how = ERROR if record.error else SUCCESS if record.success else FAILURE
+        how = end_of(record)
         rounded = times and EpisodeTimes(
             **{field.name: round(getattr(times, field.name), 3) for field in fields(times)}
         )

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from duobench.results.scores import CONFIDENCE, wilson_interval
+from duobench.types import Array
 
 LEVEL = 1.0 - CONFIDENCE
 """Probability of claiming a difference where there is none."""
@@ -26,6 +27,11 @@ MOST_EPISODES = 1_000_000
 """Above it, no number of episodes is given."""
 MOST_TABLES = 4_000_000
 """Outcomes of two samples up to which Barnard's test is exact; its time grows with them."""
+TIED = 1e-9
+"""Relative difference up to which two outcomes are equally extreme, and differ by rounding."""
+RATES = 256
+"""Common rates at which an outcome's probability is looked at, for its largest; less than the width
+of a binomial apart for as many episodes as `MOST_TABLES` allows."""
 RESAMPLES = 9_999
 """Permutations of two samples, where there are more than can be enumerated."""
 PRIOR = 14.0, 6.0
@@ -88,11 +94,34 @@ def barnard(successes: tuple[int, int], episodes: tuple[int, int]) -> float:
     if solved in {0, played}:
         return 1.0
     if math.prod(episodes) <= MOST_TABLES:
-        failures = [n - k for k, n in zip(successes, episodes, strict=True)]
-        return float(_scipy("stats").barnard_exact([list(successes), failures]).pvalue)
+        return _barnard(successes, episodes)
     rates = [k / n for k, n in zip(successes, episodes, strict=True)]
     variance = solved / played * (1 - solved / played) * sum(1 / n for n in episodes)
     return 2 * NormalDist().cdf(-abs(rates[0] - rates[1]) / math.sqrt(variance))
+
+
+def _barnard(successes: tuple[int, int], episodes: tuple[int, int]) -> float:
+    # SciPy's `barnard_exact` loses outcomes that are tied with the observed one to rounding.
+    counts = [np.arange(n + 1) for n in episodes]
+    solved = np.add.outer(*counts)
+    gap = np.subtract.outer(*(k / n for k, n in zip(counts, episodes, strict=True))) ** 2
+    order = gap / np.maximum(solved * (sum(episodes) - solved), 1)
+    extreme = (order >= order[successes] * (1 - TIED)).astype(float)
+
+    def chances(angles: Array) -> Array:
+        rates = np.sin(angles[:, None]) ** 2  # a binomial is equally wide in all of these angles
+        first, second = (
+            _scipy("stats").binom.pmf(k, n, rates) for k, n in zip(counts, episodes, strict=True)
+        )
+        return np.einsum("ri,ri->r", first @ extreme, second)
+
+    largest, middle, width = 0.0, math.pi / 4, math.pi / 4
+    for _ in range(3):
+        angles = np.linspace(middle - width, middle + width, RATES)
+        found = chances(angles)
+        largest = max(largest, float(np.max(found)))
+        middle, width = float(angles[np.argmax(found)]), 2 * width / (RATES - 1)
+    return min(1.0, largest)
 
 
 def paired_permutation(differences: Sequence[int]) -> float:
