@@ -107,9 +107,10 @@ def test_bytes_do_not_depend_on_what_was_there_before(folder, tmp_path):
     made(folder, tmp_path / "all at once")
     last = folder / "random.duobench.zip"
     last.rename(tmp_path / last.name)
-    shutil.copy(folder / "hold.duobench.zip", folder / "other.duobench.zip")
-    made(folder, tmp_path / "one by one")
-    (folder / "other.duobench.zip").unlink()
+    shutil.copy(folder / "hold.duobench.zip", folder / "OTHER.ZIP")
+    board, _ = made(folder, tmp_path / "one by one")
+    assert [each.file for each in board.refused] == ["hold.duobench.zip"]  # the same run
+    (folder / "OTHER.ZIP").unlink()
     (tmp_path / last.name).rename(last)
     _, played = made(folder, tmp_path / "one by one")
     assert played == {last.name: 1}

@@ -67,6 +67,21 @@ def test_bundle_that_another_tool_packed_again_is_read(path: Path, tmp_path: Pat
     assert read_source(Path(again)) == read_source(path)
 
 
+def test_bundle_that_python_packed_again_without_types_of_files_is_read(path: Path) -> None:
+    with zipfile.ZipFile(path) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    again = path.with_name("again.zip")
+    again.write_bytes(packed([(entry(name, 0o600), part) for name, part in parts.items()]))
+    assert read_source(again) == read_source(path)
+
+
+def test_bundle_of_a_run_that_begins_late_is_read(tmp_path: Path) -> None:
+    run = sample_run(episodes=1, first_episode=5_000_000_000)
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    write_bundle(folder, tmp_path / "late.zip")
+    assert read_source(tmp_path / "late.zip") == read_source(folder.path)
+
+
 def test_archive_that_is_no_bundle_is_not_overwritten(folder: RunFolder, tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "weights.npz", "w") as archive:
         archive.writestr("a.npy", b"mine")

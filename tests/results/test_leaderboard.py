@@ -65,6 +65,7 @@ def test_privileged_ones_are_ranked_apart() -> None:
         ),
         ({"versions": {**VERSIONS, "mujoco": "4.1.2"}}, ("MuJoCo 4.1.2 instead of 4.0",)),
         ({"versions": {**VERSIONS, "mujoco": "4.0.9"}}, ()),
+        ({"versions": {}}, ("MuJoCo an unknown version instead of 4.0",)),
         # How a policy sees and acts is its own affair.
         (
             {

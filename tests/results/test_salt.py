@@ -110,7 +110,7 @@ def rounds(text: str, folder: Path) -> tuple[Round, ...]:
 
 
 def test_rounds_are_read(tmp_path: Path) -> None:
-    autumn, spring = rounds(f'{AUTUMN}{BUNDLE}salt = "{DIGITS}"\n{SPRING}', tmp_path)
+    autumn, spring = rounds(f'{AUTUMN}{BUNDLE}salt = "{DIGITS.upper()}"\n{SPRING}', tmp_path)
     assert (autumn.name, autumn.date, autumn.salt) == ("autumn", date(2026, 9, 1), DIGITS)
     assert (autumn.bundles, spring.bundles, spring.salt) == (("c" * 64,), (), None)
     assert rounds(AUTUMN.replace("2026-09-01", '"2026-09-01"'), tmp_path)[0].date == autumn.date

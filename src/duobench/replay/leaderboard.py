@@ -83,7 +83,8 @@ def make_leaderboard(
     Returns:
         The leaderboard, and its first page.
     """
-    if not (paths := sorted(filter(Path.is_file, folder.glob("*.zip")))):
+    files = filter(Path.is_file, folder.glob("*"))
+    if not (paths := sorted(path for path in files if path.suffix.lower() == ".zip")):
         raise EvaluationError(f"There is no bundle in {folder}: no file whose name ends in .zip.")
     rounds = read_rounds(folder / ROUNDS) if (folder / ROUNDS).exists() else ()
     begin_site(out)

@@ -33,7 +33,9 @@ MAX_BYTES = 512 * 2**20
 """Largest bundle, packed and unpacked; eleven tasks with a hundred episodes have a tenth of it."""
 
 _MANIFEST = "manifest.json"
-_NAMES = re.compile(rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/[\w-][\w.-]*/[0-9]{{5,9}}\.json")
+_NAMES = re.compile(
+    rf"{_MANIFEST}|{DESCRIPTION}|records/\w[\w.-]*/[\w-][\w.-]*/[0-9]{{5,16}}\.json"
+)
 _ENTRY = b"PK\x01\x02"  # what each entry of an archive's list of contents begins with
 _DAMAGE = (
     *(zipfile.BadZipFile, zlib.error, struct.error),
@@ -204,8 +206,8 @@ def _check_entries(entries: Iterable[zipfile.ZipInfo]) -> None:
         problems = {
             f"No bundle has a part {name[:100]!r}.": not _NAMES.fullmatch(name),
             f"It has {name} twice.": name in names,
-            f"{name} is a link, or something else that is no file.": mode
-            and not stat.S_ISREG(mode),
+            f"{name} is a link, or something else that is no file.": stat.S_IFMT(mode)
+            not in {0, stat.S_IFREG},
             f"{name} has more than {MAX_PART_BYTES} bytes.": entry.file_size > MAX_PART_BYTES,
             f"Its parts have more than {MAX_BYTES} bytes.": size > MAX_BYTES,
             f"{name} is compressed in another way than a bundle's parts are.": entry.compress_type

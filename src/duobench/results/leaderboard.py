@@ -227,7 +227,7 @@ def _deviations(run: Run, records: Iterable[EpisodeRecord], split: str) -> tuple
         found.append("self-reported: whoever played it may have chosen its salt")
     if run.suite.shifts != (NO_SHIFT,):
         found.append(f"{len(run.suite.shifts)} conditions, not that without a shift alone")
-    if other := other_engine(run.versions):
+    if other := other_engine({"mujoco": "an unknown version", **run.versions}):
         found.append(other)
     tasks = catalog.names()
     if len(run.suite.tasks) < len(tasks):

@@ -94,7 +94,10 @@ class Round(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     """The salt itself in hexadecimal digits, once it is published."""
 
     def __post_init__(self) -> None:
-        if self.salt is not None and Salt(self.salt).sha256 != self.salt_sha256:
+        if self.salt is None:
+            return
+        msgspec.structs.force_setattr(self, "salt", self.salt.lower())
+        if Salt(self.salt).sha256 != self.salt_sha256:
             raise EvaluationError(f"The salt of {self.name!r} does not have its SHA-256.")
 
 
