@@ -466,6 +466,19 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
     assert complaint.strip() == "Stopped."
 
 
+def test_failures_that_are_kept_and_layouts_of_the_evaluation_are_told(
+    told: Told, tmp_path: Path
+) -> None:
+    where = ["--policy", "hold", "--tasks", "bin_sort", "--split", "eval", "--out", tmp_path / "d"]
+    said = told("record", *where, "--keep-failures", "--episodes", 2, "--workers", 0)
+    assert "2 episodes, 0 steps until success" in said
+    assert "; 0 more did not succeed.\n2 of the episodes did not succeed.\n" in said
+    exported = told(
+        "export", "lerobot", tmp_path / "d", "--out", tmp_path / "e", "--cameras", "none"
+    )
+    assert "2 episodes with layouts that policies are evaluated on: train on others." in exported
+
+
 def test_interrupted_recording_says_that_it_goes_on(tmp_path: Path) -> None:
     words = ["record", "--policy", "hold", "--keep-failures", "--tasks", "bin_sort"]
     with started(*words, "--workers", "0", "--out", str(tmp_path / "demos")) as process:

@@ -1,5 +1,6 @@
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -416,6 +417,22 @@ def test_both_domains_are_exported_together(
     for path in folder.path.rglob("*.mp4"):
         other = tmp_path / "again" / path.relative_to(folder.path)
         assert other.read_bytes() == path.read_bytes()
+
+
+def test_what_is_there_twice_is_exported_once(data: DataSet, tmp_path: Path) -> None:
+    shutil.copytree(data.path, tmp_path / "copy")
+    twice = [data, DataSet.open(tmp_path / "copy"), data]
+    done = export_lerobot(twice, tmp_path / "out", replace(SMALL, cameras=()), workers=0)
+    assert (done.episodes, done.left_out) == (EPISODES, 2 * EPISODES)
+
+
+@pytest.mark.parametrize("split", ["train", "eval"])
+def test_layouts_of_the_evaluation_are_told(data: DataSet, tmp_path: Path, split: str) -> None:
+    path = data.episodes()[0]
+    recording = Recording.read(path)
+    replace(recording, info=replace(recording.info, split=split)).write(path)
+    done = export_lerobot(data, tmp_path / "out", replace(SMALL, cameras=()), workers=0)
+    assert done.eval_layouts == (split == "eval")
 
 
 def test_one_domain_of_a_mixed_data_set_is_exported_alone(

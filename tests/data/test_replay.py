@@ -106,6 +106,9 @@ def test_images_of_states_are_those_of_the_environment(expert: Recording) -> Non
         observation, *_ = env.step(expert.sent[row])
     with pytest.raises(DataError, match=r"Row 3 .* cannot be shown"):
         source.images(replace(expert, state=expert.state[:, :-1]), 3)
+    for row in (-1, len(expert.state)):
+        with pytest.raises(DataError, match=rf"has states 0 to {len(expert.state) - 1}, not {row}"):
+            source.images(expert, row)
     poses = {**expert.info.layout["poses"], "white_bowl": [float("nan")] * 7}
     with pytest.raises(DataError, match="cannot be shown"):
         source.images(other(expert, layout={"poses": poses, "variants": {}}), 0)

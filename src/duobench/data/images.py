@@ -72,8 +72,10 @@ class ImageSource:
         """Bring the simulation into the state of a row of a recording.
 
         Raises:
-            DataError: The state does not fit the task.
+            DataError: There is no such row, or the state does not fit the task.
         """
+        if not 0 <= row < len(recording.state):
+            raise DataError(f"The episode has states 0 to {len(recording.state) - 1}, not {row}.")
         try:
             if recording.info.layout != self._layout:
                 self._layout = None

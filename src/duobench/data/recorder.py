@@ -81,7 +81,8 @@ class Recorder(DuoWrapper):
         OutputError: From any method: the recording cannot be written.
 
     Example:
-        >>> env = Recorder(duobench.make("bin_sort"), DataSet.open("demos"), Actor(name="me"))
+        >>> env = duobench.make("bin_sort", split="train")
+        >>> env = Recorder(env, DataSet.open("demos"), Actor(name="me"))
     """
 
     def __init__(

@@ -166,9 +166,10 @@ def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.fl
     try:
         with np.errstate(over="ignore"):  # too large is infinite, which is rejected below
             chunk = real_array(actions, np.float32).copy()
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError) as error:
         raise PolicyError(
-            f"A policy returns an array of numbers, got {actions!r:.{_LONGEST_SHOWN}}."
+            f"A policy returns an array of numbers, got {actions!r:.{_LONGEST_SHOWN}} "
+            f"({error!s:.{_LONGEST_SHOWN}})."
         ) from None
     expected = "n" if width is None else width
     if chunk.ndim != 2 or chunk.shape[0] < 1 or width not in (None, chunk.shape[1]):  # noqa: PLR2004 - (H, n)

@@ -95,7 +95,6 @@ WHOLE = Shard(number=1, count=1)
 
 
 _ENDLESS_S = 1e9  # a limit in seconds that is as good as none, for JSON knows no infinity
-_HEALTH_CHECK_S = 10.0  # seconds of a time limit that are kept for looking after a server
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -118,11 +117,8 @@ class TimeLimits:
 
     @property
     def served_s(self) -> float:
-        """Seconds for one answer of a served policy.
-
-        The rest of `act_timeout` is for finding out whether a late server lives.
-        """
-        return min(max(self.act_timeout - _HEALTH_CHECK_S, self.act_timeout / 2), MAX_S)
+        """Seconds for one answer of a served policy; sockets know no endless time."""
+        return min(self.act_timeout, MAX_S)
 
 
 RUN_SCHEMA = 9

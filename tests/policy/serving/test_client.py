@@ -187,6 +187,7 @@ def test_server_that_nobody_could_ask_is_refused_without_its_address(
 def test_endless_limit_of_an_evaluation_leaves_a_server_a_day() -> None:
     limits = TimeLimits(act_timeout=float("inf"))
     assert RemoteServer(url="ws://x:1", answer_s=limits.served_s).answer_s == 86_400
+    assert TimeLimits(act_timeout=3.0).served_s == 3.0
 
 
 @pytest.mark.parametrize(

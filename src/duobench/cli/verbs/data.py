@@ -285,6 +285,9 @@ def lerobot(
         f"{megabytes:.1f} MB in {out}",
     )
     if done.left_out:
-        say(f"Left out: {counted(done.left_out, 'episode')}, discarded or not wanted.")
+        say(f"Left out: {counted(done.left_out, 'episode')}, discarded, not wanted or there twice.")
+    if done.eval_layouts:
+        of_eval = counted(done.eval_layouts, "episode")
+        say(f"{of_eval} with layouts that policies are evaluated on: train on others.")
     if done.residual is not None:
         say(f"Tool poses are missed by inverse kinematics: {done.residual}.")

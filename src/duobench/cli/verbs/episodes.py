@@ -109,13 +109,16 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
 
 
 def _kept_and_failed(attempts: Sequence[Attempt]) -> str:
-    kept = sum(attempt.kept for attempt in attempts)
-    steps = sum(attempt.steps for attempt in attempts if attempt.kept)
+    kept = [attempt for attempt in attempts if attempt.kept]
+    steps = sum(attempt.steps for attempt in kept if attempt.success)
     failed = [attempt for attempt in attempts if not attempt.success]
+    more = sum(not attempt.kept for attempt in failed)
     lines = [
-        f"{counted(kept, 'episode')}, {steps} steps until success, after which frames are still "
-        f"recorded (--after-success); {len(failed)} more did not succeed."
+        f"{counted(len(kept), 'episode')}, {steps} steps until success, after which frames are "
+        f"still recorded (--after-success); {more} more did not succeed."
     ]
+    if unsolved := len(failed) - more:
+        lines.append(f"{unsolved} of the episodes did not succeed.")
     lines += [
         f"{attempt.task}, episode {attempt.episode} ended at stage {attempt.stage}"
         + (f": {attempt.error}" if attempt.error else ".")

@@ -35,7 +35,7 @@ from duobench.errors import DataError, OtherRunError, SeveralTasksError, check_k
 from duobench.files import digest_of, encode, locked, replacing, write
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
 from duobench.looks.catalog import RANDOM
-from duobench.randomness import SUITE_VERSION, look_number
+from duobench.randomness import EVAL, SUITE_VERSION, look_number
 from duobench.robot.cameras import describe_cameras
 from duobench.sim import rendering
 from duobench.tasks import catalog
@@ -57,6 +57,8 @@ class Exported:
     left_out: int
     """Episodes of the data set that are not in it."""
     residual: Residual | None
+    eval_layouts: int
+    """Episodes in it with layouts of the evaluation's split."""
 
 
 def export_lerobot(
@@ -75,7 +77,7 @@ def export_lerobot(
     videos. The column `domain` says which row is from where.
 
     What is written does not depend on the number of workers or on interruptions. Episodes that were
-    discarded when they were recorded are left out.
+    discarded when they were recorded are left out, and what is there twice is exported once.
 
     Args:
         data: The data set, or several.
@@ -125,6 +127,7 @@ def export_lerobot(
         episodes=episodes,
         frames=sum(export.frames for export in plans.values()),
         left_out=len(paths) - episodes,
+        eval_layouts=sum(one.split == EVAL for plan in plans.values() for one in plan.episodes),
         residual=sum(residuals, Residual()) if residuals else None,
     )
 
@@ -149,20 +152,22 @@ def _plan(
     sources: Sequence[DataSet], paths: Sequence[tuple[int, Path]], options: ExportOptions
 ) -> Export:
     """What to export into one folder; every recording is read to the end."""
-    episodes, tasks = [], set()
+    episodes, tasks, digests = [], set(), set[str]()
     for number, path in paths:
-        recording = Recording.read(path)
-        if _is_wanted(recording, options):
+        recording, digest = Recording.read(path), digest_of(path)
+        if _is_wanted(recording, options) and digest not in digests:
+            digests.add(digest)
             _check(recording, options, path)
             tasks.add(sources[number].reference(recording.info))
             episodes.append(
                 SourceEpisode(
                     file=path.relative_to(sources[number].path).as_posix(),
-                    sha256=digest_of(path),
+                    sha256=digest,
                     length=len(recording),
                     instruction=recording.info.instruction,
                     data_set=number,
                     domain=recording.info.domain,
+                    split=recording.info.split,
                     look=_own_look(recording, path, options),
                 )
             )

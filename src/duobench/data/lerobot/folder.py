@@ -57,6 +57,8 @@ class SourceEpisode:
     data_set: int = 0
     """Which of the data sets it is from, in the order in which they were given."""
     domain: Domain = Domain.SIM
+    split: str | None = None
+    """What its layout was sampled for; None if that was given."""
     look: str | None = None
     """Its look, where each rendered episode has its own; else that of the options."""
 
