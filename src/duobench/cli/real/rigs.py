@@ -9,6 +9,7 @@ import termios
 import threading
 import tty
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,10 @@ def hold_and_say(duo: FrankaDuo) -> None:
     from duobench.rig_sessions.session import HELD_BY_OPERATOR
 
     duo.hold(HELD_BY_OPERATOR)
-    os.write(sys.stderr.fileno(), b"\nThe arms are held. q ends; Ctrl-C again leaves at once.\n")
+    with suppress(OSError):  # the terminal may be gone
+        os.write(
+            sys.stderr.fileno(), b"\nThe arms are held. q ends; Ctrl-C again leaves at once.\n"
+        )
 
 
 class KeyTerminal:
@@ -114,7 +118,8 @@ class KeyTerminal:
         before, self._before = self._before, None
         if before is not None:
             AT_LEAVING.remove(self.close)
-            termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
+            with suppress(termios.error):  # the terminal may be gone
+                termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
 
     def _read(self) -> None:
         while True:

@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from types import FrameType
 from typing import NoReturn
@@ -85,13 +85,19 @@ def raising() -> Iterator[None]:
 
 @contextmanager
 def stopping(stop: Callable[[], None]) -> Iterator[None]:
-    """Let Ctrl-C, or a request to terminate, call `stop` in the block; the second one leaves."""
+    """Let Ctrl-C, or a request to terminate, call `stop` in the block; the second one leaves.
+
+    A lost terminal calls it too.
+    """
 
     def handle(number: int, _frame: FrameType | None) -> None:
-        signal.signal(number, leave)
+        # A closed terminal says so twice: the second time when its shell has ended.
+        signal.signal(number, signal.SIG_IGN if number == signal.SIGHUP else leave)
         stop()
 
-    with _answered_by(handle, signal.SIGINT), _answered_by(handle, signal.SIGTERM):
+    with ExitStack() as ending:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            ending.enter_context(_answered_by(handle, number))
         yield
 
 
@@ -109,4 +115,5 @@ def _answered_by(
     try:
         yield
     finally:
-        signal.signal(number, before)
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, before)
