@@ -193,7 +193,9 @@ class Recorder(DuoWrapper):
             episode.complete(row | {"reward": reward})
             episode.append(self._seen(episode, observation, info))
             reason = info.get(TRUNCATION_REASON)
-            if terminated and info["success"] and reason is None and self._steps_after_success:
+            if not info["success"]:  # a person may take it back
+                self._steps_left = 0
+            elif terminated and reason is None and self._steps_after_success:
                 left = self._steps_left
                 self._steps_left = left - 1 if left else self._steps_after_success
                 terminated, truncated = not self._steps_left, False
