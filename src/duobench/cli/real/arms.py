@@ -185,7 +185,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             after_success=after_success,
         )
         ending.callback(session.close)
-        with stopping(partial(hold_and_say, duo)):
+        with stopping(partial(hold_and_say, duo)) as terminal.on_answer:
             kept = session.run()
     say(f"{counted(kept, 'episode')} of {task} in {out}")
 

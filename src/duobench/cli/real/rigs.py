@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import queue
+import re
 import sys
 import termios
 import threading
@@ -34,6 +35,10 @@ def known_rig(name: str) -> Rig:
     if name in COMPUTED:
         return COMPUTED[name]()
     return Rig.read(rig_file(name, f", or {' or '.join(COMPUTED)}"))
+
+
+_SEQUENCE = re.compile(r"\x1b(?:\[[0-?]*[@-~]|O?[!-~])?")
+"""What a terminal sends for a key that is no character, such as Delete, which has a 3 in it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,7 +82,9 @@ class KeyTerminal:
 
     def __init__(self, handle: int | None = None) -> None:
         self._handle = sys.stdin.fileno() if handle is None else handle
-        self._keys: queue.Queue[str] = queue.Queue()
+        self.on_answer: Callable[[], object] = lambda: None
+        """Called when a question is answered."""
+        self._keys: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._call: Callable[[str], object] | None = None
         self._before: list[Any] | None = None
         if os.isatty(self._handle):
@@ -106,12 +113,19 @@ class KeyTerminal:
                 self._keys.put("")  # and for whatever is asked later
                 return QUIT
             if key in keys:
+                self.on_answer()
                 return key
 
     def listen(self, call: Callable[[str], object] | None) -> Callable[[str], object] | None:
         """Have every key given to a call at once, whatever is asked; what was called before."""
         before, self._call = self._call, call
         return before
+
+    def leave(self) -> None:
+        """Say that the session ends, whatever is asked; for signal handlers."""
+        self._keys.put("")
+        with suppress(OSError):  # the terminal may be gone
+            os.write(sys.stderr.fileno(), b"\nThe arms are held; the session ends.\n")
 
     def close(self) -> None:
         """Restore the terminal."""
@@ -124,11 +138,12 @@ class KeyTerminal:
     def _read(self) -> None:
         while True:
             try:
-                key = os.read(self._handle, 1).decode(errors="replace")
+                said = os.read(self._handle, 1024).decode(errors="replace")
             except OSError:
-                key = ""
-            if (call := self._call) is not None:
-                call(key)
-            self._keys.put(key)
-            if not key:
+                said = ""
+            for key in _SEQUENCE.sub("", said) if said else [""]:
+                if (call := self._call) is not None:
+                    call(key)
+                self._keys.put(key)
+            if not said:
                 return

@@ -84,21 +84,28 @@ def raising() -> Iterator[None]:
 
 
 @contextmanager
-def stopping(stop: Callable[[], None]) -> Iterator[None]:
+def stopping(stop: Callable[[], None]) -> Iterator[Callable[[], None]]:
     """Let Ctrl-C, or a request to terminate, call `stop` in the block; the second one leaves.
 
-    A lost terminal calls it too.
+    A lost terminal calls it too. What it gives lets the next one call `stop` again.
     """
+    came: set[int] = set()
 
     def handle(number: int, _frame: FrameType | None) -> None:
         # A closed terminal says so twice: the second time when its shell has ended.
         signal.signal(number, signal.SIG_IGN if number == signal.SIGHUP else leave)
+        if number != signal.SIGHUP:
+            came.add(number)
         stop()
+
+    def again() -> None:
+        while came:
+            signal.signal(came.pop(), handle)
 
     with ExitStack() as ending:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             ending.enter_context(_answered_by(handle, number))
-        yield
+        yield again
 
 
 @contextmanager
