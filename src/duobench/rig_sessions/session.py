@@ -262,9 +262,11 @@ class RigSession:
                     self.note = text
                     self.write(LogKind.NOTE, text=text)
                 case messages.Invalid(reason=reason):
+                    self.phase = Phase.MOVING  # no press counts any more
                     return reason
                 case messages.Finish():
                     if not (objection := self.objection(played)):
+                        self.phase = Phase.MOVING
                         return ""
                     self.message = objection
                 case _:
