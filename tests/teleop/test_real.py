@@ -22,14 +22,13 @@ from duobench.kinematics.inverse import Kinematics
 from duobench.rig_sessions.operator import hold_by_key
 from duobench.rig_sessions.rig_teleoperation import (
     AT_TERMINAL,
-    CONNECTION_LOST,
     STOPPED,
     EndedError,
     RigTeleoperation,
     RigTeleopPage,
     make_real_recorder,
 )
-from duobench.rig_sessions.session import HELD_BY_OPERATOR
+from duobench.rig_sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR
 from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side

@@ -25,6 +25,7 @@ from duobench.hardware.env import RealEnv, make_real_env
 from duobench.randomness import TRAIN
 from duobench.rig_sessions.operator import QUIT, Operator, ask_to_make_ready
 from duobench.rig_sessions.policy_runner import make_rig_recorder
+from duobench.rig_sessions.session import CONNECTION_LOST, TAKEN_OVER
 from duobench.rig_sessions.teleop_page import TeleopPage
 from duobench.rig_sessions.teleoperation import TIME_LIMIT_S, Teleoperation, TeleopState
 from duobench.sim.layout import Layout
@@ -39,7 +40,6 @@ from duobench.web.server import PageServer
 SOLVED = "Solved, as you said: open the hands and retreat. It will be kept."
 STOPPED = "The session was stopped."
 ENDED = "The operator ended the session."
-CONNECTION_LOST = "The operator's page lost its connection."
 AT_TERMINAL = "The terminal asks whether the arms may go home."
 CLEAR = (
     "The arms go home slowly, and open their grippers. Clear their space, then place the objects "
@@ -168,9 +168,9 @@ class RigTeleopPage(TeleopPage):
         super().stop()
         self._rig_session.stop()
 
-    def _leave(self) -> None:
-        self._real.rig.hold(CONNECTION_LOST)
-        super()._leave()
+    def _leave(self, gives_way: bool) -> None:
+        self._real.rig.hold(TAKEN_OVER if gives_way else CONNECTION_LOST)
+        super()._leave(gives_way)
 
     def _new_geometry(self) -> Geometry:
         layout = self._real.layout
