@@ -125,3 +125,14 @@ def test_question_ends_when_the_session_does(
     assert terminal.ask("h: go home", "h") == QUIT
     assert terminal.ask("h: go home", "h") == QUIT
     assert "the session ends" in capfd.readouterr().err
+
+
+def test_ctrl_c_at_a_later_question_of_leading_ends_the_session(tmp_path: Path) -> None:
+    words = ("real", "teleop", "bin_sort", "--rig", "simulated", "--out", str(tmp_path))
+    with terminal(*words) as operator:
+        for awaited, key in (("h: go home", "h"), ("Ctrl-C ends", " "), ("h: go home", CTRL_C)):
+            operator.until(awaited)
+            operator.press(key)
+        operator.until("the session ends")
+        operator.until("0 episodes of bin_sort")
+        assert operator.process.wait(60) == 0

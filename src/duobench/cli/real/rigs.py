@@ -123,9 +123,9 @@ class KeyTerminal:
 
     def leave(self) -> None:
         """Say that the session ends, whatever is asked; for signal handlers."""
-        self._keys.put("")
         with suppress(OSError):  # the terminal may be gone
             os.write(sys.stderr.fileno(), b"\nThe arms are held; the session ends.\n")
+        self._keys.put("")
 
     def close(self) -> None:
         """Restore the terminal."""
