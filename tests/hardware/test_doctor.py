@@ -153,6 +153,14 @@ def test_devices_that_are_not_well_are_found(change: Change, name: str, words: s
     assert is_well(check for other, check in checks.items() if other not in {name, "holding"})
 
 
+@pytest.mark.parametrize(("fps", "outcome"), [(8, FAILED), (10, OK)])
+def test_a_camera_for_which_arms_would_rest_is_found(fps: int, outcome: Outcome) -> None:
+    rig = Rig.simulated()
+    rig = replace(rig, cameras={"head": replace(rig.cameras["head"], fps=fps)})
+    check = found(new_rig(rig))["head camera"]
+    assert (check.outcome, "raise fps" in check.advice) == (outcome, outcome is FAILED)
+
+
 def test_without_opencv_nothing_is_said_about_the_head_cameras_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -191,10 +191,12 @@ def test_the_first_reason_is_kept_and_a_fault_goes_before_a_persons_hold() -> No
     duo.hold("A person.")
     duo.hold("Another one.")
     assert duo.held == "A person."
-    arm(duo, RIGHT).fail()
+    arm(duo, RIGHT).fail("What is wrong.")
     wait(duo, 0.1)
-    assert duo.held == "A person."
     assert duo.fault is not None
+    assert duo.held == duo.fault.text
+    duo.hold("The episode is over.")
+    assert "What is wrong." in duo.held
     assert duo.supervisor.state is State.FAULTED
     with pytest.raises(BackendError, match="Recover"):
         duo.home()

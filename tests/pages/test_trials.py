@@ -144,6 +144,24 @@ def test_keys_judge_and_undo(window: Browser, led: Led) -> None:
     assert [press.stage for press in record.judged.presses] == [1, 3, 2, None, None]
 
 
+def test_note_stays_and_closes_nothing(window: Browser, led: Led) -> None:
+    with opened(window, led.stand.server.url) as page:
+        start(page)
+        toys.Patient.gate.release(STEPS)
+        shown(page, "#finish")
+        page.fill("#note", "The cube slipped.")
+        page.press("#note", "Enter")
+        wait_until(lambda: led.stand.session.note == "The cube slipped.")
+        page.reload()
+        shown(page, "#finish")
+        assert page.input_value("#note") == "The cube slipped."
+        page.click("#finish")
+        shown(page, "#over")
+    (record,) = records(led.stand.folder)["A"]
+    assert record.judged is not None
+    assert record.judged.note == "The cube slipped."
+
+
 def test_space_bar_holds_whatever_has_the_focus(window: Browser, led: Led) -> None:
     with opened(window, led.stand.server.url, PHONE) as page:
         start(page)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 from duobench.hardware.supervisor import State
 from duobench.rig_sessions.cameras import Film
 from duobench.rig_sessions.messages import Activate, Hold, Home, Message, Placed, Start
-from duobench.rig_sessions.session import Phase, Stopped
+from duobench.rig_sessions.session import CONNECTION_LOST, TAKEN_OVER, Phase, Stopped
 from tests.rig_sessions.operator import Operator, Stand, only_record, played, run
 from tests.rig_sessions.test_session import ONE
 
@@ -75,7 +76,7 @@ def test_start_that_waits_begins_nothing_after_a_hold(stand: Stand) -> None:
 
 def test_word_of_a_page_that_is_lost_meanwhile_moves_nothing(stand: Stand) -> None:
     stand.server.on_message(Home())
-    stand.server.on_driver_lost()
+    stand.server.on_driver_lost(False)
     assert State.HOMING not in place(stand, Home())
 
 
@@ -116,7 +117,7 @@ def test_page_that_goes_after_the_last_step_spoils_nothing(
 
     def slowly(film: Film, error: BaseException | None) -> None:
         held.append(stand.duo.held)
-        stand.server.on_driver_lost()
+        stand.server.on_driver_lost(False)
         finish(film, error)
 
     monkeypatch.setattr(Film, "on_episode_end", slowly)
@@ -133,10 +134,13 @@ def test_page_that_goes_after_the_last_step_spoils_nothing(
     assert held == ["The episode is over."]
 
 
-def test_page_that_goes_before_spoils_the_trial(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("gives_way", "reason"), [(False, CONNECTION_LOST), (True, TAKEN_OVER)])
+def test_page_that_goes_before_spoils_the_trial(
+    tmp_path: Path, gives_way: bool, reason: str
+) -> None:
     def script(operator: Operator) -> None:
         operator.begin()
-        operator.next_chunk(operator.stand.server.on_driver_lost)
+        operator.next_chunk(partial(operator.stand.server.on_driver_lost, gives_way))
         operator.attempt(2)
         operator.begin()
         operator.play([[1]])
@@ -144,4 +148,4 @@ def test_page_that_goes_before_spoils_the_trial(tmp_path: Path) -> None:
 
     _, judged = only_record(played(tmp_path / "t", script, ONE))
     (one,) = judged.repeated
-    assert "connection" in one.reason
+    assert one.reason == reason

@@ -136,6 +136,21 @@ def test_an_operator_records_what_a_policy_does(tmp_path: Path) -> None:
     assert "mm" in next(text for text in script.asked if "Place" in text)
 
 
+@pytest.mark.parametrize(("again", "steps"), [(None, HORIZON), (14, 15 + 6)])
+def test_success_that_was_taken_back_leaves_an_episode_like_others(
+    tmp_path: Path, again: int | None, steps: int
+) -> None:
+    script = Script("hpk", {4: "s", 8: "u"} | ({} if again is None else {again: "s"}))
+    with session(tmp_path, script) as recording:
+        recording.run()
+    (episode,) = DataSet(tmp_path).recordings()
+    outcome = outcome_of(episode)
+    assert len(episode) == steps
+    assert outcome.success is (again is not None)
+    assert outcome.success_step == (None if again is None else again + 1)
+    assert find_problems(DataSet(tmp_path)) == []
+
+
 def test_the_same_session_records_the_same(tmp_path: Path) -> None:
     found = []
     for name in ("a", "b"):

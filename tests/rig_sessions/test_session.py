@@ -482,6 +482,12 @@ def test_folder_of_another_evaluation_is_left_alone(tmp_path: Path) -> None:
         pass
 
 
+def test_who_judges_has_a_name_of_one_line(tmp_path: Path) -> None:
+    for name in ("a\nb", "a\x1b[2J", " "):
+        with pytest.raises(EvaluationError, match="one line"):
+            Stand(tmp_path / "t", ONE, episodes=1, rater=name)
+
+
 def test_removed_record_is_played_again(tmp_path: Path) -> None:
     def script(operator: Operator) -> None:
         operator.begin()

@@ -66,3 +66,12 @@ class Broken(Patient):
         if self.chunks > 1:
             raise RuntimeError("out of ideas")
         return chunk
+
+
+class Unready(Patient):
+    """Raises before its first episode."""
+
+    name = "unready"
+
+    def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - as policies have it
+        raise RuntimeError("no model")

@@ -21,13 +21,14 @@ from duobench.hardware.supervisor import State
 from duobench.kinematics.inverse import Kinematics
 from duobench.rig_sessions.operator import hold_by_key
 from duobench.rig_sessions.rig_teleoperation import (
+    AT_TERMINAL,
     STOPPED,
     EndedError,
     RigTeleoperation,
     RigTeleopPage,
     make_real_recorder,
 )
-from duobench.rig_sessions.session import HELD_BY_OPERATOR
+from duobench.rig_sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR
 from duobench.rig_sessions.teleoperation import TeleopState
 from duobench.teleop.hands import HandDevice
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
@@ -178,6 +179,68 @@ def test_arms_that_do_not_get_home_are_asked_about_again(tmp_path: Path) -> None
     assert any("lost its connection" in said for said in bench.terminal.said)
     bench.say("restore")  # what was discarded before is still there
     assert len(DataSet(tmp_path).episodes()) == 1
+    bench.session.close()
+
+
+def test_arms_that_are_held_before_an_episode_begins_go_home_again(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.send()
+    bench.duo.hold(CONNECTION_LOST)
+    questions = len(bench.terminal.asked)
+    bench.lead(5)
+    assert CONNECTION_LOST in bench.terminal.said
+    assert len(bench.terminal.asked) == questions + 1
+    assert (bench.duo.held, bench.session.status()["count"]) == (None, 0)
+    assert bench.session.status()["step"] > 1
+    bench.session.close()
+
+
+@pytest.mark.parametrize("is_lost", [True, False])
+def test_solved_is_kept_where_the_session_ends_before_the_recording(
+    tmp_path: Path, is_lost: bool
+) -> None:
+    bench = Bench(tmp_path, episodes=2)
+    bench.lead(5)
+    bench.say("keep")
+    bench.send(1.0)
+    if is_lost:
+        bench.duo.hold(CONNECTION_LOST)
+        bench.session.leave(bench.turn / CONTROL_HZ)
+        bench.session.advance(bench.turn / CONTROL_HZ)
+        assert bench.session.state is TeleopState.WAITING
+    else:
+        bench.session.stop()
+    bench.session.close()
+    (episode,) = DataSet(tmp_path).recordings()
+    outcome = episode.info.outcome
+    assert outcome is not None
+    assert (outcome.success, outcome.kept, bench.session.kept) == (True, True, 1)
+    assert find_problems(DataSet(tmp_path)) == []
+    (attempt,) = of_task(DataSet(tmp_path), TASK)
+    assert (attempt.success, attempt.kept) == (True, True)
+
+
+def test_page_shows_what_is_waited_for_and_a_second_press_skips_nothing(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    ask = bench.terminal.ask
+    with closing(PageServer({})) as server:
+        live = RigTeleopPage(bench.session, server)
+        with open_page(server.url) as page:
+            page.say(kind="drive")
+            page.hear_of("role", role="driver")
+            bench.lead(5)
+            live.show()
+            page.hear_of("status", state="recording")
+
+            def impatient(text: str, keys: str) -> str:
+                page.hear_of("status", state="waiting", note=AT_TERMINAL)
+                bench.session.receive(said('{"kind": "discard"}'), bench.turn / CONTROL_HZ)
+                return ask(text, keys)
+
+            bench.terminal.ask = impatient  # type: ignore[method-assign]
+            bench.say("discard")
+            bench.send()
+    assert (bench.session.state, bench.session.status()["count"]) == (TeleopState.WAITING, 1)
     bench.session.close()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -28,6 +28,7 @@ from duobench.envs.duo_env import (
 )
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.execution import optional_method
+from duobench.envs.rewards import reward_of
 from duobench.errors import BackendError, DataError
 from duobench.looks.catalog import as_look
 from duobench.randomness import SUITE_VERSION
@@ -194,7 +195,9 @@ class Recorder(DuoWrapper):
             episode.complete(row | {"reward": reward})
             episode.append(self._seen(episode, observation, info))
             reason = info.get(TRUNCATION_REASON)
-            if terminated and info["success"] and reason is None and self._steps_after_success:
+            if not info["success"]:  # a person may take it back
+                self._steps_left = 0
+            elif terminated and reason is None and self._steps_after_success:
                 left = self._steps_left
                 self._steps_left = left - 1 if left else self._steps_after_success
                 terminated, truncated = not self._steps_left, False
@@ -258,6 +261,31 @@ class Recorder(DuoWrapper):
         """Write the episode that waits for it, if one does."""
         if self.pending is not None:
             self._write()
+
+    def correct(self, changes: Iterable[tuple[int, int]], *, holds: bool) -> None:
+        """Have the episode that waits, if one does, say what a person judged after it was over.
+
+        Args:
+            changes: Pairs (control step, stage), each in the rows after that step, or in the last.
+            holds: Whether the last stage still held at the end.
+        """
+        episode = self._episode
+        if episode is None or (outcome := self.pending) is None:
+            return
+        rows, last, info = episode.rows, outcome.max_stage, episode.info
+        stage = np.zeros_like(rows["stage"])
+        for step, reached in changes:
+            stage[min(step + 1, len(rows) - 1) :] = reached
+        rows["stage"], rows["success"], rows["success_at_end"] = stage, stage == last, stage == last
+        rows["success_at_end"][-1] &= holds
+        if info.config is not None:
+            rows["reward"][:-1] = reward_of(info.config.reward, stage[:-1], stage[1:], last)
+        told = {"kept": outcome.kept, "reason": outcome.reason, "cut": outcome.cut}
+        outcome = outcome_of(info, rows, **told)
+        episode.info = replace(info, outcome=outcome)
+        if outcome.success_step is not None:  # seen late, it did not end the episode
+            after_s = (len(rows) - 1 - outcome.success_step) / CONTROL_HZ
+            episode.info = replace(episode.info, after_success=after_s)
 
     def set_aside(self, reason: str) -> None:
         """Write the running episode, which ends for a reason, or the one that waits.

@@ -97,8 +97,8 @@ class Recording:
 
     @property
     def success_step(self) -> int | None:
-        """Control steps until success, which is also the first row that has it; None without."""
-        return first_success(self.success)
+        """Control steps until the success that stands at the end, also its first row; or None."""
+        return success_start(self.success)
 
     @property
     def steps(self) -> int:
@@ -151,9 +151,10 @@ class Recording:
         )
 
 
-def first_success(success: NDArray[np.bool_]) -> int | None:
-    """The first row (T + 1,) in which the last stage was reached; None if it never was."""
-    return int(success.argmax()) if success.any() else None
+def success_start(success: NDArray[np.bool_]) -> int | None:
+    """The first row, of (T + 1,), of the success that stands at the end, if one does."""
+    start = int(np.append(-1, np.flatnonzero(~success))[-1]) + 1
+    return start if start < len(success) else None
 
 
 def _to_table(recording: Recording) -> pa.Table:

@@ -163,7 +163,7 @@ class Outcome:
     cut: bool = False
     """Whether it ended before the environment ended it."""
     success_step: int | None = None
-    """Control steps until success, which is also the first row that has it; None without."""
+    """Control steps until the success that stands at the end, also its first row; or None."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

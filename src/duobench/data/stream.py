@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.data.recording import Recording, first_success
+from duobench.data.recording import Recording, success_start
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
 from duobench.data.videos import Videos, recovered
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
@@ -214,7 +214,7 @@ def outcome_of(
         kept=kept,
         reason=reason,
         cut=cut,
-        success_step=first_success(rows["success"]),
+        success_step=success_start(rows["success"]),
     )
 
 

@@ -166,7 +166,7 @@ class Supervisor:
             return True
 
     def hold(self, reason: str, fault: Fault | None = None) -> bool:
-        """Hold the arms; the first reason is kept, but a fault is kept over a person's hold.
+        """Hold the arms; the first reason is kept, but a fault and its own go over a person's hold.
 
         Whether this changed anything.
         """
@@ -176,8 +176,6 @@ class Supervisor:
                 return False
             if self._reason is not None and fault is None:
                 return False
-            if self._reason is None:
-                self._reason = reason
-            self._fault = fault
+            self._reason, self._fault = reason, fault
             self._state = State.HOLDING if fault is None else State.FAULTED
             return True

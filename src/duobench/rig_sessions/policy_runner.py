@@ -18,6 +18,7 @@ from duobench.hardware.clock import VirtualClock
 from duobench.hardware.devices import FaultKind
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import FAULT_KIND, WAITS, RealEnv
+from duobench.hardware.judge import StageLabels
 from duobench.policy.registry import PolicyKind, PolicyName
 from duobench.policy.serving.address import RemoteServer
 from duobench.results.records import REAL
@@ -178,15 +179,17 @@ class PolicyRunner:
             ended_by_success=ending.terminated,
         )
 
-    def settle(self, *, counts: bool) -> None:
-        """Keep the recording of an episode that counts, and forget that of one that does not."""
-        recorder = self.env.env
-        if isinstance(recorder, Recorder):
+    def keep(self, labels: StageLabels, *, holds: bool) -> None:
+        """Keep the recording of an episode that counts, as it was judged; see `correct`."""
+        if isinstance(recorder := self.env.env, Recorder):
             recorder.finish(reason="The policy failed.")
-            if counts:
-                recorder.keep()
-            else:
-                recorder.discard()
+            recorder.correct(labels.changes(), holds=holds)
+            recorder.keep()
+
+    def forget(self) -> None:
+        """Forget the recording of one that does not."""
+        if isinstance(recorder := self.env.env, Recorder):
+            recorder.discard()
 
 
 class _LastStep(Watcher):

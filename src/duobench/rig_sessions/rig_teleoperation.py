@@ -6,7 +6,7 @@ the simulation with open grippers; what is really on the table the images of the
 see `cameras.CameraFeed`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -25,12 +25,14 @@ from duobench.hardware.env import RealEnv, make_real_env
 from duobench.randomness import TRAIN
 from duobench.rig_sessions.operator import QUIT, Operator, ask_to_make_ready
 from duobench.rig_sessions.policy_runner import make_rig_recorder
+from duobench.rig_sessions.session import CONNECTION_LOST, TAKEN_OVER
 from duobench.rig_sessions.teleop_page import TeleopPage
 from duobench.rig_sessions.teleoperation import TIME_LIMIT_S, Teleoperation, TeleopState
 from duobench.sim.layout import Layout
 from duobench.sim.simulation import Simulation
 from duobench.tasks.task import Task
 from duobench.teleop.intent import Device
+from duobench.teleop.messages import Discard, Hands, Keep
 from duobench.types import CONTROL_HZ, DuoCommand
 from duobench.web.geometry import Geometry
 from duobench.web.server import PageServer
@@ -38,7 +40,7 @@ from duobench.web.server import PageServer
 SOLVED = "Solved, as you said: open the hands and retreat. It will be kept."
 STOPPED = "The session was stopped."
 ENDED = "The operator ended the session."
-CONNECTION_LOST = "The operator's page lost its connection."
+AT_TERMINAL = "The terminal asks whether the arms may go home."
 CLEAR = (
     "The arms go home slowly, and open their grippers. Clear their space, then place the objects "
     "once they are there:\n{}\nh: go home; q: end."
@@ -84,6 +86,8 @@ class RigTeleoperation(Teleoperation):
 
     def __init__(self, env: Recorder, device: Device, operator: Operator, **options: Any) -> None:
         self._operator, self._is_stopped = operator, False
+        self.on_homing: Callable[[], object] = lambda: None
+        """Called before the operator is asked whether the arms may go home."""
         self._real = cast("RealEnv", env.base)
         self._real.prepare = self._confirm_homing
         super().__init__(env, device, **options)
@@ -92,6 +96,18 @@ class RigTeleoperation(Teleoperation):
         """Hold the arms, and go home no more; from any thread and for signal handlers."""
         self._is_stopped = True
         self._real.rig.hold(STOPPED)
+
+    def advance(self, now_s: float) -> bool:
+        """As in simulation; arms that were held before an episode begins go home again."""
+        held = None if self._is_stopped else self._real.rig.held
+        if held is not None and self._state is TeleopState.WAITING:
+            self._operator.say(held)
+            self.env.discard()
+            self._reset()
+        elif held is not None and self._is_solved:
+            self._accept()
+            self._next()
+        return super().advance(now_s)
 
     def _reset_options(self, seed: int) -> dict[str, Any]:
         layout = next(self.env.base.definition.layouts(seed, TRAIN))
@@ -106,10 +122,14 @@ class RigTeleoperation(Teleoperation):
             except BackendError as error:
                 self._operator.say(str(error))
             else:
-                return
+                break
+        # Pressed while the arms went home, they were for the episode before.
+        self._inbox.forget(Keep, Discard, *(() if self.lockstep else (Hands,)))
 
     def _confirm_homing(self, options: Mapping[str, Any]) -> None:
         rig, given = self._real.rig, options.get(LAYOUT)
+        self.note = f"{rig.held or ''} {AT_TERMINAL}".strip()
+        self.on_homing()
         question = CLEAR.format(placement(given if isinstance(given, Layout) else Layout(poses={})))
         is_over = self._is_stopped or not ask_to_make_ready(rig, self._operator)
         is_over = is_over or self._operator.ask(question, f"h{QUIT}") == QUIT
@@ -141,15 +161,16 @@ class RigTeleopPage(TeleopPage):
         task = self._real.definition
         self._picture = Simulation(task.props, task.overview)
         super().__init__(session, server)
+        session.on_homing = self.show
 
     def stop(self) -> None:
         """Let `run` return, with the arms held, also where they go home."""
         super().stop()
         self._rig_session.stop()
 
-    def _leave(self) -> None:
-        self._real.rig.hold(CONNECTION_LOST)
-        super()._leave()
+    def _leave(self, gives_way: bool) -> None:
+        self._real.rig.hold(TAKEN_OVER if gives_way else CONNECTION_LOST)
+        super()._leave(gives_way)
 
     def _new_geometry(self) -> Geometry:
         layout = self._real.layout

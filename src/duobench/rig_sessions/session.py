@@ -24,6 +24,8 @@ from duobench.rig_sessions.policy_runner import PlayedEpisode, PolicyRunner
 from duobench.rig_sessions.trials_folder import LogKind
 
 HELD_BY_OPERATOR = "The operator held the arms."
+CONNECTION_LOST = "The operator's page lost its connection."
+TAKEN_OVER = "Somebody else took over the page."
 CUT_SHORT = (
     "The press of the last stage ended this episode, and was taken back: the policy was cut short. "
     "Press it again, or mark the trial as invalid."
@@ -262,9 +264,11 @@ class RigSession:
                     self.note = text
                     self.write(LogKind.NOTE, text=text)
                 case messages.Invalid(reason=reason):
+                    self.phase = Phase.MOVING  # no press counts any more
                     return reason
                 case messages.Finish():
                     if not (objection := self.objection(played)):
+                        self.phase = Phase.MOVING
                         return ""
                     self.message = objection
                 case _:

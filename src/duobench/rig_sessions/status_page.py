@@ -15,7 +15,13 @@ from duobench.fabrication.sheet import Mark, marks_of
 from duobench.rig_sessions import messages
 from duobench.rig_sessions.cameras import head_image, jpeg
 from duobench.rig_sessions.overlay import Overlay, project
-from duobench.rig_sessions.session import Phase, RigSession, Stopped
+from duobench.rig_sessions.session import (
+    CONNECTION_LOST,
+    TAKEN_OVER,
+    Phase,
+    RigSession,
+    Stopped,
+)
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.layout import Layout
 from duobench.types import CONTROL_HZ, Array, Side
@@ -64,7 +70,7 @@ class StatusPage:
         server.listen(
             messages.Message,
             self._take,
-            lambda: session.lose("The operator's page lost its connection."),
+            lambda gives_way: session.lose(TAKEN_OVER if gives_way else CONNECTION_LOST),
             WATCHING,
             anyone=(messages.Hold,),
         )

@@ -131,7 +131,7 @@ class TeleopPage:
     def _take(self, message: Message) -> None:
         self._session.receive(message, time.monotonic())
 
-    def _leave(self) -> None:
+    def _leave(self, gives_way: bool) -> None:  # noqa: ARG002 - a rig tells it
         self._session.leave(time.monotonic())
 
     def show(self) -> None:

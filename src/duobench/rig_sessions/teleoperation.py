@@ -167,8 +167,8 @@ class Teleoperation:
     def close(self, *, forget: bool = True) -> None:
         """End the session.
 
-        An episode that has begun is written as one that is not meant to be used; one that waits
-        for the operator is forgotten.
+        An episode that has begun is written as one that is not meant to be used, unless it is to
+        be kept already; one that waits for the operator is forgotten.
 
         Args:
             forget: Whether what was discarded is removed; after an error, where nobody ended the
@@ -176,6 +176,8 @@ class Teleoperation:
         """
         if self._state is TeleopState.WAITING:
             self.env.discard()
+        elif self._is_solved:
+            self._accept()
         elif self._state is not TeleopState.OVER:
             self._note_attempt(UNDECIDED)
         self.env.close()
@@ -274,10 +276,20 @@ class Teleoperation:
         elif self._state is TeleopState.RECORDING:
             self.note = UNSOLVED
         elif self._state is TeleopState.DECIDE:
-            self.env.keep()
-            self.kept += 1
-            self._note_attempt(None)
+            self._accept()
             self._next()
+
+    @property
+    def _is_solved(self) -> bool:
+        """Whether the episode is to be kept, and only goes on for a moment."""
+        return self._is_kept and self._state in _RUNNING and bool(self._info["success"])
+
+    def _accept(self) -> None:
+        """Keep the episode, which ends here if it has not."""
+        self.env.finish()
+        self.env.keep()
+        self.kept += 1
+        self._note_attempt(None)
 
     def _discard(self) -> None:
         if self._state is TeleopState.OVER:

@@ -16,7 +16,7 @@ from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Step
 from duobench.fabrication.sheet import layout_sheet
-from duobench.files import checksum, write
+from duobench.files import checksum, remove, write
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.env import make_real_env
 from duobench.hardware.judge import HumanJudge
@@ -120,6 +120,7 @@ class TrialsSession(RigSession):
             self._runner(candidate, sources[candidate.policy], data) for candidate in plan.policies
         ]
         for runner in self._runners:
+            ending.callback(runner.forget)
             ending.callback(runner.asked.close)
         self._log = folder.open_log(_now())
         ending.callback(self._log.close)
@@ -195,20 +196,24 @@ class TrialsSession(RigSession):
         runner = self._runners[trial.policy]
         played = self.play(runner, episode.seed, {LAYOUT: layout}, recorder, film)
         name = f"{trial.number}.{self._attempt}"
+        invalid_film = self._folder.invalid_film(trial.number, self._attempt)
         if (video := film.video()) is not None:
+            write(invalid_film, video)  # until it counts
             self._page.offer_film(f"film-{name}", video)
         automatic = self.lost or played.invalid
         if reason := automatic or self.decide(played, played.ending):
-            if video is not None:
-                write(self._folder.invalid_film(trial.number, self._attempt), video)
-            runner.settle(counts=False)
+            runner.forget()
             has_no_choice = bool(automatic or played.reasons)
             self.write(LogKind.INVALID, text=reason, yes=has_no_choice, fault=played.fault)
             self.message = f"The trial is invalid and comes again: {reason}"
             return False
         self._folder.run.write(self._record(trial, recorder, played), video)
-        runner.settle(counts=True)
+        if played.steps:
+            runner.keep(self.judge.labels, holds=bool(self.at_end))
+        else:
+            runner.forget()
         self.write(LogKind.VALID)
+        remove(invalid_film)
         self.message = ""
         return True
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from duobench.errors import EvaluationError
+from duobench.errors import EvaluationError, escaped
 from duobench.files import differences
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Episode, TaskInfo
@@ -52,8 +52,10 @@ class TrialsPlan:
             raise EvaluationError(
                 f"A plan has 1 to {len(ascii_uppercase)} policies, got {len(self.run.candidates)}."
             )
-        if not self.rater.strip():
-            raise EvaluationError("Whoever judges has a name, or a pseudonym.")
+        if self.rater.splitlines() != [escaped(self.rater)] or not self.rater.strip():
+            raise EvaluationError(
+                "Whoever judges has a name, or a pseudonym: one line that can be printed."
+            )
 
     @property
     def task(self) -> TaskInfo:

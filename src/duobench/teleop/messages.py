@@ -132,6 +132,13 @@ class Inbox:
             self._is_fuller.wait(timeout_s)
         self._is_fuller.clear()
 
+    def forget(self, *kinds: type) -> None:
+        """Take messages of some kinds out; nobody follows them."""
+        for _ in range(len(self._waiting)):
+            message, now_s = self._waiting.popleft()
+            if not isinstance(message, kinds):
+                self._waiting.append((message, now_s))
+
     def __iter__(self) -> Iterator[tuple[Message | None, float]]:
         """Take messages out, the oldest first; those that are not asked for wait on."""
         while self._waiting:

@@ -170,7 +170,7 @@ class PageServer:
         self,
         kinds: Any,
         on_message: Callable[[Any], str | None],
-        on_driver_lost: Callable[[], None] = lambda: None,
+        on_driver_lost: Callable[[bool], None] = lambda _gives_way: None,
         watching: str = "",
         anyone: tuple[type[PageMessage], ...] = (),
     ) -> None:
@@ -182,8 +182,8 @@ class PageServer:
             on_message: Called with each message in the server's thread, and must return soon. What
                 it returns, or the text of a `DuoBenchError` that it raises, is why the message is
                 refused.
-            on_driver_lost: Called in the server's thread when the driver has left, or had to give
-                way.
+            on_driver_lost: Called in the server's thread when the driver has left, or, as it is
+                told, had to give way.
             watching: Why messages of those who do not drive are refused; empty takes them too.
             anyone: Classes of messages that are taken from those too.
         """
@@ -360,7 +360,7 @@ class PageServer:
             was_driver = peer is self._driver
             self._let_drive(None if was_driver else self._driver)
             if was_driver:
-                self._lose_driver()
+                self._lose_driver(gives_way=False)
 
     def _receive(self, peer: Peer, data: str | bytes) -> None:
         """Act on a message, or say why not."""
@@ -382,7 +382,7 @@ class PageServer:
                 return "Somebody else drives. Watch, or take over."
             case Drive() | TakeOver():
                 if self._driver not in (None, peer):
-                    self._lose_driver()
+                    self._lose_driver(gives_way=True)
                 self._let_drive(peer)
             case _ if (
                 self._watching
@@ -394,9 +394,9 @@ class PageServer:
                 return self.on_message(message)
         return None
 
-    def _lose_driver(self) -> None:
+    def _lose_driver(self, *, gives_way: bool) -> None:
         try:
-            self.on_driver_lost()
+            self.on_driver_lost(gives_way)
         except Exception:  # noqa: BLE001 - the session goes on
             _log.exception("The loss of the driver made something fail; the session goes on.")
 

@@ -6,10 +6,14 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from duobench.hardware.calibration import places
+from duobench.hardware.calibration.views import ViewFolder
 from duobench.hardware.rig import CameraConfig, CameraDriver, Rig
 from tests.cli.conftest import Told, refusal
+from tests.hardware.lenses import ZED
 
 
 def lab(folder: Path, device: str) -> Path:
@@ -45,3 +49,13 @@ def test_the_board_is_written(tmp_path: Path, told: Told) -> None:
     said = told("real", "calibrate", "board", "--out", tmp_path / "board.pdf", "--paper", "a3")
     assert (tmp_path / "board.pdf").read_bytes().startswith(b"%PDF")
     assert "300 mm" in " ".join(said.split())
+
+
+def test_lens_that_is_measured_says_that_the_place_is_to_be_measured_again(
+    tmp_path: Path, told: Told, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(places, "calibrate_lens", lambda _images, _board: ZED)
+    rig = lab(tmp_path, "seen.png")
+    ViewFolder(tmp_path / "views", "head").add(np.zeros((90, 160, 3), np.uint8))
+    said = told("real", "calibrate", "lens", "head", "--rig", rig, "--views", tmp_path / "views")
+    assert "until you measure it (again)" in " ".join(said.split())

@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
 from duobench.hardware.drivers.simulated import SimulatedArm
 from tests.cli.conftest import Told, refusal
+from tests.rig_sessions.operator import Stand
 
 Types = Callable[[str], None]
 REHEARSAL = ("--rig", "rehearsal", "--fast")
@@ -58,3 +60,10 @@ def test_home_asks_to_recover_what_was_left_wrong(
 def test_without_the_word_nothing_moves(typed: str, types: Types) -> None:
     types(typed)
     assert "Nothing was moved." in refusal("real", "home", *REHEARSAL)
+
+
+def test_order_of_an_evaluation_stays(tmp_path: Path) -> None:
+    Stand(tmp_path, [("hold", "")], episodes=1, order_seed=1).ending.close()
+    words = ("real", "eval", "--rig", "simulated", "--policy", "hold", "--task", "bin_sort")
+    refused = refusal(*words, "--out", tmp_path, "--episodes", 1, "--order-seed", 2)
+    assert "leave out --order-seed" in refused

@@ -185,7 +185,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             after_success=after_success,
         )
         ending.callback(session.close)
-        with stopping(partial(hold_and_say, duo)):
+        with stopping(partial(hold_and_say, duo)) as terminal.on_answer:
             kept = session.run()
     say(f"{counted(kept, 'episode')} of {task} in {out}")
 
@@ -235,6 +235,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     policies, (info,) = _pairs(policy, trained_on), find_tasks([task])
     with advising(OTHER_OUT), ExitStack() as ending:
         folder, duo, server = _place(ending, rig, out, page)
+        if folder.description.exists() and order_seed not in {None, folder.read_plan().order_seed}:
+            raise AdvisedError(f"{out} keeps the order it began with: leave out --order-seed.")
         session = TrialsSession(
             folder,
             duo,

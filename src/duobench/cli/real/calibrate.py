@@ -72,7 +72,8 @@ def lens(
     _write(rig, known, camera, replace(found, pose=pose, method=note, views=len(folder)))
     say(
         f"{camera}: {found.fx:.1f} x {found.fy:.1f} px, middle {found.cx:.1f}, {found.cy:.1f}, "
-        f"distortion {', '.join(f'{each:.4f}' for each in found.distortion)}"
+        f"distortion {', '.join(f'{each:.4f}' for each in found.distortion)}. Its place is that of "
+        "the simulation until you measure it (again)."
     )
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import queue
+import re
 import sys
 import termios
 import threading
 import tty
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +35,10 @@ def known_rig(name: str) -> Rig:
     if name in COMPUTED:
         return COMPUTED[name]()
     return Rig.read(rig_file(name, f", or {' or '.join(COMPUTED)}"))
+
+
+_SEQUENCE = re.compile(r"\x1b(?:\[[0-?]*[@-~]|O?[!-~])?")
+"""What a terminal sends for a key that is no character, such as Delete, which has a 3 in it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,7 +66,10 @@ def hold_and_say(duo: FrankaDuo) -> None:
     from duobench.rig_sessions.session import HELD_BY_OPERATOR
 
     duo.hold(HELD_BY_OPERATOR)
-    os.write(sys.stderr.fileno(), b"\nThe arms are held. q ends; Ctrl-C again leaves at once.\n")
+    with suppress(OSError):  # the terminal may be gone
+        os.write(
+            sys.stderr.fileno(), b"\nThe arms are held. q ends; Ctrl-C again leaves at once.\n"
+        )
 
 
 class KeyTerminal:
@@ -73,7 +82,9 @@ class KeyTerminal:
 
     def __init__(self, handle: int | None = None) -> None:
         self._handle = sys.stdin.fileno() if handle is None else handle
-        self._keys: queue.Queue[str] = queue.Queue()
+        self.on_answer: Callable[[], object] = lambda: None
+        """Called when a question is answered."""
+        self._keys: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._call: Callable[[str], object] | None = None
         self._before: list[Any] | None = None
         if os.isatty(self._handle):
@@ -102,6 +113,7 @@ class KeyTerminal:
                 self._keys.put("")  # and for whatever is asked later
                 return QUIT
             if key in keys:
+                self.on_answer()
                 return key
 
     def listen(self, call: Callable[[str], object] | None) -> Callable[[str], object] | None:
@@ -109,21 +121,29 @@ class KeyTerminal:
         before, self._call = self._call, call
         return before
 
+    def leave(self) -> None:
+        """Say that the session ends, whatever is asked; for signal handlers."""
+        with suppress(OSError):  # the terminal may be gone
+            os.write(sys.stderr.fileno(), b"\nThe arms are held; the session ends.\n")
+        self._keys.put("")
+
     def close(self) -> None:
         """Restore the terminal."""
         before, self._before = self._before, None
         if before is not None:
             AT_LEAVING.remove(self.close)
-            termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
+            with suppress(termios.error):  # the terminal may be gone
+                termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
 
     def _read(self) -> None:
         while True:
             try:
-                key = os.read(self._handle, 1).decode(errors="replace")
+                said = os.read(self._handle, 1024).decode(errors="replace")
             except OSError:
-                key = ""
-            if (call := self._call) is not None:
-                call(key)
-            self._keys.put(key)
-            if not key:
+                said = ""
+            for key in _SEQUENCE.sub("", said) if said else [""]:
+                if (call := self._call) is not None:
+                    call(key)
+                self._keys.put(key)
+            if not said:
                 return

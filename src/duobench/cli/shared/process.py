@@ -8,7 +8,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from importlib import import_module
 from types import FrameType
 from typing import NoReturn
@@ -84,15 +84,28 @@ def raising() -> Iterator[None]:
 
 
 @contextmanager
-def stopping(stop: Callable[[], None]) -> Iterator[None]:
-    """Let Ctrl-C, or a request to terminate, call `stop` in the block; the second one leaves."""
+def stopping(stop: Callable[[], None]) -> Iterator[Callable[[], None]]:
+    """Let Ctrl-C, or a request to terminate, call `stop` in the block; the second one leaves.
+
+    A lost terminal calls it too. What it gives lets the next one call `stop` again.
+    """
+    came: set[int] = set()
 
     def handle(number: int, _frame: FrameType | None) -> None:
-        signal.signal(number, leave)
+        # A closed terminal says so twice: the second time when its shell has ended.
+        signal.signal(number, signal.SIG_IGN if number == signal.SIGHUP else leave)
+        if number != signal.SIGHUP:
+            came.add(number)
         stop()
 
-    with _answered_by(handle, signal.SIGINT), _answered_by(handle, signal.SIGTERM):
-        yield
+    def again() -> None:
+        while came:
+            signal.signal(came.pop(), handle)
+
+    with ExitStack() as ending:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            ending.enter_context(_answered_by(handle, number))
+        yield again
 
 
 @contextmanager
@@ -109,4 +122,5 @@ def _answered_by(
     try:
         yield
     finally:
-        signal.signal(number, before)
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, before)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -77,10 +78,17 @@ def _joint_source(leader: str) -> JointSource:
     raise AdvisedError(f"--leader is gello:FILE or lerobot:KIND, got {leader!r}.")
 
 
-def _led(live: TeleopPage, server: PageServer, note: str) -> str:
+def _led(
+    live: TeleopPage, server: PageServer, note: str, on_stop: Callable[[], None] = lambda: None
+) -> str:
     """Run a session on its page; what its times were, in a few words."""
     say(f"Open {server.url}\n{note}")
-    with stopping(live.stop):
+
+    def stop() -> None:
+        live.stop()
+        on_stop()
+
+    with stopping(stop):
         summary = live.run().summary()
     if "latency_ms" not in summary:
         return ""
@@ -186,7 +194,8 @@ def teleop_rig(
             ending.callback(server.close)
             ending.callback(CameraFeed(duo, server).close)
             note = "Ctrl-C ends the session; the space bar holds."
-            say(_led(RigTeleopPage(session, server), server, note).removeprefix("; "))
+            times = _led(RigTeleopPage(session, server), server, note, terminal.leave)
+            say(times.removeprefix("; "))
         data = recorder.data
         kept = 0 if data is None else data.kept(recorder.task)
         say(f"{counted(kept, 'episode')} of {task} in {out}")

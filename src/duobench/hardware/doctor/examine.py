@@ -6,6 +6,7 @@ from statistics import median
 import numpy as np
 
 from duobench.backend import Image
+from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.errors import BackendError
 from duobench.hardware.canonical import CanonicalView
 from duobench.hardware.devices import ArmReading
@@ -154,7 +155,9 @@ def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> I
         "Plug it in again, quickly, into a USB 3 port of its own, with a short cable and without a "
         "hub."
     )
-    yield Outcome.FAILED.unless(not (is_slow or is_old), title, value, advice)
+    if is_rare := config.fps * MAX_IMAGE_AGE_SECONDS < 1.0:
+        advice = f"Arms rest where an image is older than {MAX_IMAGE_AGE_SECONDS:g} s: raise fps."
+    yield Outcome.FAILED.unless(not (is_slow or is_old or is_rare), title, value, advice)
     if config.driver in {CameraDriver.SIMULATED, CameraDriver.REHEARSAL, CameraDriver.FILE}:
         return
     if config.exposure_us is None:

@@ -70,6 +70,11 @@ class Trials {
       this.#tell("finish");
     });
     part("#note").addEventListener("change", () => this.#tellNote());
+    part("#note").addEventListener("keydown", (event) => {
+      if (event.key !== "Enter") return;
+      event.preventDefault(); // it closes no trial
+      this.#tellNote();
+    });
     part("#spoiled").addEventListener("submit", (event) => {
       event.preventDefault();
       const reason = part("#reason").value.trim();
@@ -113,6 +118,7 @@ class Trials {
   }
 
   #show(status) {
+    const known = this.#status?.note;
     this.#status = status;
     const { phase, trial, blind } = status;
     document.title = `${status.title} · Trials · DuoBench`;
@@ -141,6 +147,8 @@ class Trials {
     this.#showFootprints(status.footprints);
     const name = `${trial.number}.${trial.attempt}`;
     if (name !== this.#trial) this.#begin(name);
+    const note = part("#note");
+    if (status.note !== known && note !== document.activeElement) note.value = status.note;
     if (status.film !== this.#film) this.#load(status.film);
     this.#allow();
     this.#showResults(status);

@@ -1,0 +1,138 @@
+"""The operator's terminal at a rig: a real one, of a process of its own."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import termios
+import threading
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from duobench.cli.real.rigs import KeyTerminal
+from duobench.data import DataSet
+from duobench.rig_sessions.operator import QUIT
+from tests.cli.test_cli import ROOT
+from tests.web.pages import wait_until
+
+RECORD = ("real", "record", "--policy", "hold", "--rig", "simulated", "--task", "bin_sort")
+CTRL_C = "\x03"
+
+
+class Terminal:
+    """A window in which a command runs."""
+
+    def __init__(self, master: int, process: subprocess.Popen[bytes]) -> None:
+        self.master, self.process, self._said = master, process, ""
+
+    def until(self, words: str) -> None:
+        """Read until words are said that were not read before."""
+        while not (found := re.search(words, self._said)):
+            self._said += os.read(self.master, 65536).decode()
+        self._said = self._said[found.end() :]
+
+    def press(self, key: str) -> None:
+        os.write(self.master, key.encode())
+
+
+@contextmanager
+def terminal(*words: str) -> Iterator[Terminal]:
+    """A command in a terminal that it belongs to, as in a window of its own."""
+
+    def own() -> None:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may ignore it
+        fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+    master, slave = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "duobench", *words],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        start_new_session=True,
+        preexec_fn=own,  # noqa: PLW1509 - it starts no thread and takes no lock
+    ) as process:
+        os.close(slave)
+        try:
+            yield Terminal(master, process)
+        finally:
+            process.kill()
+
+
+def test_lost_terminal_holds_the_arms_and_keeps_what_was_recorded(tmp_path: Path) -> None:
+    with terminal(*RECORD, "--out", str(tmp_path), "--horizon", "9000") as operator:
+        for words, key in (("h: they go home", "h"), ("p: placed", "p"), ("It plays", "1")):
+            operator.until(words)
+            operator.press(key)
+        os.close(operator.master)
+        assert operator.process.wait(60) == 1  # there is nobody to say more to
+    (episode,) = DataSet(tmp_path).recordings()
+    assert episode.info.outcome is not None
+    assert not episode.info.outcome.kept
+    assert list(DataSet(tmp_path).partials()) == []
+
+
+def test_ctrl_c_at_a_question_leaves_the_next_one_to_hold(tmp_path: Path) -> None:
+    words = ("--out", str(tmp_path), "--horizon", "9000", "--episodes", "1")
+    with terminal(*RECORD, *words) as operator:
+        operator.until("h: they go home")
+        operator.press(CTRL_C)
+        operator.until("The arms are held")
+        for key, words_then in (("h", "p: placed"), ("p", "It plays")):
+            operator.press(key)
+            operator.until(words_then)
+        operator.press(CTRL_C)
+        operator.until("k: keep it")
+        operator.press("q")
+        operator.until("0 episodes of bin_sort")
+        assert operator.process.wait(60) == 0
+
+
+@pytest.fixture
+def keys() -> Iterator[tuple[int, KeyTerminal]]:
+    """A terminal in this process, and what writes into it."""
+    master, slave = pty.openpty()
+    with closing(KeyTerminal(slave)) as made:
+        yield master, made
+    os.close(master)
+    os.close(slave)
+
+
+def test_keys_that_are_no_characters_are_none_of_ours(keys: tuple[int, KeyTerminal]) -> None:
+    master, terminal = keys
+    pressed: list[str] = []
+    terminal.listen(pressed.append)
+    os.write(master, b"\x1b[3~\x1b[5~\x1b[1;5C\x1bOP\x1b3")  # delete, page up, an arrow, F1, Alt-3
+    os.write(master, b"4\x1b s")
+    wait_until(lambda: "s" in pressed)
+    assert pressed == ["4", " ", "s"]
+
+
+def test_question_ends_when_the_session_does(
+    keys: tuple[int, KeyTerminal], capfd: pytest.CaptureFixture[str]
+) -> None:
+    _, terminal = keys
+    threading.Timer(0.05, terminal.leave).start()
+    assert terminal.ask("h: go home", "h") == QUIT
+    assert terminal.ask("h: go home", "h") == QUIT
+    assert "the session ends" in capfd.readouterr().err
+
+
+def test_ctrl_c_at_a_later_question_of_leading_ends_the_session(tmp_path: Path) -> None:
+    words = ("real", "teleop", "bin_sort", "--rig", "simulated", "--out", str(tmp_path))
+    with terminal(*words) as operator:
+        for awaited, key in (("h: go home", "h"), ("Ctrl-C ends", " "), ("h: go home", CTRL_C)):
+            operator.until(awaited)
+            operator.press(key)
+        operator.until("the session ends")
+        operator.until("0 episodes of bin_sort")
+        assert operator.process.wait(60) == 0
