@@ -14,8 +14,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar, cast
+from typing import TYPE_CHECKING, NoReturn, ParamSpec, Self, TypeVar, cast
 
+from duobench.errors import TaskError
 from duobench.types import CONTROL_HZ
 
 if TYPE_CHECKING:
@@ -127,6 +128,12 @@ class Predicate:
 
     def __invert__(self) -> Predicate:
         return _not(self)
+
+    def __bool__(self) -> NoReturn:
+        raise TaskError(
+            f"{self.name!r} is asked at every step, and is neither true nor false by itself: "
+            "combine predicates with &, | and ~, not with `and`, `or` and `not`."
+        )
 
     def __repr__(self) -> str:
         return self.name
@@ -288,7 +295,7 @@ class Since(Predicate):
         if self.memory in state.remembered and reset is not None:
             return f"undone: {event.name} ({', '.join(reset.why(state))})"
         if self._now(state):
-            missing = event.unmet(state) or (reset.why(state) if reset else ())
+            missing = event.unmet(state) or (() if reset is None else reset.why(state))
             return f"{self.when}: {', '.join(missing)}"
         return state.past.get(self.memory)
 
