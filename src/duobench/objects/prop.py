@@ -1,10 +1,11 @@
 """A prop: what a task puts on the table, as a small tree of rigid parts."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
-from duobench.errors import UnknownNameError
+from duobench.errors import TaskError, UnknownNameError
 from duobench.objects.solid import Solid
 from duobench.spatial import SE3
 
@@ -49,6 +50,14 @@ class Hinge:
     """Spring in N·m/rad, slack at zero."""
     damping: float = 0.0
     """Viscous damping in N·m·s/rad."""
+
+    def __post_init__(self) -> None:
+        low, high = self.limits
+        if not -math.tau <= low < high <= math.tau:
+            raise TaskError(
+                f"The limits of a hinge are two angles in radians, the smaller one first, within "
+                f"{math.tau:.2f} of 0; got {self.limits}."
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -95,6 +95,8 @@ def evaluate(  # noqa: PLR0913
         DuoBenchError: If the environment cannot be made.
     """
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
+    if videos < 0:
+        raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
     suite = replace(suite, salt=salt and salt.sha256)
     folder.salt = salt
     job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos)

@@ -11,6 +11,7 @@ A predicate that does not hold says why in words, with `unmet`, if somebody asks
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -351,6 +352,8 @@ def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = 
         reset: Where it is given, time is summed up over breaks since it held last. Otherwise
             `predicate` has held at every control step of the last `seconds`.
     """
+    if not 0 < seconds < math.inf:
+        raise TaskError(f"A time that something holds is above 0 s, got {seconds!r}.")
     clock = Clock(of=predicate, reset=reset)
     steps = _steps(seconds)
     return HeldFor(
@@ -368,10 +371,16 @@ def _not(predicate: Predicate) -> Predicate:
     return Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
 
 
+def _some(predicates: tuple[Predicate, ...]) -> tuple[Predicate, ...]:
+    if not predicates:
+        raise TaskError("all_of and any_of combine one predicate at least, got none.")
+    return predicates
+
+
 @shared
 def all_of(*predicates: Predicate) -> Predicate:
     """All hold."""
-    name = " and ".join(p.name for p in predicates)
+    name = " and ".join(p.name for p in _some(predicates))
     asks = tuple(p.ask for p in predicates)
 
     def test(state: StateView) -> bool:
@@ -386,7 +395,7 @@ def all_of(*predicates: Predicate) -> Predicate:
 @shared
 def any_of(*predicates: Predicate) -> Predicate:
     """At least one holds."""
-    name = " or ".join(p.name for p in predicates)
+    name = " or ".join(p.name for p in _some(predicates))
     asks = tuple(p.ask for p in predicates)
 
     def test(state: StateView) -> bool:

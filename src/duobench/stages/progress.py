@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from duobench.errors import UnknownNameError
+from duobench.errors import TaskError, UnknownNameError
 from duobench.stages.logic import Clock, HeldFor, Memory, Predicate, Since, StateView, Words
 from duobench.stages.nearness import Nearness
 from duobench.stages.predicates import VariantIs
@@ -33,6 +33,15 @@ class Stage:
     stays: Predicate | None = None
     """What later stages take for granted of it. Where it is lost, this stage's instruction is what
     is to be done now, though the stage was reached. None if nothing can be lost."""
+
+    def __post_init__(self) -> None:
+        given: list[object] = [self.holds, *([] if self.stays is None else [self.stays])]
+        for value in given:
+            if not isinstance(value, Predicate):
+                raise TaskError(
+                    f"Stage {self.name!r} takes predicates, got a {type(value).__name__}; a "
+                    'function of a state becomes one as Predicate("what holds", function).'
+                )
 
 
 LOST_SECONDS = 0.5
