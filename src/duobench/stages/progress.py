@@ -115,13 +115,20 @@ def check_names(
 
     Raises:
         UnknownNameError: A predicate names what is not there; near misses are listed.
+        TaskError: A predicate asks another one that is not among its parts.
     """
     heights = {name: simulation.min_height(name) for name in simulation.props}
     state = StateView(
         simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
     )
-    for part in (part for predicate in constraints_of(stages) for part in predicate.walk()):
+    parts = dict.fromkeys(p for predicate in constraints_of(stages) for p in predicate.walk())
+    for part in parts:
         part.test(state)
+        if unnamed := state.answers.keys() - parts.keys():
+            raise TaskError(
+                f"{part.name!r} asks {', '.join(sorted(repr(p.name) for p in unnamed))}, and does "
+                "not name it in its parts, the third argument of Predicate: its memory is not kept."
+            )
         if isinstance(part, VariantIs):
             if part.choice not in variants:
                 raise UnknownNameError("variant", part.choice, variants)
