@@ -30,7 +30,7 @@ from duobench.randomness import Choice
 from duobench.scene.compose import compose
 from duobench.shifts import shift
 from duobench.spatial import SE3
-from duobench.stages.logic import all_of, held_for
+from duobench.stages.logic import held_for
 from duobench.stages.predicates import still
 from duobench.tasks import Task, catalog
 
@@ -97,7 +97,6 @@ TRIGGERS: Mapping[str, Trigger] = {
     "task: stage of a function": lambda: replace(TASK.stages[0], holds=lambda _: True),
     "task: stays without a predicate": lambda: replace(TASK.stages[0], stays=True),
     "task: predicates with and": lambda: still("cube") and still("base"),
-    "task: predicates of nothing": all_of,
     "task: time of nothing": lambda: held_for(still("cube"), 0),
     "task: time that is no number": lambda: held_for(still("cube"), math.nan),
     "task: choice of nothing": lambda: Choice(()),

@@ -371,16 +371,10 @@ def _not(predicate: Predicate) -> Predicate:
     return Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
 
 
-def _some(predicates: tuple[Predicate, ...]) -> tuple[Predicate, ...]:
-    if not predicates:
-        raise TaskError("all_of and any_of combine one predicate at least, got none.")
-    return predicates
-
-
 @shared
 def all_of(*predicates: Predicate) -> Predicate:
     """All hold."""
-    name = " and ".join(p.name for p in _some(predicates))
+    name = " and ".join(p.name for p in predicates)
     asks = tuple(p.ask for p in predicates)
 
     def test(state: StateView) -> bool:
@@ -395,7 +389,7 @@ def all_of(*predicates: Predicate) -> Predicate:
 @shared
 def any_of(*predicates: Predicate) -> Predicate:
     """At least one holds."""
-    name = " or ".join(p.name for p in _some(predicates))
+    name = " or ".join(p.name for p in predicates)
     asks = tuple(p.ask for p in predicates)
 
     def test(state: StateView) -> bool:
