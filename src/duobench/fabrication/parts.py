@@ -116,8 +116,8 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
 
     Raises:
         UnknownNameError: There is no such variant.
-        FabricationError: A part does not fit a printer of `shapes.PRINTER`, is not one body, or too
-            thin.
+        FabricationError: A part does not fit a printer of `shapes.PRINTER`, is not one body, or is
+            thinner than a wall can be.
     """
     bought = parts_to_buy(task)
     not_printed = {name for item in bought for name in item.props}
@@ -145,7 +145,7 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
 
 def _check(part: PrintedPart) -> None:
     """Reject what no printer makes: too large, in several bodies, or thin as a whole."""
-    size = " × ".join(f"{1000 * edge:.3g}" for edge in part.size)
+    size = " × ".join(f"{1000 * edge:.1f}".removesuffix(".0") for edge in part.size)
     bodies = sum(body.volume() > 0 for body in manifold_from(part.mesh).decompose())  # no hollows
     if (part.size > PRINTER).any():
         why = (

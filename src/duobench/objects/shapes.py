@@ -37,7 +37,9 @@ Colour = tuple[float, float, float, float]
 
 def check_colour(colour: Colour | None) -> None:
     """Reject what is no colour."""
-    if colour is not None and not (len(colour) == 4 and all(0 <= part <= 1 for part in colour)):  # noqa: PLR2004 - rgba
+    if colour is None:
+        return
+    if len(colour) != 4 or not all(0 <= part <= 1 for part in colour):  # noqa: PLR2004 - opacity
         raise TaskError(
             f"A colour is red, green, blue and opacity, each from 0 to 1; got {colour}."
         )

@@ -86,7 +86,7 @@ def evaluate(  # noqa: PLR0913
         What the records add up to: of the shard, under all shifts.
 
     Raises:
-        EvaluationError: If the number of workers is negative, episodes cannot be played
+        EvaluationError: If the number of workers or videos is negative, episodes cannot be played
             (`MachineryError`, `UnplayedError`), or records are missing at the end.
         OtherRunError: If the folder holds another run.
         OutputError: If the folder cannot be written, or the shard is being written.

@@ -126,8 +126,8 @@ def add_prop(spec: mujoco.MjSpec, prop: Prop) -> None:
     shapes = len(prop.solid.shapes)
     images = max(len(root.geoms) - shapes, 1)
     for value, variant in prop.variants.items():
-        if max(variant.without_shapes, default=0) >= shapes or (
-            max(variant.without_images, default=0) >= images
+        if {*variant.without_shapes} - {*range(shapes)} or (
+            {*variant.without_images} - {*range(images)}
         ):
             raise TaskError(
                 f"Variant {value!r} of {prop.name!r} leaves out shapes "
