@@ -5,6 +5,7 @@ ask for the class of an error, and for a word of it where one class stands for s
 """
 
 import json
+import math
 import re
 import tempfile
 from collections.abc import Callable, Mapping
@@ -21,13 +22,21 @@ from duobench.evaluation.policies import PolicyChoice
 from duobench.experts.expert import find_script
 from duobench.hardware.rig import Rig
 from duobench.looks.catalog import look
+from duobench.objects.blocks import RED, block, cube
+from duobench.objects.prop import Hinge, Part, Prop, Variant
+from duobench.objects.shapes import box
 from duobench.policy import make as make_policy
+from duobench.randomness import Choice
+from duobench.scene.compose import compose
 from duobench.shifts import shift
 from duobench.spatial import SE3
+from duobench.stages.logic import held_for
+from duobench.stages.predicates import still
 from duobench.tasks import Task, catalog
 
 WORDS = Path(__file__).with_name("errors.json")
 TASK = catalog.get("bin_sort")
+BLOCK = cube(RED)
 
 
 def env(**options: Any) -> Any:
@@ -55,6 +64,10 @@ def begun(name: str) -> Path:
     return path
 
 
+def composed(**changes: Any) -> None:
+    compose([Prop(name="chest", solid=BLOCK, **changes)])
+
+
 Trigger = Callable[[], object]
 TRIGGERS: Mapping[str, Trigger] = {
     "task: misspelt": lambda: catalog.get("bin-sort"),
@@ -75,6 +88,31 @@ TRIGGERS: Mapping[str, Trigger] = {
     "task: stage that cannot be written": lambda: task(
         stages=(replace(TASK.stages[0], name="w\udcff"),)
     ),
+    "task: instruction with a brace": lambda: task(instruction="Put {"),
+    "task: instruction without a name": lambda: task(kept_paraphrases=("Put {}",)),
+    "task: instruction of a stage": lambda: task(
+        stages=(replace(TASK.stages[0], instruction="Put {0}"),)
+    ),
+    "task: horizon": lambda: task(horizon=1.5),
+    "task: stage of a function": lambda: replace(TASK.stages[0], holds=lambda _: True),
+    "task: stays without a predicate": lambda: replace(TASK.stages[0], stays=True),
+    "task: predicates with and": lambda: still("cube") and still("base"),
+    "task: time of nothing": lambda: held_for(still("cube"), 0),
+    "task: time that is no number": lambda: held_for(still("cube"), math.nan),
+    "task: choice of nothing": lambda: Choice(()),
+    "task: arrange without a layout": lambda: next(task(arrange=lambda _: None).layouts(0)),
+    "task: prop with a name of the scene": lambda: compose([Prop(name="table", solid=BLOCK)]),
+    "task: two parts of one name": lambda: composed(parts=(Part(name="lid", solid=BLOCK),) * 2),
+    "task: variant without a shape": lambda: composed(
+        variants={"open": Variant(without_shapes=frozenset({7}))}
+    ),
+    "task: variant without an image": lambda: composed(
+        variants={"open": Variant(without_images=frozenset({1}))}
+    ),
+    "task: colour without opacity": lambda: cube((1, 0, 0)),  # pyright: ignore[reportArgumentType]
+    "task: colour of 255": lambda: box(1, 1, 1, rgba=(255, 0, 0, 255)),
+    "task: size": lambda: block(0.1, 0.0, 0.1, RED),
+    "task: hinge in degrees": lambda: Hinge(axis=(0, 0, 1), limits=(0, 90)),
     "task: accepts no layout": lambda: next(task(accept=lambda _: False).layouts(0)),
     "expert: none": lambda: find_script(task(id="my_sort", expert=None)),
     "expert: module that is not there": lambda: find_script(
@@ -98,6 +136,7 @@ TRIGGERS: Mapping[str, Trigger] = {
     "action: not finite": lambda: step(np.full(16, np.nan, np.float32)),
     "action: quaternion": lambda: step(np.zeros(16, np.float32), action_mode="cartesian"),
     "reset: option": lambda: reset(layuot={}),
+    "reset: seed": lambda: reset(seed=3),
     "reset: layout of another task": lambda: reset(layout={"poses": {}, "variants": {}}),
     "policy: misspelt": lambda: make_policy("rnadom"),
     "policy: misspelt expert": lambda: PolicyChoice.parse("exprt"),

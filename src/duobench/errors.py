@@ -84,6 +84,10 @@ class OptionError(DuoBenchError, ValueError):
     """An option of an environment has an invalid value."""
 
 
+class TaskError(DuoBenchError, TypeError):
+    """A task is described in a way that nothing can play or judge."""
+
+
 class LayoutError(DuoBenchError):
     """A layout is incomplete, overlapping or out of reach, or none could be sampled."""
 

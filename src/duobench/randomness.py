@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.errors import EvaluationError, check_known
+from duobench.errors import EvaluationError, TaskError, check_known
 
 SUITE_VERSION = "5"
 """Version of the benchmark's episodes. A change that alters any layout or state raises it."""
@@ -134,6 +134,10 @@ class Choice:
 
     options: tuple[str, ...]
     """The values; at least one."""
+
+    def __post_init__(self) -> None:
+        if not self.options:
+            raise TaskError("A Choice needs at least one option, got none.")
 
     def sample(self, rng: np.random.Generator) -> str:
         """One of the options."""

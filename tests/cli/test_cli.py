@@ -372,6 +372,12 @@ def test_output_may_be_closed(closed: str) -> None:
     assert (told.returncode, told.stderr) == (0, "")
 
 
+def test_figures_are_silent_about_a_home_that_cannot_be_written() -> None:
+    code = "from duobench.cli import main\nmain(['--version'])\nimport duobench.results.figures"
+    homes = {"HOME": "/proc/none", "XDG_CONFIG_HOME": "", "XDG_CACHE_HOME": "", "MPLCONFIGDIR": ""}
+    assert python("-P", "-c", code, **homes).stderr == ""
+
+
 def test_output_may_have_any_encoding(tmp_path: Path, evaluate: Told) -> None:
     evaluate(tmp_path / "run")
     done = duobench("report", str(tmp_path / "run"), PYTHONIOENCODING="ascii")

@@ -46,6 +46,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --policy hold --out OUT --episodes 0", "at least one episode"),
         ("eval --policy no.such.module:make --out OUT", "no module named"),
         ("eval --policy hold --out OUT --workers -3", "got -3"),
+        ("eval --policy hold --out OUT --videos -1", "got -1"),
         ("eval --policy hold --out /proc/run", "/proc/run cannot be the folder"),
         ("eval --policy hold --out /proc/run", "give --out another folder; the same"),
         ("eval --policy hold --out OUT --act-timeout 0", "limits are positive"),

@@ -134,6 +134,7 @@ def test_the_command_replays_a_task_by_any_of_its_names(
         ("--mode states --tasks ball_maze", "Unknown task in the data set 'ball_maze'"),
         ("--mode actions --tasks ball_maze", "Unknown task in the data set 'ball_maze'"),
         ("--cameras", "at least one camera"),
+        ("--size 3 4", "--size is 3 4"),
     ],
 )
 def test_the_command_says_what_there_is_not(demos: Path, words: str, message: str) -> None:

@@ -69,7 +69,7 @@ RIGHT = variant("empty", "right")
     ],
 )
 def test_every_other_name_is_checked(name: str, holds: Predicate | None, words: str) -> None:
-    change = {"holds": holds} if holds else {"instruction": "Take board {baord}."}
+    change = {"holds": holds} if holds is not None else {"instruction": "Take board {baord}."}
     with pytest.raises(UnknownNameError, match=words):
         duobench.make(changed(name, **change), cameras=False)
 

@@ -17,9 +17,9 @@ import pytest
 from duobench.errors import FabricationError, UnknownNameError
 from duobench.fabrication import PrintedPart, PrintJob, job_of, lay_out, stl_bytes, threemf_bytes
 from duobench.fabrication.formats import BED_STEP, hex_colour
-from duobench.objects import Part, Prop, block
+from duobench.objects import Part, Prop, Solid, Variant, block
 from duobench.objects.mazes import MAZES
-from duobench.objects.shapes import KEPT_FREE, PRINTER
+from duobench.objects.shapes import KEPT_FREE, PRINTER, box
 from duobench.spatial import SE3
 from duobench.tasks import catalog
 from tests.fabrication.printed import JOBS, PARTS, as_read, job, part
@@ -198,6 +198,35 @@ def test_what_variants_share_is_the_same_in_all_of_them() -> None:
 def test_what_is_too_large_is_refused_with_its_size() -> None:
     with pytest.raises(FabricationError, match=r"300 × 20 × 20 mm as it lies.*`pieces`"):
         job_of(task_with(Prop(name="pole", solid=lambda: block(0.3, 0.02, 0.02, RED))))
+
+
+@pytest.mark.parametrize(
+    ("prop", "message"),
+    [
+        (
+            Prop(
+                name="two",
+                solid=Solid(
+                    shapes=tuple(box(0.02, 0.02, 0.02, at=SE3.at(x)) for x in (0, 0.07)), rgba=RED
+                ),
+            ),
+            "two cannot be printed: it is 2 bodies",
+        ),
+        (Prop(name="foil", solid=block(0.02, 0.02, 0.0005, RED)), r"20 × 20 × 0\.5 mm.* 0\.8 mm"),
+        (
+            Prop(
+                name="gap",
+                solid=block(0.02, 0.02, 0.02, RED),
+                choice="it",
+                variants={"open": Variant(without_shapes=frozenset({0}))},
+            ),
+            "'open' of 'gap' leaves out shapes.*`printed`",
+        ),
+    ],
+)
+def test_what_would_be_printed_otherwise_is_refused(prop: Prop, message: str) -> None:
+    with pytest.raises(FabricationError, match=message):
+        job_of(task_with(prop))
 
 
 def test_the_print_turn_of_an_object_decides_which_side_is_up() -> None:

@@ -4,6 +4,7 @@ import pytest
 
 from duobench.errors import UnknownNameError
 from duobench.objects import RED, Part, Prop, Solid, Variant, cube
+from duobench.sim.simulation import Simulation
 
 
 def test_a_solid_is_built_once_when_it_is_first_read() -> None:
@@ -28,3 +29,13 @@ def test_the_root_is_printed_as_the_layouts_variant_has_it() -> None:
     assert prop.prints({"kind": "other"}) == (other,)
     with pytest.raises(UnknownNameError, match="'other'"):
         prop.prints({"kind": "othr"})
+
+
+def test_a_single_box_is_its_own_image() -> None:
+    variants = {"here": Variant(), "gone": Variant(without_images=frozenset({0}))}
+    simulation = Simulation([Prop(name="box", solid=cube(RED), choice="it", variants=variants)])
+    opacity = {}
+    for value in variants:
+        simulation.choose({"it": value})
+        opacity[value] = simulation.model.geom("box:0").rgba[3]
+    assert opacity == {"here": 1.0, "gone": 0.0}

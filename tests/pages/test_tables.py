@@ -41,3 +41,10 @@ def test_no_rule_of_accessibility_is_broken(pages: list[Path], view: View) -> No
 def test_phone_shows_no_more_than_its_width(pages: list[Path]) -> None:
     for page in pages:
         assert measure(page, PHONE, "document.documentElement.scrollWidth") == PHONE.width
+
+
+def test_a_long_word_makes_no_page_wider(pages: list[Path]) -> None:
+    widened = "document.querySelector('h2').textContent = 'w'.repeat(300)"
+    for page in pages:
+        width = measure(page, PHONE, f"({widened}, document.documentElement.scrollWidth)")
+        assert width == PHONE.width

@@ -68,11 +68,19 @@ def test_run_without_records_can_be_plotted(name: str) -> None:
     assert plots(summarize(TASKS, []))[name].rstrip().endswith("</svg>")
 
 
-@pytest.mark.parametrize("title", [r"$\frac$", "from $5 to $10", "50 % & <more>"])
+@pytest.mark.parametrize("title", [r"$\frac$", "from $5 to $10", "50 % & <more>", "日本語"])
 @pytest.mark.parametrize("name", FIGURES)
 def test_title_is_shown_as_it_is(name: str, title: str) -> None:
     task = replace(LIFT, title=title)
     assert title in words(plots(summarize([task], [sample_record(task, 0, (1,))]))[name])
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_long_title_is_cut(name: str) -> None:
+    task = replace(LIFT, title="Long" * 25)
+    assert "LongLongLongLongLongLon…" in words(
+        plots(summarize([task], [sample_record(task, 0, (1,))]))[name]
+    )
 
 
 def test_curves_have_the_dashes_of_their_legend() -> None:

@@ -83,6 +83,7 @@ def test_a_layout_names_exactly_the_props(sim: Simulation) -> None:
         (changed(cube=SE3.at(0.5, -0.66, EDGE / 2)), "cube is out of reach"),
         (changed(chest=SE3.at(1.2, 0.0)), "chest is out of reach"),
         (changed(bowl=SE3.at(0.7, 0.3, -0.5)), "bowl is below the table top"),
+        (changed(bowl=SE3.at(0.7, 0.3, 16.0)), "bowl is 16 m above the table"),
     ],
 )
 def test_problems_are_named(sim: Simulation, layout: Layout, words: str) -> None:

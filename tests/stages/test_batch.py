@@ -158,3 +158,15 @@ def test_whatever_stages_are_made_of_is_judged_the_same(seed: int) -> None:
             alone[number].update(sim)
         assert [together.get_state(n) for n in range(COUNT)] == [p.get_state() for p in alone]
         assert together.standing.tolist() == [progress.standing for progress in alone]
+
+
+def test_combinations_of_nothing_are_judged_the_same() -> None:
+    sim, batch = empty_batch()
+    stages = [Stage(name=p.name, instruction="Do it.", holds=p) for p in (all_of(), any_of())]
+    alone, together = Progress(tuple(stages)), ProgressBatch(tuple(stages), batch)
+    alone.reset(sim, {})
+    for number in range(COUNT):
+        together.set_state(number, alone.get_state())
+    together.update(np.ones(COUNT, dtype=np.bool_))
+    assert alone.update(sim) == 1
+    assert [together.get_state(n) for n in range(COUNT)] == [alone.get_state()] * COUNT

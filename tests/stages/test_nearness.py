@@ -41,6 +41,7 @@ def near(predicate: Predicate, lasted: int = 0) -> Any:
         (off_by(0.0), 1.0),
         (all_of(YES, NO), ALMOST / 2),
         (any_of(NO, HALF), ALMOST * ALMOST / 2),
+        (any_of(), 0.0),
         (at_least(2, NO, YES, HALF), ALMOST * (1.0 + ALMOST / 2) / 2),
         (since(YES), ALMOST * ALMOST),
         (variant("colour", "red") & HALF, ALMOST * ALMOST / 2),

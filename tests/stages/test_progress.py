@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
+from duobench.errors import TaskError
 from duobench.sim.duo import HOME
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
-from duobench.stages.logic import held_for, since
+from duobench.stages.logic import Predicate, held_for, since
 from duobench.stages.predicates import raised, variant
-from duobench.stages.progress import LOST_SECONDS, Progress, Stage
+from duobench.stages.progress import LOST_SECONDS, Progress, Stage, check_names
 from duobench.types import CONTROL_HZ
 from tests.stages.bench import Bench
 
@@ -210,3 +213,22 @@ def test_judging_changes_nothing_in_the_simulation(sim: Simulation) -> None:
     before = sim.get_state().tobytes()
     progress.update(sim)
     assert sim.get_state().tobytes() == before
+
+
+@pytest.mark.parametrize(
+    "combined", [lambda p, q: p and q, lambda p, q: p or q, lambda p, _: not p]
+)
+def test_the_words_of_python_do_not_combine(
+    bench: Bench, combined: Callable[[Predicate, Predicate], object]
+) -> None:
+    with pytest.raises(TaskError, match="neither true nor false"):
+        combined(bench.fact("a"), bench.fact("b"))
+
+
+def test_a_predicate_names_what_it_asks(bench: Bench) -> None:
+    was = since(bench.fact("a"))
+    mine = Predicate("mine", was.__call__)
+    stages = [Stage(name="one", instruction="do", holds=mine | bench.fact("b"))]
+    with pytest.raises(TaskError, match="'mine' asks 'since a'"):
+        check_names(stages, bench.sim, {}, {})
+    check_names([replace(stages[0], holds=replace(mine, parts=(was,)))], bench.sim, {}, {})

@@ -24,6 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     _find_modules_here()
     _print_anything()
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it warns of a home it cannot write
     with leaving_at_once():
         try:
             words = sys.argv[1:] if arguments is None else list(arguments)

@@ -237,6 +237,8 @@ def checked_reset_options(options: Any, known: Collection[str] | None = None) ->
         raise OptionError(f"The options of a reset are a dict, got {options!r}.")
     if known is not None:
         for name in map(str, options or ()):
+            if name == "seed":
+                raise UnknownNameError(f"Unknown option of a reset 'seed'. {ELSEWHERE[name]}")
             if get_close_matches(name, known):
                 check_known("option of a reset", name, known)
     return dict(options or {})

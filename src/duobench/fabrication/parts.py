@@ -11,7 +11,7 @@ import numpy as np
 from duobench.errors import FabricationError, UnknownNameError
 from duobench.fabrication.details import Dimension, PurchasedPart, parts_to_buy
 from duobench.objects.prop import Prop
-from duobench.objects.shapes import KEPT_FREE, PRINTER, Colour
+from duobench.objects.shapes import KEPT_FREE, PRINTER, THINNEST_WALL, Colour
 from duobench.objects.solid import (
     PLA_DENSITY,
     Mesh,
@@ -116,7 +116,8 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
 
     Raises:
         UnknownNameError: There is no such variant.
-        FabricationError: A part does not fit a printer of `shapes.PRINTER`.
+        FabricationError: A part does not fit a printer of `shapes.PRINTER`, is not one body, or is
+            thinner than a wall can be.
     """
     bought = parts_to_buy(task)
     not_printed = {name for item in bought for name in item.props}
@@ -131,13 +132,7 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
             masses += weights
     parts = _with_names(_merged(parts))
     for part in parts:
-        if (part.size > PRINTER).any():
-            size = " × ".join(f"{1000 * edge:.0f}" for edge in part.size)
-            raise FabricationError(
-                f"{part.body} cannot be printed: it is {size} mm as it lies, and the printer takes "
-                f"{1000 * PRINTER:.0f} mm. Give its solid `pieces` to be put together, or another "
-                "`print_turn`."
-            )
+        _check(part)
     return PrintJob(
         id=task.id,
         title=task.title,
@@ -146,6 +141,24 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
         masses=tuple(masses),
         bought=bought,
     )
+
+
+def _check(part: PrintedPart) -> None:
+    """Reject what no printer makes: too large, in several bodies, or thin as a whole."""
+    size = " × ".join(f"{1000 * edge:.1f}".removesuffix(".0") for edge in part.size)
+    bodies = sum(body.volume() > 0 for body in manifold_from(part.mesh).decompose())  # no hollows
+    if (part.size > PRINTER).any():
+        why = (
+            f"it is {size} mm as it lies, and the printer takes {1000 * PRINTER:.0f} mm. Give its "
+            "solid `pieces` to be put together, or another `print_turn`."
+        )
+    elif bodies > 1:
+        why = f"it is {bodies} bodies that do not touch. Join its shapes, or give it `pieces`."
+    elif (part.size < THINNEST_WALL).any():
+        why = f"it is {size} mm, and the thinnest wall is {1000 * THINNEST_WALL:.1f} mm."
+    else:
+        return
+    raise FabricationError(f"{part.body} cannot be printed: {why}")
 
 
 def upright(

@@ -1,10 +1,11 @@
 """A prop: what a task puts on the table, as a small tree of rigid parts."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
-from duobench.errors import UnknownNameError
+from duobench.errors import FabricationError, TaskError, UnknownNameError
 from duobench.objects.solid import Solid
 from duobench.spatial import SE3
 
@@ -50,6 +51,14 @@ class Hinge:
     damping: float = 0.0
     """Viscous damping in N·m·s/rad."""
 
+    def __post_init__(self) -> None:
+        low, high = self.limits
+        if not -math.tau <= low < high <= math.tau:
+            raise TaskError(
+                f"The limits of a hinge are two angles in radians, the smaller one first, within "
+                f"{math.tau:.2f} of 0; got {self.limits}."
+            )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
@@ -76,7 +85,7 @@ class Variant:
     without_images: frozenset[int] = frozenset()
     """Numbers of the solid's images that cannot be seen."""
     printed: Solid | None = None
-    """The root part as it is printed; None for the whole solid."""
+    """The root part as it is printed; None for the whole solid, where no shapes are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +115,7 @@ class Prop:
 
         Raises:
             UnknownNameError: They lack a value of the prop's choice.
+            FabricationError: The variant leaves out shapes, and has nothing to print without them.
         """
         root = None
         if self.choice is not None:
@@ -113,6 +123,11 @@ class Prop:
             if value is None or value not in self.variants:
                 raise UnknownNameError(f"variant of {self.name}", value, self.variants)
             root = self.variants[value].printed
+            if root is None and self.variants[value].without_shapes:
+                raise FabricationError(
+                    f"Variant {value!r} of {self.name!r} leaves out shapes, and does not say what "
+                    "is printed: give it `printed`, the solid without them."
+                )
         return (root or self.solid, *(part.solid for part in self.parts))
 
     def part_name(self, part: str) -> str:

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from duobench.errors import TaskError
 from duobench.spatial import SE3
 from duobench.types import Array
 
@@ -34,6 +35,16 @@ Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, each 0 to 1."""
 
 
+def check_colour(colour: Colour | None) -> None:
+    """Reject what is no colour."""
+    if colour is None:
+        return
+    if len(colour) != 4 or not all(0 <= part <= 1 for part in colour):  # noqa: PLR2004 - opacity
+        raise TaskError(
+            f"A colour is red, green, blue and opacity, each from 0 to 1; got {colour}."
+        )
+
+
 class ShapeKind(StrEnum):
     """What a shape is."""
 
@@ -59,6 +70,11 @@ class Shape:
     """Colour, where it differs from the solid's."""
     shadow: bool = True
     """Whether it casts one; not where the shadow lies within that of the shape below."""
+
+    def __post_init__(self) -> None:
+        check_colour(self.rgba)
+        if not all(0 < edge < math.inf for edge in self.size):
+            raise TaskError(f"The sizes of a {self.kind} are above 0, in metres; got {self.size}.")
 
     def corners(self) -> Array:
         """Points (n, 3) whose convex hull is the shape, in the solid's frame, in metres.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind
+from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind, check_colour
 from duobench.spatial import SE3
 from duobench.types import Array
 
@@ -96,6 +96,9 @@ class Solid:
     condim: int = 3
     """MuJoCo contact dimension: 1 without friction, 3 sliding, 4 with torsion, 6 with rolling; of
     two solids in contact the larger one holds."""
+
+    def __post_init__(self) -> None:
+        check_colour(self.rgba)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

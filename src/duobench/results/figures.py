@@ -9,6 +9,7 @@ Wherever the colours appear, the stage's number does too.
 import io
 import math
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
 from typing import Any, TypeVarTuple
@@ -78,6 +79,7 @@ Levels = Mapping[str, Mapping[int, Score]]
 """What was reached at each level of each axis."""
 _GAP = 0.5  # between the bars of two tasks, in bars
 _LONG_NAME = 27  # letters of a name, its key included, above which a legend has one name a line
+_LONGEST_TITLE = 24  # letters that fit above the narrowest panel
 _APART = 0.06  # between the markers of two runs at one level, in levels
 _SHORTEST_LABELLED = 0.035
 """Share of a bar below which a segment is too short for its stage's number."""
@@ -102,11 +104,16 @@ def _figure(height: float) -> Any:
     return Figure(figsize=(WIDTH, height), layout="constrained")
 
 
+def _short(title: str) -> str:
+    """A title, cut where a figure has no room for it; the page around it has the whole."""
+    return title if len(title) <= _LONGEST_TITLE else f"{title[: _LONGEST_TITLE - 1]}…"
+
+
 def stage_bars(results: Results) -> Figure:
     """One bar a task: the shares of episodes by last stage, the success rate written beside it."""
     tasks = [one for one in results.tasks if one.score.episodes]
     figure = _figure(0.75 + 0.34 * len(tasks))
-    bars = [(row, one.task.title, one) for row, one in enumerate(tasks)]
+    bars = [(row, _short(one.task.title), one) for row, one in enumerate(tasks)]
     _plot_bars(figure.add_subplot(), bars, max(1, len(tasks)))
     return figure
 
@@ -124,7 +131,7 @@ def grouped_stage_bars(groups: Sequence[tuple[str, Sequence[tuple[str, TaskResul
     axes = figure.add_subplot()
     _plot_bars(axes, bars, max(1.0, at - _GAP), weight="bold")
     named = axes.secondary_yaxis(-0.035)
-    named.set_yticks([place for place, _ in titles], [title for _, title in titles])
+    named.set_yticks([place for place, _ in titles], [_short(title) for _, title in titles])
     named.tick_params(length=0)
     named.spines["left"].set_visible(False)
     return figure
@@ -191,7 +198,7 @@ def _progress_panels(tasks: Sequence[TaskInfo]) -> tuple[Any, list[Axes]]:
         for stage in range(1, task.max_stage + 1):
             level = stage / task.max_stage
             axes.axhline(level, color=_FAINT, linewidth=0.5, alpha=0.6, zorder=0)
-        axes.set_title(task.title, fontsize=9, loc="left")
+        axes.set_title(_short(task.title), fontsize=9, loc="left")
         axes.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
         axes.set(xlim=(0, 100), ylim=(0, 1.04), xticks=[0, 50, 100])
         axes.tick_params(labelleft=index % columns == 0, labelsize=8)
@@ -288,7 +295,10 @@ def as_svg(name: str, make: Callable[[*Values], Figure], *values: *Values) -> st
     """
     # Identifiers inside are hashes; with a salt of its own, no two figures on a page share one.
     buffer = io.StringIO()
-    with matplotlib.style.context({**_STYLE, "svg.hashsalt": name}):
+    with (
+        matplotlib.style.context({**_STYLE, "svg.hashsalt": name}),
+        warnings.catch_warnings(action="ignore", category=UserWarning),  # of glyphs and narrow axes
+    ):
         figure: Any = make(*values)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()

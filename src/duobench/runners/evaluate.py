@@ -86,7 +86,7 @@ def evaluate(  # noqa: PLR0913
         What the records add up to: of the shard, under all shifts.
 
     Raises:
-        EvaluationError: If the number of workers is negative, episodes cannot be played
+        EvaluationError: If the number of workers or videos is negative, episodes cannot be played
             (`MachineryError`, `UnplayedError`), or records are missing at the end.
         OtherRunError: If the folder holds another run.
         OutputError: If the folder cannot be written, or the shard is being written.
@@ -95,6 +95,8 @@ def evaluate(  # noqa: PLR0913
         DuoBenchError: If the environment cannot be made.
     """
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
+    if videos < 0:
+        raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
     suite = replace(suite, salt=salt and salt.sha256)
     folder.salt = salt
     job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos)

@@ -6,7 +6,7 @@ import manifold3d
 import mujoco
 import numpy as np
 
-from duobench.errors import DuoBenchError
+from duobench.errors import DuoBenchError, TaskError
 from duobench.objects.prop import Hinge, Prop
 from duobench.objects.shapes import Shape, ShapeKind, at_height
 from duobench.objects.solid import Image, Mesh, Solid, images_of, manifold_from, mass_properties
@@ -73,11 +73,15 @@ def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoc
     add_robot(spec)
     add_head_camera(spec.worldbody)
     add_overview_camera(spec.worldbody, overview)
-    names: set[str] = set()
+    names = {body.name for body in spec.bodies}
     for prop in props:
-        if prop.name in names:
-            raise DuoBenchError(f"Two props are called {prop.name!r}; give each its own name.")
-        names.add(prop.name)
+        for name in (prop.name, *(prop.part_name(part.name) for part in prop.parts)):
+            if name in names:
+                raise TaskError(
+                    f"Two bodies of the scene are called {name!r}; give each prop, and each part "
+                    "of one, its own name."
+                )
+            names.add(name)
         add_prop(spec, prop)
     return spec
 
@@ -119,6 +123,17 @@ def add_prop(spec: mujoco.MjSpec, prop: Prop) -> None:
         if part.hinge is not None:
             _add_hinge(body, name, part.hinge)
         _fill(spec, body, part.solid, CollisionGroup.OBJECT if part.hinge else group)
+    shapes = len(prop.solid.shapes)
+    images = max(len(root.geoms) - shapes, 1)
+    for value, variant in prop.variants.items():
+        if {*variant.without_shapes} - {*range(shapes)} or (
+            {*variant.without_images} - {*range(images)}
+        ):
+            raise TaskError(
+                f"Variant {value!r} of {prop.name!r} leaves out shapes "
+                f"{sorted(variant.without_shapes)} and images {sorted(variant.without_images)}; "
+                f"counted from 0, there are {shapes} shapes and {images} images."
+            )
 
 
 def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:

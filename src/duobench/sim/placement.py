@@ -20,6 +20,9 @@ MAX_OVERLAP = 0.001
 REACH_X = (0.15, 1.05)
 REACH_Y = (-0.65, 0.65)
 """Where an object may start on the table, in metres [facts of the platform]."""
+MAX_HEIGHT = 0.5
+"""Highest lowest point of an object at the start, above the table in metres: below the grippers at
+home, and above any stack. What is higher was given in another unit."""
 
 
 def problems(simulation: Simulation, layout: Layout) -> list[str]:
@@ -40,8 +43,10 @@ def problems(simulation: Simulation, layout: Layout) -> list[str]:
         x, y, _ = layout.poses[name].translation
         if not (REACH_X[0] <= x <= REACH_X[1] and REACH_Y[0] <= y <= REACH_Y[1]):
             faults.append(f"{name} is out of reach at ({x:.3f}, {y:.3f})")
-        if simulation.min_height(name) < -MAX_OVERLAP:
+        if (height := simulation.min_height(name)) < -MAX_OVERLAP:
             faults.append(f"{name} is below the table top")
+        if height > MAX_HEIGHT:
+            faults.append(f"{name} is {height:g} m above the table, more than {MAX_HEIGHT} m")
     return faults
 
 

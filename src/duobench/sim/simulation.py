@@ -276,8 +276,10 @@ class Simulation(Questions):
         for number in chosen.without_shapes:
             geom = model.geom(f"{prop.name}:{number}").id
             model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
+        # A single box or ball is its own image.
+        kind = "image" if root.geomnum[0] > len(prop.solid.shapes) else ""
         for number in chosen.without_images:
-            model.geom_rgba[model.geom(f"{prop.name}:image{number}").id, 3] = 0.0
+            model.geom_rgba[model.geom(f"{prop.name}:{kind}{number}").id, 3] = 0.0
 
     def place(self, name: str, pose: SE3) -> None:
         """Put a prop at a pose in the table frame, at rest; call `forward` after the last one."""

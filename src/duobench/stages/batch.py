@@ -151,12 +151,12 @@ class ProgressBatch:
             case Not():
                 holds = ~self._ask(predicate.parts[0], where)
             case AllOf():
-                holds = self._ask(predicate.parts[0], where)
-                for part in predicate.parts[1:]:
+                holds = self._all
+                for part in predicate.parts:
                     holds = holds & self._ask(part, where & holds if narrow else where)
             case AnyOf():
-                holds = self._ask(predicate.parts[0], where)
-                for part in predicate.parts[1:]:
+                holds = ~self._all
+                for part in predicate.parts:
                     holds = holds | self._ask(part, where & ~holds if narrow else where)
             case AtLeast():
                 parts = [self._ask(part, where) for part in predicate.parts]

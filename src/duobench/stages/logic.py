@@ -11,11 +11,13 @@ A predicate that does not hold says why in words, with `unmet`, if somebody asks
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, ParamSpec, Self, TypeVar, cast
+from typing import TYPE_CHECKING, NoReturn, ParamSpec, Self, TypeVar, cast
 
+from duobench.errors import TaskError
 from duobench.types import CONTROL_HZ
 
 if TYPE_CHECKING:
@@ -127,6 +129,12 @@ class Predicate:
 
     def __invert__(self) -> Predicate:
         return _not(self)
+
+    def __bool__(self) -> NoReturn:
+        raise TaskError(
+            f"{self.name!r} is asked at every step, and is neither true nor false by itself: "
+            "combine predicates with &, | and ~, not with `and`, `or` and `not`."
+        )
 
     def __repr__(self) -> str:
         return self.name
@@ -288,7 +296,7 @@ class Since(Predicate):
         if self.memory in state.remembered and reset is not None:
             return f"undone: {event.name} ({', '.join(reset.why(state))})"
         if self._now(state):
-            missing = event.unmet(state) or (reset.why(state) if reset else ())
+            missing = event.unmet(state) or (() if reset is None else reset.why(state))
             return f"{self.when}: {', '.join(missing)}"
         return state.past.get(self.memory)
 
@@ -344,6 +352,8 @@ def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = 
         reset: Where it is given, time is summed up over breaks since it held last. Otherwise
             `predicate` has held at every control step of the last `seconds`.
     """
+    if not 0 < seconds < math.inf:
+        raise TaskError(f"A time that something holds is above 0 s, got {seconds!r}.")
     clock = Clock(of=predicate, reset=reset)
     steps = _steps(seconds)
     return HeldFor(

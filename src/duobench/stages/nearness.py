@@ -58,7 +58,7 @@ class Nearness:
                 others = [self.of(part) for part in parts if not _is_choice(part)]
                 near = reduce(operator.mul, able, sum(others) / max(len(others), 1))
             case AnyOf():
-                near = reduce(np.maximum, [self.of(part) for part in parts])
+                near = reduce(np.maximum, [self.of(part) for part in parts], 0.0)
             case AtLeast():
                 nearest = np.sort(np.array([self.of(part) + 0.0 for part in parts]), axis=0)[::-1]
                 near = sum(nearest[: predicate.count]) / predicate.count

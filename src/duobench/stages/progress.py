@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from duobench.errors import UnknownNameError
+from duobench.errors import TaskError, UnknownNameError
 from duobench.stages.logic import Clock, HeldFor, Memory, Predicate, Since, StateView, Words
 from duobench.stages.nearness import Nearness
 from duobench.stages.predicates import VariantIs
@@ -33,6 +33,15 @@ class Stage:
     stays: Predicate | None = None
     """What later stages take for granted of it. Where it is lost, this stage's instruction is what
     is to be done now, though the stage was reached. None if nothing can be lost."""
+
+    def __post_init__(self) -> None:
+        given: list[object] = [self.holds, *([] if self.stays is None else [self.stays])]
+        for value in given:
+            if not isinstance(value, Predicate):
+                raise TaskError(
+                    f"Stage {self.name!r} takes predicates, got a {type(value).__name__}; a "
+                    'function of a state becomes one as Predicate("what holds", function).'
+                )
 
 
 LOST_SECONDS = 0.5
@@ -106,13 +115,20 @@ def check_names(
 
     Raises:
         UnknownNameError: A predicate names what is not there; near misses are listed.
+        TaskError: A predicate asks another one that is not among its parts.
     """
     heights = {name: simulation.min_height(name) for name in simulation.props}
     state = StateView(
         simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
     )
-    for part in (part for predicate in constraints_of(stages) for part in predicate.walk()):
+    parts = dict.fromkeys(p for predicate in constraints_of(stages) for p in predicate.walk())
+    for part in parts:
         part.test(state)
+        if unnamed := state.answers.keys() - parts.keys():
+            raise TaskError(
+                f"{part.name!r} asks {', '.join(sorted(repr(p.name) for p in unnamed))}, and does "
+                "not name it in its parts, the third argument of Predicate: its memory is not kept."
+            )
         if isinstance(part, VariantIs):
             if part.choice not in variants:
                 raise UnknownNameError("variant", part.choice, variants)

@@ -1,12 +1,20 @@
 """What a task is: objects, layout, stages, instruction, horizon. A task is data."""
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
 
-from duobench.errors import DuoBenchError, LayoutError, UnknownNameError, check_known, escaped
+from duobench.errors import (
+    DuoBenchError,
+    LayoutError,
+    TaskError,
+    UnknownNameError,
+    check_known,
+    escaped,
+)
 from duobench.objects.prop import Prop
 from duobench.randomness import EVAL, Choice, Uniform, generator
 from duobench.robot.cameras import OVERVIEW_VIEW, View
@@ -14,6 +22,7 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.progress import Stage
 from duobench.tasks.object_state import Numbers, ObjectState, usual_numbers
+from duobench.types import as_count
 
 MAX_REJECTED = 10_000
 """Samples in a row that a task may reject before they end in an error."""
@@ -96,6 +105,13 @@ class Task:
         for text in (self.id, self.title, *words, *stages):
             if text != escaped(text):
                 raise DuoBenchError(f"The texts of task {self.id!a} are printable, got {text!a}.")
+        for text in (*words, *(stage.instruction for stage in self.stages)):
+            _check_fields(text)
+        if as_count(self.horizon) is None:
+            raise TaskError(
+                f"The horizon of task {self.id!r} is a whole number of control steps from 1 on, "
+                f"got {self.horizon!r}."
+            )
         names = [prop.name for prop in self.props]
         for name in self.placements:
             check_known("prop in placements", name, names)
@@ -156,6 +172,10 @@ class Task:
         needed = {prop.name for prop in self.props}
         try:
             layout = self.arrange(sampled)
+            if not isinstance(layout, Layout):  # pyright: ignore[reportUnnecessaryIsInstance]
+                raise LayoutError(
+                    f"`arrange` of task {self.id!r} returns no Layout, but {layout!r}."
+                )
             missing = needed - layout.poses.keys()
             if not missing:
                 return layout
@@ -187,6 +207,16 @@ class Task:
             UnknownNameError: An instruction names a variant that the layout lacks.
         """
         return {n: _filled(stage.instruction, layout) for n, stage in enumerate(self.stages)}
+
+
+def _check_fields(instruction: str) -> None:
+    try:
+        instruction.format_map(defaultdict[str, str](str))
+    except (ValueError, AttributeError, IndexError) as error:
+        raise TaskError(
+            f"The instruction {instruction!r} cannot be filled in: write {{name}} for a variant of "
+            "the layout, and {{ or }} for a brace."
+        ) from error
 
 
 def _filled(instruction: str, layout: Layout) -> str:

@@ -216,6 +216,8 @@ def _by_states(
 
     if not cameras:
         raise DataError("A video shows at least one camera; --cameras names none.")
+    if any(side % 2 for side in size):
+        raise DataError(f"Height and width of a video are even; --size is {size[0]} {size[1]}.")
     remove_abandoned(out, VIDEO_SUFFIX)
     for task, paths in episodes.items():
         with closing(ImageSource(task, cameras=cameras, size=size, look=look)) as source:
