@@ -56,7 +56,7 @@ def with_outcome(**values: Any) -> Change:
     return change
 
 
-def with_column(name: str, place: int | tuple[int, int], value: float) -> Change:
+def with_column(name: str, place: int | slice | tuple[int, int], value: float) -> Change:
     def change(recording: Recording) -> Recording:
         column = np.array(getattr(recording, name))
         column[place] = value
@@ -105,7 +105,8 @@ SIMULATED: list[tuple[Change, str]] = [
     (with_column("action", 3, np.nan), "not all numbers are finite: action"),
     (with_column("time", 5, -1.0), "clock goes back"),
     (with_column("stage", 5, 1), "stage falls"),
-    (with_column("success", 5, True), "goes on for 35 control steps after success"),
+    (with_column("success", 5, True), "success ends"),
+    (with_column("success", slice(5, None), True), "goes on for 35 control steps after success"),
     (with_outcome(success_step=3), "step of its success is not the one"),
 ]
 REAL: list[tuple[Change, str]] = [

@@ -135,6 +135,7 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
         ),
         # People may take back what they declared.
         "Its stage falls.": not info.is_real and bool((np.diff(stage) < 0).any()),
+        "Its success ends.": not info.is_real and bool((np.diff(recording.success + 0) < 0).any()),
         "It has no actions.": not length,
         f"It has {steps} actions, more than its horizon.": bool(horizon and steps > horizon),
         f"It goes on for {length - steps} control steps after success, not for at most "
