@@ -225,10 +225,12 @@ def test_the_words_of_python_do_not_combine(
         combined(bench.fact("a"), bench.fact("b"))
 
 
-def test_a_predicate_names_what_it_asks(bench: Bench) -> None:
+def test_a_predicate_names_what_it_asks_and_must_remember(bench: Bench) -> None:
     was = since(bench.fact("a"))
     mine = Predicate("mine", was.__call__)
     stages = [Stage(name="one", instruction="do", holds=mine | bench.fact("b"))]
     with pytest.raises(TaskError, match="'mine' asks 'since a'"):
         check_names(stages, bench.sim, {}, {})
     check_names([replace(stages[0], holds=replace(mine, parts=(was,)))], bench.sim, {}, {})
+    now = Predicate("now", bench.fact("a").__call__)  # which needs no memory
+    check_names([replace(stages[0], holds=now)], bench.sim, {}, {})

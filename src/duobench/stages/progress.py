@@ -115,7 +115,7 @@ def check_names(
 
     Raises:
         UnknownNameError: A predicate names what is not there; near misses are listed.
-        TaskError: A predicate asks another one that is not among its parts.
+        TaskError: A predicate asks another one that remembers, and is not among its parts.
     """
     heights = {name: simulation.min_height(name) for name in simulation.props}
     state = StateView(
@@ -124,9 +124,10 @@ def check_names(
     parts = dict.fromkeys(p for predicate in constraints_of(stages) for p in predicate.walk())
     for part in parts:
         part.test(state)
-        if unnamed := state.answers.keys() - parts.keys():
+        unnamed = state.answers.keys() - parts.keys()
+        if lost := [p for p in unnamed if memories_in([p]) or clocks_in([p])]:
             raise TaskError(
-                f"{part.name!r} asks {', '.join(sorted(repr(p.name) for p in unnamed))}, and does "
+                f"{part.name!r} asks {', '.join(sorted(repr(p.name) for p in lost))}, and does "
                 "not name it in its parts, the third argument of Predicate: its memory is not kept."
             )
         if isinstance(part, VariantIs):
