@@ -6,6 +6,7 @@ import pytest
 from duobench.results.journal import (
     Begun,
     Ended,
+    Entry,
     EpisodeTimes,
     Journal,
     Started,
@@ -72,6 +73,26 @@ def test_attempts_are_counted_over_all_that_was_noted_before(path: Path) -> None
     assert read_attempts(entries[1:])[record.key][0] == "stopped"
     journal.clear()
     assert journal.earlier(record.key) == ()
+
+
+def test_attempts_go_on_after_those_of_two_folders(tmp_path: Path) -> None:
+    record = sample_record(SORT, 0, ())
+    paths = [tmp_path / name for name in ("a", "b")]
+    for path, how in zip(paths, ("worker", "machinery"), strict=True):
+        journal = Journal(path)
+        journal.begin(record.key)
+        journal.lose(record.key, how)
+
+    def entries() -> list[Entry]:
+        return [entry for path in paths for entry in read_entries(path)]
+
+    for number in (3, 4):
+        journal = Journal(paths[1], entries)
+        journal.begin(record.key)
+        assert len(journal.earlier(record.key)) + 1 == number
+        journal.lose(record.key, "node")
+        found = read_attempts(entries())[record.key]
+        assert found == ("worker", "machinery", *["node"] * (number - 2))
 
 
 def test_half_a_line_does_no_harm(path: Path) -> None:

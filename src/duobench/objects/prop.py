@@ -11,6 +11,9 @@ from duobench.spatial import SE3
 
 T = TypeVar("T")
 
+MOST_TURNED = 4 * math.tau
+"""Largest angle of a hinge, in radians: a knob turns a few times, and 90 was meant in degrees."""
+
 
 class Built(Generic[T]):
     """A field given as a value, or as a function that is called when the value is first read.
@@ -53,10 +56,10 @@ class Hinge:
 
     def __post_init__(self) -> None:
         low, high = self.limits
-        if not -math.tau <= low < high <= math.tau:
+        if not -MOST_TURNED <= low < high <= MOST_TURNED:
             raise TaskError(
-                f"The limits of a hinge are two angles in radians, the smaller one first, within "
-                f"{math.tau:.2f} of 0; got {self.limits}."
+                "The limits of a hinge are two angles in radians, the smaller one first, within "
+                f"{MOST_TURNED:.1f} of 0; got {self.limits}."
             )
 
 

@@ -19,7 +19,7 @@ from duobench.data.processes import Progress, run_all
 from duobench.envs import action_modes
 from duobench.errors import DuoBenchError, ImportPathError, OtherRunError, UnknownNameError, escaped
 from duobench.replay.player import RecordPlayer, actual_task, why_not
-from duobench.results.attempts import STOPPED
+from duobench.results.attempts import ERROR, FAILURE, SUCCESS
 from duobench.results.folder import RunFolder, RunReader
 from duobench.results.journal import end_of
 from duobench.results.records import EpisodeRecord, Key
@@ -216,7 +216,8 @@ def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -
     if ends is None:
         return ""
     if (record.attempt, *record.earlier) == (len(ends), *ends[:-1]):
-        is_told = ends[-1] in {STOPPED, end_of(record)}  # stopped before the record's end was noted
+        # Whoever was killed before the record's end was noted has noted none, or why it is lost.
+        is_told = ends[-1] == end_of(record) or ends[-1] not in {SUCCESS, FAILURE, ERROR}
         return "" if is_told else f"it is a {end_of(record)}; the journal says: {ends[-1]}"
     claimed, known = (", ".join(each) or "none" for each in (record.earlier, ends[:-1]))
     return f"its earlier attempts ended so: {claimed}; the journal says: {known}"

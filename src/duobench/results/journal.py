@@ -118,11 +118,14 @@ def read_attempts(entries: Iterable[Entry]) -> dict[Key, tuple[str, ...]]:
                     twins[entry.key].append(before.how)
             case Started():
                 pass
-    return {key: (*twins[key], *_ends(noted)) for key, noted in found.items()}
+    return {key: (*twins[key], *_ends(noted, len(twins[key]))) for key, noted in found.items()}
 
 
-def _ends(noted: Mapping[int, Ended | None]) -> Iterator[str]:
+def _ends(noted: Mapping[int, Ended | None], twins: int) -> Iterator[str]:
     for number in range(1, 1 + max(noted)):
+        if number not in noted and twins:
+            twins -= 1  # the one after a twin has counted it
+            continue
         end = noted.get(number)
         yield STOPPED if end is None else end.how
 

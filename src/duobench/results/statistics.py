@@ -27,6 +27,8 @@ MOST_EPISODES = 1_000_000
 """Above it, no number of episodes is given."""
 MOST_TABLES = 4_000_000
 """Outcomes of two samples up to which Barnard's test is exact; its time grows with them."""
+MOST_PLAYED = 10_000
+"""Episodes of one sample up to which it is, for its memory grows with them."""
 TIED = 1e-9
 """Relative difference up to which two outcomes are equally extreme, and differ by rounding."""
 RATES = 256
@@ -85,15 +87,15 @@ def barnard(successes: tuple[int, int], episodes: tuple[int, int]) -> float:
     """P-value of Barnard's exact test: do policies solve different shares of different episodes?
 
     It orders outcomes by the difference over its standard error, pooled, and takes the largest
-    p-value over the unknown common rate. With more than `MOST_TABLES` outcomes, that statistic is
-    taken to be normal.
+    p-value over the unknown common rate. With more than `MOST_TABLES` outcomes or `MOST_PLAYED`
+    episodes, that statistic is taken to be normal.
     Source: G. A. Barnard, "Significance tests for 2 x 2 tables", Biometrika 34 (1947); with this
     order, S. Suissa and J. J. Shuster, J. R. Stat. Soc. A 148 (1985).
     """
     solved, played = sum(successes), sum(episodes)
     if solved in {0, played}:
         return 1.0
-    if math.prod(episodes) <= MOST_TABLES:
+    if math.prod(episodes) <= MOST_TABLES and max(episodes) <= MOST_PLAYED:
         return _barnard(successes, episodes)
     rates = [k / n for k, n in zip(successes, episodes, strict=True)]
     variance = solved / played * (1 - solved / played) * sum(1 / n for n in episodes)
