@@ -17,7 +17,7 @@ import duobench
 # Rooms from the ground up. A room may import the rooms of every line above its own here, and
 # itself; rooms of one line are siblings, which never import each other.
 FLOORS = (
-    ("errors", "awake"),
+    ("errors",),
     (
         *("types", "randomness", "files", "machine", "references", "versions", "pages"),
         *("lerobot_keys", "serving_thread", "settings", "sheets"),

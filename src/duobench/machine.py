@@ -1,4 +1,4 @@
-"""The machine that a process is on: what to install there, which addresses are its own, its parent.
+"""The machine that a process is on: what to install there, its addresses, its parent, its stops.
 
 The name of this package on the index is not that of the import: `duobench` there is the package of
 the authors of the paper.
@@ -14,7 +14,6 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from duobench.awake import HERE
 from duobench.errors import DuoBenchError
 
 DISTRIBUTION = "duobench-fr3"
@@ -29,6 +28,10 @@ SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "
 """What the names of OpenGL's renderers contain that need no graphics card."""
 FIRST_PYTHON = {"lerobot": (3, 12)}
 """The oldest Python that can have an extra, where it is not that of the package."""
+LAPSE_S = 2.0
+"""Seconds without a note after which a process was stopped, not only busy."""
+_KEPT = 100
+"""Gaps that are remembered, the latest."""
 
 
 def unsupported(system: str = sys.platform, architecture: str | None = None) -> str:
@@ -74,6 +77,35 @@ def is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+class Awake:
+    """Knows when a process was stopped, by the gaps between notes that come many times a second."""
+
+    def __init__(self) -> None:
+        self._noted: tuple[float, tuple[tuple[float, float], ...]] | None = None
+
+    def note(self) -> None:
+        """Say that the process runs."""
+        now = time.monotonic()
+        self._noted = now, self._gaps(now)
+
+    def seconds_since(self, moment: float) -> float:
+        """Seconds since a `time.monotonic()`, less those in which the process was stopped.
+
+        All of them where nothing notes that it runs.
+        """
+        now = time.monotonic()
+        stopped = (max(end - max(begin, moment), 0.0) for begin, end in self._gaps(now))
+        return now - moment - sum(stopped)
+
+    def _gaps(self, now: float) -> tuple[tuple[float, float], ...]:
+        last, gaps = self._noted or (now, ())
+        return gaps if now - last <= LAPSE_S else (*gaps, (last, now))[-_KEPT:]
+
+
+HERE = Awake()
+"""Of this process, if it is one of an evaluation: what watches its parent notes it."""
 
 
 def watch_parent(parent: int, end: Callable[[], object]) -> None:

@@ -23,7 +23,6 @@ from typing import Any, NoReturn, Protocol
 
 import msgspec
 
-from duobench.awake import Awake
 from duobench.errors import (
     DuoBenchError,
     EvaluationError,
@@ -33,7 +32,7 @@ from duobench.errors import (
     traceback_text,
 )
 from duobench.evaluation.clock import ClockReading, EpisodeClock
-from duobench.machine import watch_parent
+from duobench.machine import Awake, watch_parent
 
 Requests = queue.SimpleQueue[Any]
 

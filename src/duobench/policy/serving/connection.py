@@ -19,7 +19,6 @@ import numpy as np
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from duobench.awake import HERE
 from duobench.errors import (
     LONGEST_TEXT,
     DuoBenchError,
@@ -30,6 +29,7 @@ from duobench.errors import (
     ServingError,
     escaped,
 )
+from duobench.machine import HERE
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.serving import access, limits
