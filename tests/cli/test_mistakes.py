@@ -14,6 +14,8 @@ from tests.cli.conftest import refusal
 from tests.cli.real.test_doctor import lab
 from tests.results.outcomes import play
 
+ONE = "--tasks bin_sort --episodes 1"
+"""What is played soon, should a mistake not be told."""
 MISTAKEN = """
 def answer(observation): ...
 class Loads:
@@ -45,11 +47,11 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --policy hold --out OUT --tasks bin_sort bin_sort", "more than once: bin_sort"),
         ("eval --policy hold --out OUT --episodes 0", "at least one episode"),
         ("eval --policy no.such.module:make --out OUT", "no module named"),
-        ("eval --policy hold --out OUT --workers -3", "got -3"),
-        ("eval --policy hold --out OUT --videos -1", "got -1"),
+        ("eval --policy hold --out OUT ONE --workers -3", "got -3"),
+        ("eval --policy hold --out OUT ONE --videos -1", "got -1"),
         ("eval --policy hold --out /proc/run", "/proc/run cannot be the folder"),
         ("eval --policy hold --out /proc/run", "give --out another folder; the same"),
-        ("eval --policy hold --out OUT --act-timeout 0", "limits are positive"),
+        ("eval --policy hold --out OUT ONE --act-timeout 0", "limits are positive"),
         ("eval --policy x\udcff:X --out OUT", r"'x\udcff:X'"),
         ("eval --policy :x --out OUT", "is no `module:attribute`"),
         ("eval --policy mine.py --out OUT", "mine:MyPolicy for MyPolicy in mine.py"),
@@ -92,9 +94,9 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --policy hold --out OUT --tasks all", "none means all"),
         ("eval --policy hold --out OUT --tasks Bin-Sort", "Did you mean 'bin_sort'"),
         ("eval --policy hold --out OUT --tasks duobench/bin_sort", "Did you mean 'bin_sort'"),
-        ("eval --policy hold --out OUT --look random", "Did you mean 'random:SEED'"),
-        ("eval --policy hold --out OUT --shift look", "AXIS-LEVEL, such as look-3; got 'look'"),
-        ("eval --policy hold --out OUT --shard 0/4", "Shards count from 1: of 4 there are 1 to 4"),
+        ("eval --policy hold --out OUT ONE --look random", "Did you mean 'random:SEED'"),
+        ("eval --policy hold --out OUT ONE --shift look", "AXIS-LEVEL, such as look-3; got 'look'"),
+        ("eval --policy hold --out OUT ONE --shard 0/4", "Shards count from 1: of 4 there are 1 to 4"),
         # Options that other programs have, and words that follow none.
         ("eval --camera head", "Cameras are named by the policy: PolicyMetadata(cameras="),
         ("eval --gpu 0", "A policy chooses its device itself"),
@@ -187,7 +189,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_mistake_is_told_in_a_line_without_traceback(words: str, message: str) -> None:
-    refused = refusal(*words.replace("OUT", "out").split())
+    refused = refusal(*words.replace("OUT", "out").replace("ONE", ONE).split())
     assert refused.startswith("error: ")
     assert any(part in refused for part in message.split("|"))
     assert "\n" not in refused

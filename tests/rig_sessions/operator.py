@@ -49,8 +49,9 @@ class Operator:
         self.page.say(kind=kind, **fields)
 
     def until(self, condition: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
-        """Read what the page is told until a status meets a condition."""
+        """Read what the page is told until a status meets a condition, or the session fails."""
         while not (self.status and condition(self.status)):
+            assert not self.stand or not self.stand.has_failed.is_set()
             message = self.page.hear()
             if message["kind"] == "status":
                 self.status = message
@@ -133,6 +134,7 @@ class Stand:
         **options: Any,
     ) -> None:
         self.folder = TrialsFolder(path)
+        self.has_failed = threading.Event()
         self.ending = ExitStack()
         self.duo: FrankaDuo = open_rig(rig, clock or VirtualClock(), guard=False)
         self.ending.callback(self.duo.close)
@@ -176,6 +178,9 @@ def operated(stand: Stand, script: Callable[[Operator], None]) -> Iterator[list[
     thread.start()
     try:
         yield failures
+    except BaseException:
+        stand.has_failed.set()
+        raise
     finally:
         thread.join()
 
