@@ -96,7 +96,10 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --policy hold --out OUT --tasks duobench/bin_sort", "Did you mean 'bin_sort'"),
         ("eval --policy hold --out OUT ONE --look random", "Did you mean 'random:SEED'"),
         ("eval --policy hold --out OUT ONE --shift look", "AXIS-LEVEL, such as look-3; got 'look'"),
-        ("eval --policy hold --out OUT ONE --shard 0/4", "Shards count from 1: of 4 there are 1 to 4"),
+        (
+            "eval --policy hold --out OUT ONE --shard 0/4",
+            "Shards count from 1: of 4 there are 1 to 4",
+        ),
         # Options that other programs have, and words that follow none.
         ("eval --camera head", "Cameras are named by the policy: PolicyMetadata(cameras="),
         ("eval --gpu 0", "A policy chooses its device itself"),

@@ -11,17 +11,19 @@ import subprocess
 import sys
 import termios
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
 
+from duobench.cli.real import rigs
 from duobench.cli.real.rigs import KeyTerminal
 from duobench.data import DataSet
 from duobench.rig_sessions.operator import QUIT
 from tests.cli.test_cli import ROOT
-from tests.web.pages import wait_until
+from tests.web.pages import TIMEOUT_S, wait_until
 
 RECORD = ("real", "record", "--policy", "hold", "--rig", "simulated", "--task", "bin_sort")
 CTRL_C = "\x03"
@@ -115,6 +117,29 @@ def test_keys_that_are_no_characters_are_none_of_ours(keys: tuple[int, KeyTermin
     os.write(master, b"4\x1b s")
     wait_until(lambda: "s" in pressed)
     assert pressed == ["4", " ", "s"]
+
+
+def test_key_that_comes_in_pieces_is_none_of_ours(
+    keys: tuple[int, KeyTerminal], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rigs, "_REST_S", TIMEOUT_S)  # as slow as this machine may be
+    master, terminal = keys
+    pressed: list[str] = []
+    terminal.listen(pressed.append)
+    for piece in (b"2\x1b", b"[3", b"~", b"4"):
+        os.write(master, piece)
+        time.sleep(0.02)
+    wait_until(lambda: "4" in pressed)
+    assert pressed == ["2", "4"]
+
+
+def test_escape_itself_keeps_no_key_back(keys: tuple[int, KeyTerminal]) -> None:
+    master, terminal = keys
+    pressed: list[str] = []
+    terminal.listen(pressed.append)
+    os.write(master, b"2\x1b")
+    wait_until(lambda: pressed)
+    assert pressed[0] == "2"
 
 
 def test_question_ends_when_the_session_does(

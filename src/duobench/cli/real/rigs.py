@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import queue
 import re
+import select
 import sys
 import termios
 import threading
@@ -39,6 +40,10 @@ def known_rig(name: str) -> Rig:
 
 _SEQUENCE = re.compile(r"\x1b(?:\[[0-?]*[@-~]|O?[!-~])?")
 """What a terminal sends for a key that is no character, such as Delete, which has a 3 in it."""
+_CUT = re.compile(r"\x1b(?:O|\[[0-?]*)?\Z")
+"""Such a sequence of which the rest is still on its way."""
+_REST_S = 0.2
+"""How long a slow line may take for the rest; Escape itself means nothing here."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -138,7 +143,9 @@ class KeyTerminal:
     def _read(self) -> None:
         while True:
             try:
-                said = os.read(self._handle, 1024).decode(errors="replace")
+                said = more = os.read(self._handle, 1024).decode(errors="replace")
+                while more and _CUT.search(said) and self._goes_on():
+                    said += (more := os.read(self._handle, 1024).decode(errors="replace"))
             except OSError:
                 said = ""
             for key in _SEQUENCE.sub("", said) if said else [""]:
@@ -147,3 +154,6 @@ class KeyTerminal:
                 self._keys.put(key)
             if not said:
                 return
+
+    def _goes_on(self) -> bool:
+        return bool(select.select([self._handle], [], [], _REST_S)[0])
