@@ -18,7 +18,6 @@ The workflow that publishes sets the variable; without it the address is one tha
 its name (RFC 2606), and what is built is for tests."""
 IS_PUBLIC = not REPOSITORY.endswith(".invalid")
 BRANCH = "main"
-PLUGINS = "plugins"
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 _PICTURES = {".webp", ".png", ".jpg", ".svg", ".gif"}
 

@@ -204,6 +204,19 @@ def zipped(parts: Mapping[str, bytes], method: int = zipfile.ZIP_STORED) -> byte
     return file.getvalue()
 
 
+def read_object(path: Path, error: type[DuoBenchError]) -> dict[str, Any] | None:
+    """A JSON object from a file of others, which may be anything; None where there is none."""
+    try:
+        content = json.loads(path.read_bytes())
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, RecursionError) as unread:
+        raise error(f"Cannot read {path}: {unread}") from unread
+    if not isinstance(content, dict):
+        raise error(f"Cannot read {path}: it holds a {type(content).__name__}, no object.")
+    return content
+
+
 def digest_of(path: Path) -> str:
     """SHA-256 of a file."""
     with path.open("rb") as file:

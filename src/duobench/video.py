@@ -1,5 +1,7 @@
-"""The encoder of videos, frame by frame, into a file or into memory."""
+"""The encoders of videos, frame by frame, into a file or into memory, and of single images."""
 
+import io
+import math
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
@@ -15,11 +17,13 @@ from av.container import OutputContainer
 from av.error import FFmpegError
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
+from PIL import Image as Pillow
 
 from duobench.errors import VideoError
 from duobench.files import writing
 
 Image = NDArray[np.uint8]
+JPEG_QUALITY = 80
 _QUIET = ("SVT_LOG", "1")
 """Environment variable by which the encoder of AV1 prints errors only."""
 
@@ -176,3 +180,13 @@ def last_frame(path: Path) -> Image:
     if not frames:
         raise VideoError(f"{path} has no frame.")
     return np.asarray(frames[0].to_ndarray(format="rgb24"), dtype=np.uint8)
+
+
+def jpeg(image: Image, width: int | None = None) -> bytes:
+    """An image (height, width, 3) as JPEG, of at most so many pixels across."""
+    picture = Pillow.fromarray(image)
+    if width is not None:
+        picture = picture.reduce(max(1, math.ceil(picture.width / width)))
+    file = io.BytesIO()
+    picture.save(file, "JPEG", quality=JPEG_QUALITY)
+    return file.getvalue()

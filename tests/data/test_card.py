@@ -67,6 +67,29 @@ def test_card_of_an_export_says_what_it_has(
     assert "![bin_sort](pictures/bin_sort.jpg)" in write_data_card(out, NAME, "mit").read_text()
 
 
+@pytest.mark.parametrize(
+    ("beside", "said"),
+    [
+        (None, "it has no meta/duobench.json"),
+        ("[]", "it holds a list, no object"),
+        ("{", "Cannot read .*duobench.json"),
+        ("{}", "is no whole export .*KeyError"),
+        ('{"suite_version": "1", "episodes": [3]}', "is no whole export"),
+        ('{"suite_version": "1", "episodes": [{"file": 3}]}', "is no whole export"),
+    ],
+)
+def test_card_of_an_export_of_others_is_refused(
+    tmp_path: Path, beside: str | None, said: str
+) -> None:
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta/info.json").write_text("{}")
+    if beside is not None:
+        (tmp_path / "meta/duobench.json").write_text(beside)
+    with pytest.raises(DataError, match=said):
+        write_data_card(tmp_path, "me/x", "apache-2.0")
+    assert not (tmp_path / "README.md").exists()
+
+
 def test_card_of_something_else_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no data set"):
         write_data_card(tmp_path, NAME, "apache-2.0")

@@ -1,14 +1,13 @@
 """The card of a data set, recordings or an export: what the Hub shows, and searches."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from duobench.data.dataset import DESCRIPTION, DataSet
 from duobench.data.summary import summarize
-from duobench.errors import DataError
-from duobench.files import make_folder, write
+from duobench.errors import DataError, escaped
+from duobench.files import make_folder, read_object, write
 from duobench.lerobot_keys import CARD, SUITE
 from duobench.pages import render
 from duobench.tasks import catalog
@@ -40,8 +39,14 @@ def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool
             if sheet := contact_sheet(data, data.episodes(task)[0]):
                 write(folder / PICTURES / f"{task}.jpg", sheet)
     elif exports:
-        about, suite = _read(exports[0], "info.json"), _read(exports[0], "duobench.json")[SUITE]
-        parts = [part for one in exports for part in _exported(one)]
+        try:
+            about, suite = _read(exports[0], "info.json"), _read(exports[0], "duobench.json")[SUITE]
+            parts = [part for one in exports for part in _exported(one)]
+        except (AttributeError, KeyError, TypeError) as error:
+            raise DataError(
+                f"{folder} is no whole export of DuoBench: what its meta/duobench.json says of its "
+                f"episodes cannot be read ({escaped(repr(error))})."
+            ) from error
     else:
         raise DataError(
             f"{folder} is no data set: neither recordings, with {DESCRIPTION}, nor an export in "
@@ -69,10 +74,10 @@ def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool
 
 
 def _read(folder: Path, name: str) -> dict[str, Any]:
-    try:
-        return json.loads((folder / "meta" / name).read_bytes())
-    except (OSError, ValueError) as error:
-        raise DataError(f"{folder} is no export of DuoBench: {error}.") from error
+    content = read_object(folder / "meta" / name, DataError)
+    if content is None:
+        raise DataError(f"{folder} is no export of DuoBench: it has no meta/{name}.")
+    return content
 
 
 def _exported(folder: Path) -> Iterator[tuple[str, int, int]]:

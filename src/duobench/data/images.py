@@ -136,11 +136,6 @@ def plain_view(camera: str, about: Mapping[str, Any]) -> View:
     return resized
 
 
-def raw_view(_camera: str, _about: Mapping[str, Any]) -> View:
-    """The image as the camera gave it, resized; to look at."""
-    return resized
-
-
 class VideoFrames:
     """Reads frames of one video, or raises a `DataError`; fast where their places ascend."""
 

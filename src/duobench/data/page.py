@@ -1,20 +1,19 @@
 """The page of a data set: what it adds up to, with images, in one file that works offline."""
 
 import base64
-import io
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from duobench.data.dataset import DataSet
-from duobench.data.images import ImageSource, RecordedImages, raw_view
+from duobench.data.images import ImageSource, RecordedImages, resized
 from duobench.data.recording import Recording
 from duobench.data.summary import JUMP, REVERSAL, Summary
 from duobench.files import write
 from duobench.pages import render
 from duobench.types import CONTROL_HZ, HEAD
+from duobench.video import jpeg
 
 PAGE = "index.html"
 """Name of the page in the folder of the data set."""
@@ -22,7 +21,6 @@ COLUMNS = 6
 """Images of an episode on its contact sheet, from its first to its last row."""
 IMAGE_SIZE = (135, 240)
 """Height and width of each of them in pixels."""
-JPEG_QUALITY = 80
 
 
 def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
@@ -69,10 +67,10 @@ def contact_sheet(data: DataSet, path: Path) -> bytes | None:
         with closing(ImageSource(task, cameras=(HEAD,), size=IMAGE_SIZE)) as source:
             images = [source.images(recording, row)[HEAD] for row in rows]
     elif HEAD in recording.info.videos:
-        with closing(RecordedImages(recording, path, (HEAD,), IMAGE_SIZE, raw_view)) as videos:
+        with closing(
+            RecordedImages(recording, path, (HEAD,), IMAGE_SIZE, lambda *_: resized)
+        ) as videos:
             images = [videos.images(row)[HEAD] for row in rows]
     else:
         return None
-    buffer = io.BytesIO()
-    Image.fromarray(np.hstack(images)).save(buffer, format="JPEG", quality=JPEG_QUALITY)
-    return buffer.getvalue()
+    return jpeg(np.hstack(images))

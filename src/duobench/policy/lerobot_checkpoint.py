@@ -2,7 +2,6 @@
 
 import difflib
 import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,7 +13,7 @@ from duobench.envs.action_labels import LABELS, ActionLabels
 from duobench.envs.action_modes import JOINT
 from duobench.envs.state_labels import StatePart
 from duobench.errors import PolicyError, check_known
-from duobench.files import digest_of
+from duobench.files import digest_of, read_object
 from duobench.lerobot_keys import (
     ACTION,
     DOMAINS,
@@ -146,15 +145,7 @@ def content_hash(folder: Path) -> str:
 
 def read(path: Path) -> Mapping[str, Any]:
     """A JSON object from a file; an empty one where there is none."""
-    try:
-        content = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as error:
-        raise PolicyError(f"Cannot read {path}: {error}") from error
-    if not isinstance(content, Mapping):
-        raise PolicyError(f"Cannot read {path}: it holds no object of names and values.")
-    return content
+    return read_object(path, PolicyError) or {}
 
 
 def inputs(

@@ -17,8 +17,10 @@ from duobench.looks.look import Look
 from duobench.replay.player import Latest, RecordPlayer, why_not
 from duobench.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
 from duobench.replay.verify import disagreements
+from duobench.results.attempts import ERROR, FAILURE, SUCCESS
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader
+from duobench.results.journal import end_of
 from duobench.results.records import EpisodeRecord
 from duobench.results.scores import group_by_condition
 from duobench.tasks import catalog
@@ -26,8 +28,6 @@ from duobench.tasks.task import Task
 from duobench.web.server import PageServer
 
 LAYOUTS = 20
-SUCCESS, FAILURE, ERROR = "success", "failure", "error"
-"""How an episode ended, as the page shows it."""
 FAILURES = 5
 """Failures that are listed, the latest first."""
 _LATEST = 20
@@ -333,7 +333,7 @@ def _recorded(name: str, path: Path) -> Item:
 
 
 def _finished(name: str, record: EpisodeRecord) -> Item:
-    state = ERROR if record.error else SUCCESS if record.success else FAILURE
+    state = end_of(record)
     detail = f"{state}, stage {record.final_stage} of {record.max_stage}"
     return Item(id=name, title=f"{record.task} {record.episode}", detail=detail, state=state)
 

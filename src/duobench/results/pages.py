@@ -1,6 +1,5 @@
 """What pages of results are made of: facts about a run, its videos and replays, their writer."""
 
-import io
 import json
 import os
 from collections import Counter
@@ -12,7 +11,6 @@ from urllib.parse import quote
 
 import matplotlib
 from markupsafe import Markup
-from PIL import Image
 
 from duobench.errors import OtherRunError, VideoError
 from duobench.files import make_folder, write
@@ -28,7 +26,7 @@ from duobench.results.suite import execute_text, latency_text, suite_text
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
 from duobench.versions import __version__, other_engine, package_source
-from duobench.video import last_frame
+from duobench.video import jpeg, last_frame
 from duobench.web.page import EpisodeReplay, replay_fragment
 
 PAGE = "index.html"
@@ -238,10 +236,7 @@ class PageVideos:
         path = self._folder.poster(record.key)
         if self._shown is None and not path.exists():
             with suppress(VideoError):
-                image = last_frame(self._folder.video(record.key))
-                buffer = io.BytesIO()
-                Image.fromarray(image).save(buffer, "JPEG", quality=80)
-                write(path, buffer.getvalue())
+                write(path, jpeg(last_frame(self._folder.video(record.key))))
         return self._link(path)
 
     def featured(self, result: TaskResult) -> list[EpisodeRecord]:
@@ -253,7 +248,7 @@ class PageVideos:
     def command(self, choice: str, what: str = "videos") -> str:
         """The command that makes videos or replays, with DIR for the folder; empty for no command.
 
-        The choice is one of episodes, as `duobench.replay.videos.choose` takes it.
+        The choice is one of episodes, as `duobench.replay.render.choose` takes it.
         """
         if not self._has_command:
             return ""

@@ -15,7 +15,6 @@ from typing import Any
 
 import gymnasium as gym
 import msgspec
-from PIL import Image as Pillow
 
 from duobench.backend import Image
 from duobench.data.images import View
@@ -28,7 +27,7 @@ from duobench.hardware.drivers.frames import STALE_S
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.rig import CameraConfig
 from duobench.types import CONTROL_HZ, HEAD
-from duobench.video import VP9, VideoWriter
+from duobench.video import VP9, VideoWriter, jpeg
 from duobench.web.server import PageServer
 
 _log = logging.getLogger(__name__)
@@ -46,7 +45,6 @@ SHOWN_WIDTH = 640
 """Width in pixels of a feed; wider images are made smaller by a whole number."""
 _WAITING = 64
 """Frames that wait for the encoder at most; six seconds."""
-_JPEG_QUALITY = 85
 
 
 def head_image(duo: FrankaDuo, shape: tuple[int, int] = NATIVE) -> Image | None:
@@ -181,16 +179,6 @@ class CameraFeed:
         except Exception:  # noqa: BLE001 - pictures for people end no session
             _log.exception("What the cameras see cannot be shown.")
             self._ticker.stop()
-
-
-def jpeg(image: Image, width: int | None = None) -> bytes:
-    """An image (height, width, 3) as JPEG, of at most so many pixels across."""
-    picture = Pillow.fromarray(image)
-    if width is not None:
-        picture = picture.reduce(max(1, math.ceil(picture.width / width)))
-    file = io.BytesIO()
-    picture.save(file, "JPEG", quality=_JPEG_QUALITY)
-    return file.getvalue()
 
 
 def view_of(camera: str, about: Mapping[str, Any]) -> View:

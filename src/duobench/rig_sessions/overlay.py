@@ -17,7 +17,6 @@ from PIL import Image as Pillow
 from duobench.backend import Image
 from duobench.errors import RenderingError
 from duobench.hardware.rig import Rig
-from duobench.rig_sessions.cameras import jpeg
 from duobench.robot.cameras import (
     HEAD_FOCAL,
     MUJOCO_FROM_OPENCV,
@@ -31,6 +30,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.task import Task
 from duobench.types import HEAD, SIDES, Array, DuoCommand
+from duobench.video import jpeg
 
 if TYPE_CHECKING:
     from duobench.sim.rendering import Renderer

@@ -13,7 +13,7 @@ import numpy as np
 
 from duobench.fabrication.sheet import Mark, marks_of
 from duobench.rig_sessions import messages
-from duobench.rig_sessions.cameras import head_image, jpeg
+from duobench.rig_sessions.cameras import head_image
 from duobench.rig_sessions.overlay import Overlay, project
 from duobench.rig_sessions.session import (
     CONNECTION_LOST,
@@ -25,6 +25,7 @@ from duobench.rig_sessions.session import (
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.sim.layout import Layout
 from duobench.types import CONTROL_HZ, Array, Side
+from duobench.video import jpeg
 from duobench.web.server import PageServer
 
 SILENCE_S = 2.0

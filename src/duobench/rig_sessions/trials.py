@@ -23,7 +23,7 @@ from duobench.hardware.judge import HumanJudge
 from duobench.results.records import REAL, EpisodeRecord, Judged
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Suite, TaskInfo
-from duobench.rig_sessions.cameras import Film, head_image, jpeg
+from duobench.rig_sessions.cameras import Film, head_image
 from duobench.rig_sessions.overlay import Overlay
 from duobench.rig_sessions.policy_runner import (
     PlayedEpisode,
@@ -39,6 +39,7 @@ from duobench.sim.layout import Layout
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.versions import package_source, package_versions, record_versions, source_hashes
+from duobench.video import jpeg
 from duobench.web.server import PageServer
 
 RATER = "operator"

@@ -17,7 +17,7 @@ from duobench.envs import action_labels, state_labels
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.envs.state_labels import StatePart
 from duobench.errors import DataError, NoObjectStatesError, OtherRunError, PolicyError, check_known
-from duobench.files import write
+from duobench.files import read_object, write
 from duobench.lerobot_keys import (
     ACTION,
     DOMAIN,
@@ -312,16 +312,7 @@ class LearningData:
             )
 
     def _read(self, name: str) -> dict[str, Any] | None:
-        path = self.path / name
-        try:
-            content = json.loads(path.read_bytes())
-        except FileNotFoundError:
-            return None
-        except (OSError, ValueError) as error:
-            raise DataError(f"Cannot read {path}: {error}") from error
-        if not isinstance(content, dict):
-            raise DataError(f"Cannot read {path}: it holds a {type(content).__name__}, no object.")
-        return content
+        return read_object(self.path / name, DataError)
 
     def episodes(self) -> list[str] | None:
         """The task of each episode; None if nothing says so, as in a merged data set."""
