@@ -197,7 +197,8 @@ def python() -> str:
     lines = [
         "# The Python API",
         "",
-        "What may be imported from where. Anything else is private.",
+        "What may be imported from where, and stays. Pages show a few names of other packages, "
+        "which hold for this version. Anything else is private.",
         "",
     ]
     shown = examples()
@@ -219,7 +220,7 @@ def described(name: str, value: object) -> Iterator[str]:
     """Give the lines by which autodoc describes a public name; of a value, its type alone."""
     if inspect.isclass(value):
         yield from ("```{eval-rst}", f".. autoclass:: {name}", "   :members:", "```", "")
-    elif isinstance(value, types.FunctionType):
+    elif isinstance(inspect.unwrap(value), types.FunctionType):  # also one that is cached
         yield from ("```{eval-rst}", f".. autofunction:: {name}", "```", "")
     else:
         kind = type(value).__name__

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import json
 import re
 from pathlib import Path
@@ -147,6 +148,16 @@ def test_python_has_every_public_name() -> None:
     anchors = read(SITE / "reference" / "python.html").anchors
     for package, names in SURFACE.items():
         assert {f"{package}.{name}" for name in names.split()} - anchors == set()
+
+
+def test_python_says_what_every_public_name_is() -> None:
+    text = " ".join(read(SITE / "reference" / "python.html").text.split())
+    for package, names in SURFACE.items():
+        for name in names.split():
+            value = inspect.unwrap(getattr(importlib.import_module(package), name))
+            if inspect.isclass(value) or inspect.isfunction(value):
+                first = " ".join(inspect.cleandoc(value.__doc__ or "").partition("\n\n")[0].split())
+                assert re.sub(r"`", "", first) in text, name
 
 
 def test_the_command_line_has_every_verb() -> None:

@@ -61,7 +61,12 @@ class StateView:
     """One control step as predicates see it."""
 
     simulation: Simulation
-    """The simulation, whose contacts are those of this step."""
+    """The simulation, whose contacts are those of this step.
+
+    It answers `position(body)` and `pose(body)` in the table frame, in metres, `min_height(prop)`,
+    `relative_position(body, frame)`, `speed(prop)` as m/s and rad/s, `angle(hinge)` in radians, and
+    `contacts.grasped(side, prop)`, `contacts.between(one, other)`.
+    """
     start_heights: dict[str, float]
     """Height of each prop's lowest point when the episode began, in metres."""
     variants: Mapping[str, str]
