@@ -1,7 +1,10 @@
-"""What LeRobot calls things: columns of a data set, and where a training puts its checkpoint."""
+"""What LeRobot and the Hub call things: columns, where checkpoints are, what stands on cards."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
+
+from duobench.errors import OptionError
 
 STATE, ACTION = "observation.state", "action"
 """Proprioception, and the actions."""
@@ -24,6 +27,9 @@ FEATURE_NAMES = "duobench_names.json"
 LeRobot keeps only how many there are."""
 CARD, ID = "README.md", "USER/NAME"
 """The card of a data set or a checkpoint on the Hub, and what stands for an id there."""
+_ID = re.compile(r"\w[\w.-]*(/\w[\w.-]*)?", re.ASCII)
+_LONGEST_CELL = 200
+_LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")
 POSITION = ".pos"
 """What LeRobot appends to the name of a joint for its position."""
 EXECUTED = 30
@@ -45,3 +51,22 @@ def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
     if not isinstance(names, list):
         return None
     return [name.removesuffix(POSITION) if isinstance(name, str) else name for name in names]
+
+
+def check_card(name: str, licence: str) -> None:
+    """Refuse what the Hub would refuse once everything is uploaded."""
+    if not _ID.fullmatch(name):
+        raise OptionError(
+            f"A name on the Hub is {ID}, of letters, digits, dots, dashes and _; got {name!r}."
+        )
+    if not _LICENCE.fullmatch(licence):
+        raise OptionError(
+            "The Hub knows licences by words such as apache-2.0, mit, cc-by-4.0, other; "
+            f"got {licence!r}."
+        )
+
+
+def in_cell(value: object) -> str:
+    """A value in a cell of a Markdown table: in one line, without bars, and no longer than that."""
+    text = " ".join(str(value).split()).replace("|", "\\|")
+    return text if len(text) <= _LONGEST_CELL else f"{text[:_LONGEST_CELL]}…"

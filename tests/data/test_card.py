@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from duobench.data import DataSet, export_lerobot
+from duobench.data import DataSet, export_lerobot, merge
 from duobench.data.card import PICTURES, write_data_card
 from duobench.data.lerobot.options import ExportOptions
-from duobench.errors import DataError
+from duobench.errors import DataError, OptionError
 from duobench.randomness import SUITE_VERSION
+from duobench.training.training import plan_all
 
 NAME = "us/demos"
 
@@ -65,6 +66,91 @@ def test_card_of_an_export_says_what_it_has(
     (out / PICTURES).mkdir()
     (out / PICTURES / "bin_sort.jpg").write_bytes(b"of the recordings")
     assert "![bin_sort](pictures/bin_sort.jpg)" in write_data_card(out, NAME, "mit").read_text()
+
+
+@pytest.fixture
+def two_tasks(demos: Path, tmp_path: Path, demonstrations: Callable[..., Path]) -> DataSet:
+    other = DataSet.open(demonstrations("transfer_cube"))
+    merge([DataSet.open(demos), other], tmp_path / "two")
+    return DataSet.open(tmp_path / "two")
+
+
+def loaded(card: Path) -> dict[str, list[Path]]:
+    """The files of each table that the Hub loads by a card."""
+    configs = facts(card)["configs"]
+    return {one["config_name"]: sorted(card.parent.glob(one["data_files"])) for one in configs}
+
+
+def test_recordings_of_a_task_are_a_table_for_the_hub(two_tasks: DataSet) -> None:
+    """The state of each task has a length of its own."""
+    found = loaded(write_data_card(two_tasks.path, NAME, "mit"))
+    assert found == {task: two_tasks.episodes(task) for task in ("bin_sort", "transfer_cube")}
+
+
+@pytest.mark.parametrize(
+    ("changes", "per_task", "learns"),
+    [
+        ({}, False, ["--data", "data", "--tasks", "bin_sort"]),
+        ({}, True, ["--data", "data/bin_sort"]),
+        ({"tasks": ("bin_sort",)}, False, ["--data", "data"]),
+        ({"cameras": (), "object_state": True}, True, ["--data", "data/bin_sort"]),
+        ({"cameras": ()}, False, None),
+        ({"format": "v2.1"}, False, None),
+        ({"state": ("joint_velocity",)}, False, None),
+    ],
+)
+def test_an_export_is_loaded_and_trained_as_its_card_says(
+    two_tasks: DataSet,
+    tmp_path: Path,
+    changes: dict[str, Any],
+    per_task: bool,
+    learns: list[str] | None,
+) -> None:
+    given = {"cameras": ("head",), "size": (16, 16)} | changes
+    choice = given.pop("tasks", ())
+    options = ExportOptions(**given, tasks=choice)
+    export_lerobot(two_tasks, tmp_path / "data", options, per_task=per_task)
+    card = write_data_card(tmp_path / "data", NAME, "mit")
+    found = loaded(card)
+    assert set(found) == ({"bin_sort", "transfer_cube"} if per_task else {"default"})
+    files = sorted(path for paths in found.values() for path in paths)
+    rows = (path for path in (tmp_path / "data").rglob("*.parquet") if "meta" not in path.parts)
+    assert files == sorted(rows) != []
+    said = re.findall(r"^duobench train act (.*) --out runs/act$", card.read_text(), re.MULTILINE)
+    assert said == ([] if learns is None else [" ".join(learns)])
+    if learns is None:
+        with pytest.raises(DataError):
+            plan_all("act", tmp_path / "data", tmp_path / "out")
+    else:
+        assert len(plan_all("act", tmp_path / learns[1], tmp_path / "out", tasks=learns[3:])) == 1
+
+
+def test_exports_of_one_task_are_one_task(two_tasks: DataSet, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        options = ExportOptions(cameras=(), tasks=("bin_sort",))
+        done = export_lerobot(two_tasks, tmp_path / "data" / name, options)
+    text = write_data_card(tmp_path / "data", NAME, "mit").read_text(encoding="utf-8")
+    assert "in 1 task of DuoBench" in text
+    assert f"| `bin_sort` | 4 | {2 * done.frames} | " in text
+
+
+@pytest.mark.parametrize(
+    ("name", "licence", "said"),
+    [
+        ("", "mit", "A name on the Hub"),
+        ("-x", "mit", "A name on the Hub"),
+        ('me/a & "b"', "mit", "A name on the Hub"),
+        ("me/a/b", "mit", "A name on the Hub"),
+        (NAME, "", "The Hub knows licences"),
+        (NAME, "MIT", "The Hub knows licences"),
+        (NAME, "mit\ntags: x", "The Hub knows licences"),
+    ],
+)
+def test_what_the_hub_would_refuse_is_refused(
+    tmp_path: Path, name: str, licence: str, said: str
+) -> None:
+    with pytest.raises(OptionError, match=said):
+        write_data_card(tmp_path, name, licence)
 
 
 @pytest.mark.parametrize(

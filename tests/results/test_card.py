@@ -11,10 +11,12 @@ from duobench.envs.execution import ChunkExecution
 from duobench.errors import EvaluationError, PolicyError
 from duobench.policy import PolicyMetadata
 from duobench.policy.lerobot_checkpoint import content_hash
+from duobench.randomness import SALTED
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, write_bundle
 from duobench.results.card import EVALUATION, FIGURE, write_checkpoint_card
 from duobench.results.folder import RunFolder
 from duobench.results.report import read_parts
+from duobench.results.suite import find_tasks
 from duobench.shifts.shift import Shift
 from tests.results.samples import CONFIG, sample_folder, sample_records, sample_run
 
@@ -147,3 +149,66 @@ def test_a_card_does_not_change_what_a_checkpoint_of_lerobot_is(
         assert row in text
     assert "--policy lerobot:checkpoint " in text
     assert "cd checkpoint" not in text
+
+
+def test_a_card_says_the_settings_of_a_checkpoint_of_lerobot(tmp_path: Path, weights: Path) -> None:
+    (weights / "config.json").write_text('{"type": "act"}')
+    (weights / "model.safetensors").write_bytes(b"tensors")
+    run = sample_run(
+        policy="lerobot:runs/act?steps=5&device=cuda&action=joint",
+        metadata=PolicyMetadata(name="mine", version=content_hash(weights)[:16]),
+    )
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    text = write_checkpoint_card(weights, folder.path, NAME, "mit").read_text(encoding="utf-8")
+    assert "--policy 'lerobot:checkpoint?steps=5&action=joint' " in text
+
+
+def test_tasks_of_ones_own_are_told_and_imported(tmp_path: Path, weights: Path) -> None:
+    text = write_checkpoint_card(weights, run_of(tmp_path / "run", VERSION).path, NAME, "mit")
+    assert "on tasks that are not of the benchmark (lift, sort, turn)" in text.read_text()
+    assert f"\nduobench verify checkpoint/{EVALUATION} --import-tasks\n" in text.read_text()
+    metadata = PolicyMetadata(name="mine", version=VERSION)
+    run = sample_run(metadata=metadata, tasks=find_tasks(["bin_sort"]))
+    folder = sample_folder(tmp_path / "known", run, sample_records(run))
+    text = write_checkpoint_card(weights, folder.path, NAME, "mit").read_text(encoding="utf-8")
+    assert "not of the benchmark" not in text
+    assert f"\nduobench verify checkpoint/{EVALUATION}\n" in text
+
+
+def test_a_salted_run_is_repeated_with_a_salt(tmp_path: Path, weights: Path) -> None:
+    metadata, config = PolicyMetadata(name="mine", version=VERSION), replace(CONFIG, split=SALTED)
+    run = sample_run(metadata=metadata, config=config, salt="0" * 64)
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    text = write_checkpoint_card(weights, folder.path, NAME, "mit").read_text(encoding="utf-8")
+    assert " --salt SALT " in text
+
+
+def test_a_run_under_several_conditions_is_refused_for_that(tmp_path: Path, weights: Path) -> None:
+    shifts = (Shift.parse("physics-1"), Shift.parse("physics-5"))
+    run = sample_run(metadata=PolicyMetadata(name="mine", version=VERSION), shifts=shifts)
+    folder = sample_folder(tmp_path / "run", run, sample_records(run))
+    with pytest.raises(EvaluationError, match="has 2 policies or conditions, and a card is about"):
+        write_checkpoint_card(weights, folder.path, NAME, "mit")
+
+
+def test_a_bundle_in_the_cache_of_the_hub_is_replaced_not_written_through(
+    tmp_path: Path, weights: Path
+) -> None:
+    run = run_of(tmp_path / "run", VERSION)
+    bundle, cached = tmp_path / f"mine{BUNDLE_SUFFIX}", tmp_path / "blob"
+    write_bundle(run, bundle)
+    cached.write_bytes(b"of somebody else")
+    (weights / EVALUATION).symlink_to(cached)
+    write_checkpoint_card(weights, bundle, NAME, "mit")
+    assert cached.read_bytes() == b"of somebody else"
+    assert (weights / EVALUATION).read_bytes() == bundle.read_bytes()
+
+
+def test_what_is_known_of_a_training_stays_in_its_cells(tmp_path: Path, weights: Path) -> None:
+    run = run_of(tmp_path / "run", VERSION)
+    card = write_checkpoint_card(weights, run.path, NAME, "mit")
+    assert "| training |" not in card.read_text(encoding="utf-8")
+    (weights / "training.json").write_text(json.dumps({"a|b": "c\nd|e", "long": "x" * 10_000}))
+    text = write_checkpoint_card(weights, run.path, NAME, "mit").read_text(encoding="utf-8")
+    assert "| a\\|b | c d\\|e |" in text
+    assert max(map(len, text.splitlines())) < 1000

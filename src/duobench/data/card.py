@@ -1,14 +1,26 @@
 """The card of a data set, recordings or an export: what the Hub shows, and searches."""
 
-from collections.abc import Iterator
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from duobench.data.dataset import DESCRIPTION, DataSet
+from duobench.data.lerobot.options import Format
 from duobench.data.summary import summarize
+from duobench.envs import state_labels
+from duobench.envs.spaces import JOINT_NAMES
 from duobench.errors import DataError, escaped
 from duobench.files import make_folder, read_object, write
-from duobench.lerobot_keys import CARD, SUITE
+from duobench.lerobot_keys import (
+    CARD,
+    IMAGE_PREFIX,
+    OBJECT_STATE,
+    STATE,
+    SUITE,
+    check_card,
+    feature_names,
+)
 from duobench.pages import render
 from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
@@ -23,46 +35,29 @@ def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool
     Tasks that are not of the benchmark are imported if asked for, as by `DataSet`.
 
     Raises:
+        OptionError: The Hub takes no such name or licence.
         DataError: It holds neither recordings nor an export in LeRobot's format, or one for each
             task; or they cannot be read.
     """
-    exports = sorted(path.parents[1] for path in folder.glob("**/meta/info.json"))
-    summary, about = None, dict[str, Any]()
+    check_card(name, licence)
     if (folder / DESCRIPTION).exists():
-        data = DataSet.open(folder, create=False, import_tasks=import_tasks)
-        summary, suite = summarize(data), data.read_description().suite_version
-        parts = [(one.task, one.episodes, one.frames) for one in summary.tasks]
-        make_folder(folder / PICTURES)
-        from duobench.data.page import contact_sheet  # loads the engine
-
-        for task in data.tasks:
-            if sheet := contact_sheet(data, data.episodes(task)[0]):
-                write(folder / PICTURES / f"{task}.jpg", sheet)
-    elif exports:
+        told = _of_recordings(folder, import_tasks)
+    else:
         try:
-            about, suite = _read(exports[0], "info.json"), _read(exports[0], "duobench.json")[SUITE]
-            parts = [part for one in exports for part in _exported(one)]
+            told = _of_exports(folder)
         except (AttributeError, KeyError, TypeError) as error:
             raise DataError(
                 f"{folder} is no whole export of DuoBench: what its meta/duobench.json says of its "
                 f"episodes cannot be read ({escaped(repr(error))})."
             ) from error
-    else:
-        raise DataError(
-            f"{folder} is no data set: neither recordings, with {DESCRIPTION}, nor an export in "
-            "LeRobot's format, with meta/info.json."
-        )
-    own = [task for task, *_ in parts if task not in catalog.names()]
+    own = [task for task in told["parts"] if task not in catalog.names()]
     files = [path for path in folder.rglob("*") if path.is_file() and path.name != CARD]
     text = render(
         "duobench.data",
         "card.md.j2",
+        **told,
         id=name,
         licence=licence,
-        suite=suite,
-        summary=summary,
-        about=about,
-        parts=parts,
         own=own,
         asked=" --import-tasks" if own else "",
         pictures=sorted(path.name for path in (folder / PICTURES).glob("*.jpg")),
@@ -73,17 +68,72 @@ def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool
     return folder / CARD
 
 
+def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
+    """What the card says of recordings, whose pictures are made."""
+    from duobench.data.page import contact_sheet  # loads the engine
+
+    data = DataSet.open(folder, create=False, import_tasks=import_tasks)
+    summary = summarize(data)
+    make_folder(folder / PICTURES)
+    for task in data.tasks:
+        if sheet := contact_sheet(data, data.episodes(task)[0]):
+            write(folder / PICTURES / f"{task}.jpg", sheet)
+    return {
+        "summary": summary,
+        "suite": data.read_description().suite_version,
+        "parts": {one.task: (one.episodes, one.frames) for one in summary.tasks},
+        # The state of each task has a length of its own, and a table has one.
+        "configs": [_config(one.task, f"episodes/{one.task}/*.parquet") for one in summary.tasks],
+    }
+
+
+def _of_exports(folder: Path) -> dict[str, Any]:
+    """What the card says of an export, or of a folder with several."""
+    places = sorted(
+        path.parents[1].relative_to(folder) for path in folder.glob("**/meta/info.json")
+    )
+    if not places:
+        raise DataError(
+            f"{folder} is no data set: neither recordings, with {DESCRIPTION}, nor an export in "
+            "LeRobot's format, with meta/info.json."
+        )
+    about = [_read(folder / place, "info.json") for place in places]
+    beside = [_read(folder / place, "duobench.json") for place in places]
+    lengths: dict[str, list[int]] = {}
+    for one in (episode for each in beside for episode in each["episodes"]):
+        lengths.setdefault(Path(one["file"]).parent.name, []).append(one["length"])
+    return {
+        "summary": None,
+        "suite": beside[0][SUITE],
+        "parts": {task: (len(of), sum(of)) for task, of in lengths.items()},
+        "configs": [
+            _config(".".join(place.parts) or "default", (place / "data/*/*.parquet").as_posix())
+            for place in places
+        ],
+        "features": list(dict.fromkeys(key for one in about for key in one["features"])),
+        "version": about[0]["codebase_version"],
+        "training": _training(places[0], about[0], list(lengths)),
+    }
+
+
+def _config(name: str, files: str) -> dict[str, str]:
+    """Files that the Hub shows, and loads, as one table."""
+    return {"config_name": name, "data_files": files}
+
+
+def _training(place: Path, about: Mapping[str, Any], tasks: Sequence[str]) -> str:
+    """The command that learns a task from an export; empty where `duobench train` cannot."""
+    seen = [key for key in about["features"] if key.startswith((IMAGE_PREFIX, OBJECT_STATE))]
+    parts = state_labels.find(feature_names(about, STATE) or JOINT_NAMES) or ()
+    if about["codebase_version"] != Format.V30 or not seen or not {*parts} <= {*state_labels.SHOWN}:
+        return ""
+    words = ["--tasks", tasks[0]] if len(tasks) > 1 and place == Path() else []
+    data = (Path("data") / place).as_posix()
+    return shlex.join(["duobench", "train", "act", "--data", data, *words, "--out", "runs/act"])
+
+
 def _read(folder: Path, name: str) -> dict[str, Any]:
     content = read_object(folder / "meta" / name, DataError)
     if content is None:
         raise DataError(f"{folder} is no export of DuoBench: it has no meta/{name}.")
     return content
-
-
-def _exported(folder: Path) -> Iterator[tuple[str, int, int]]:
-    """Task, episodes and rows: an export notes the recording of each episode."""
-    lengths: dict[str, list[int]] = {}
-    for one in _read(folder, "duobench.json")["episodes"]:
-        lengths.setdefault(Path(one["file"]).parent.name, []).append(one["length"])
-    for task, of in lengths.items():
-        yield task, len(of), sum(of)

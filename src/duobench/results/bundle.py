@@ -67,7 +67,9 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
         OutputError: If the file is something else than an archive.
     """
     if path.exists() and not _is_bundle(path):
-        raise OutputError(f"{path} is there and is no bundle; give the bundle another name.")
+        raise OutputError(
+            f"{path} is there and is no bundle; delete it, or give the bundle another name."
+        )
     description = run.read_run()
     records = run.read_records(description)
     names = [DESCRIPTION, *(record_name(record.key) for record in records)]

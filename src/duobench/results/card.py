@@ -2,14 +2,13 @@
 
 import io
 import shlex
-import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
 from duobench.errors import EvaluationError
 from duobench.files import digest_of, write
-from duobench.lerobot_keys import CARD
+from duobench.lerobot_keys import CARD, check_card, in_cell
 from duobench.pages import render
 from duobench.policy.lerobot_checkpoint import CONFIG, WEIGHTS, content_hash, read
 from duobench.results.bundle import BUNDLE_SUFFIX, Bundle, open_source, write_bundle
@@ -17,6 +16,7 @@ from duobench.results.figures import stage_bars
 from duobench.results.report import read_parts
 from duobench.results.scores import interval_percent, percent, progress_text
 from duobench.results.suite import conditions_text, suite_options
+from duobench.tasks import catalog
 
 EVALUATION = f"evaluation{BUNDLE_SUFFIX}"
 FIGURE = "stages.png"
@@ -32,10 +32,16 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
         EvaluationError: The run is none of this checkpoint alone: the version of its policy names
             no file of the folder by its SHA-256; or it is not finished.
     """
+    check_card(name, licence)
     reader = open_source(source)
     part, *others = read_parts(reader)
+    if others:
+        raise EvaluationError(
+            f"{source} has {len(others) + 1} policies or conditions, and a card is about one: "
+            "evaluate the checkpoint under one."
+        )
     version = part.candidate.metadata.version or "not known"
-    if others or not any(digest in version for digest in _digests(folder)):
+    if not any(digest in version for digest in _digests(folder)):
         raise EvaluationError(
             f"{source} is no evaluation of {folder} alone: the version of its policy is "
             f"{version}, which names no file of that folder by its SHA-256."
@@ -46,31 +52,43 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
     if not isinstance(reader, Bundle):
         write_bundle(reader, bundle)
     elif not bundle.exists() or not bundle.samefile(source):
-        shutil.copyfile(source, bundle)
+        write(bundle, source.read_bytes())
     figure: Any = stage_bars(part.results)
     figure.savefig(png := io.BytesIO(), format="png", dpi=160, facecolor="white")
     write(folder / FIGURE, png.getvalue())
-    is_lerobot = (folder / CONFIG).exists()
-    words = ["--policy", "lerobot:checkpoint" if is_lerobot else part.candidate.policy]
+    is_lerobot, policy = (folder / CONFIG).exists(), part.candidate.policy
+    if is_lerobot:
+        policy = "lerobot:checkpoint" + "".join(_settings(policy))
+    own = sorted({task.id for task in part.suite.tasks} - {*catalog.names()})
+    words = ["--policy", policy, *suite_options(part.suite)]
     text = render(
         "duobench.results",
         "card.md.j2",
         id=name,
         licence=licence,
         is_lerobot=is_lerobot,
-        command=shlex.join(["duobench", "eval", *words, *suite_options(part.suite)]),
+        command=shlex.join(["duobench", "eval", *words]),
+        own=own,
+        asked=" --import-tasks" if own else "",
         conditions=conditions_text(part.suite),
         part=part,
         percent=percent,
         interval=interval_percent,
         progress=progress_text,
         figure=FIGURE,
-        training=_training(folder),
+        training={in_cell(key): in_cell(of) for key, of in _training(folder).items()},
         bundle=EVALUATION,
         digest=digest_of(bundle),
     )
     write(folder / CARD, text)
     return folder / CARD
+
+
+def _settings(policy: str) -> Iterator[str]:
+    """What stands behind the path of a policy of LeRobot, but for where it computes."""
+    words = [word for word in policy.partition("?")[2].split("&") if word]
+    if chosen := [word for word in words if not word.startswith("device=")]:
+        yield f"?{'&'.join(chosen)}"
 
 
 def _digests(folder: Path) -> Iterator[str]:

@@ -326,6 +326,7 @@ def suite_options(suite: Suite) -> list[str]:
         "shift": None if shift == NO_SHIFT else shift.name,
         "execute": None if suite.execution.execute == named.execute else suite.execution.execute,
         "latency": suite.execution.latency or None,
+        "salt": suite.salt and "SALT",
     }
     return words + [
         word for name, value in chosen.items() if value for word in (f"--{name}", str(value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -154,7 +155,8 @@ def card(
 
     with advising(FOREIGN):
         say(f"Card: {write_data_card(data, name, licence, import_tasks=import_tasks)}")
-    say(f"Upload: hf upload {name} {data} --repo-type dataset")
+    words = ["hf", "upload", name, str(data), "--repo-type", "dataset"]
+    say(f"Upload: {shlex.join(words)}")
 
 
 def recover(data: tyro.conf.Positional[Path]) -> None:

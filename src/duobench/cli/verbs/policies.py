@@ -135,7 +135,7 @@ def card(
     from duobench.results.card import write_checkpoint_card
 
     say(f"Card: {write_checkpoint_card(checkpoint, run, name, licence)}")
-    say(f"Upload: hf upload {name} {checkpoint}")
+    say(f"Upload: {shlex.join(['hf', 'upload', name, str(checkpoint)])}")
 
 
 def serve(
