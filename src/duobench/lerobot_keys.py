@@ -6,6 +6,8 @@ from typing import Any
 
 from duobench.errors import OptionError
 
+FORMAT = "v3.0"
+"""Version of its data set format that LeRobot 0.6 trains from."""
 STATE, ACTION = "observation.state", "action"
 """Proprioception, and the actions."""
 OBJECT_STATE = "observation.environment_state"

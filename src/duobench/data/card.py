@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from duobench.data.dataset import DESCRIPTION, DataSet
-from duobench.data.lerobot.options import Format
 from duobench.data.summary import summarize
 from duobench.envs import state_labels
 from duobench.envs.spaces import JOINT_NAMES
@@ -14,6 +13,7 @@ from duobench.errors import DataError, escaped
 from duobench.files import make_folder, read_object, write
 from duobench.lerobot_keys import (
     CARD,
+    FORMAT,
     IMAGE_PREFIX,
     OBJECT_STATE,
     STATE,
@@ -125,7 +125,7 @@ def _training(place: Path, about: Mapping[str, Any], tasks: Sequence[str]) -> st
     """The command that learns a task from an export; empty where `duobench train` cannot."""
     seen = [key for key in about["features"] if key.startswith((IMAGE_PREFIX, OBJECT_STATE))]
     parts = state_labels.find(feature_names(about, STATE) or JOINT_NAMES) or ()
-    if about["codebase_version"] != Format.V30 or not seen or not {*parts} <= {*state_labels.SHOWN}:
+    if about["codebase_version"] != FORMAT or not seen or not {*parts} <= {*state_labels.SHOWN}:
         return ""
     words = ["--tasks", tasks[0]] if len(tasks) > 1 and place == Path() else []
     data = (Path("data") / place).as_posix()

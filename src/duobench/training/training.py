@@ -22,6 +22,7 @@ from duobench.lerobot_keys import (
     ACTION,
     DOMAIN,
     FEATURE_NAMES,
+    FORMAT,
     IMAGE_PREFIX,
     LAST,
     OBJECT_STATE,
@@ -37,7 +38,6 @@ from duobench.training.recipes import OBJECT_STATES, RECIPES, SMALL, Recipe, Set
 from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 
 PROGRAM = "lerobot-train"
-FORMAT = "v3.0"
 ALL = "all"
 """Stands for every task of a data set."""
 PLUGIN = "lerobot_env_duobench"
