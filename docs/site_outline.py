@@ -70,6 +70,18 @@ DRAWERS: Mapping[str, Drawer] = {
     ),
 }
 """By folder. `project` holds the pages beside the first one, which are no part of docs/."""
+KEYWORDS: Mapping[str, str] = {
+    "index": "bibtex license",
+    "install": "headless macos windows",
+    "environments": "jupyter colab mjcf",
+    "lerobot": "wandb hugging face huggingface",
+    "publish": "hugging face huggingface license",
+    "frames": "end effector eef urdf",
+    "looks": "color",
+    "printing": "color",
+    "notices": "urdf mjcf",
+}
+"""Words of others, which the search finds on pages that say it otherwise."""
 UNTRIED = "Real arms"
 """The chapter above which stands that nothing of it was tried on hardware."""
 

@@ -12,7 +12,7 @@ import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from site_outline import DRAWERS, UNTRIED, pages
+from site_outline import DRAWERS, KEYWORDS, UNTRIED, pages
 from site_reference import REFERENCE
 from site_tasks import task_page
 
@@ -59,7 +59,7 @@ def stage(source: Path, extra: Path) -> None:
         write(source / name, content)
     for path, place in places.items():
         text = moved(path.read_text(encoding="utf-8"), path, place, places, source)
-        write(source / place, dressed(text, place))
+        write(source / place, keywords(place.stem) + dressed(text, place))
     for folder in ("gallery", "looks", "printing"):
         shutil.copytree(DOCS / "tasks" / folder, source / "tasks" / folder, dirs_exist_ok=True)
     shutil.copytree(DOCS / "tasks" / "replays", extra / "tasks" / "replays")
@@ -126,6 +126,12 @@ def dressed(text: str, place: Path) -> str:
         heading, _, rest = text.partition("\n")
         return f"{heading}\n{NOT_TRIED}{rest}"
     return text
+
+
+def keywords(name: str) -> str:
+    """What a page begins with, so that it is found by words that do not stand in it."""
+    words = ", ".join(KEYWORDS.get(name, "").split())
+    return f"---\nmyst:\n  html_meta:\n    keywords: {words}\n---\n\n" if words else ""
 
 
 def doors() -> str:

@@ -2,15 +2,18 @@
 
 import re
 import sys
+import tarfile
+import zipfile
 from pathlib import Path
 
 import pytest
 
 from dev.release import container, interpreters
-from dev.release.stage import absolute, addresses, distributions, version
+from dev.release.stage import absolute, addresses, build, distributions, version
 from duobench.versions import __version__
 from tests.test_repository import ROOT, tracked
 
+PAGES = {path.relative_to(ROOT / "docs").as_posix() for path in ROOT.glob("docs/*/*.md")}
 HERE = "https://example.invalid/us/it"
 
 
@@ -68,6 +71,22 @@ def test_a_python_is_found_by_its_version_alone() -> None:
     assert interpreters.find("2.0") is None
 
 
+def pages_of(wheel: Path) -> set[str]:
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    before = "duobench/docs/"
+    return {name.removeprefix(before) for name in names if name.startswith(before)}
+
+
+def test_a_source_distribution_has_what_its_wheel_needs_and_no_tests(tmp_path: Path) -> None:
+    source, wheel = build(ROOT, tmp_path)
+    assert pages_of(wheel) == PAGES
+    with tarfile.open(source) as archive:
+        inside = {name.split("/")[1] for name in archive.getnames()}
+    assert {"src", "docs", "pyproject.toml", "LICENSE"} <= inside
+    assert not inside & {"tests", "dev", "examples", "Makefile"}
+
+
 def test_instructions_of_the_container_can_all_be_played(tmp_path: Path) -> None:
     text = (ROOT / "Dockerfile").read_text(encoding="utf-8")
     (first, image), *rest = container.steps(text)
@@ -76,8 +95,8 @@ def test_instructions_of_the_container_can_all_be_played(tmp_path: Path) -> None
     for step in rest:
         if step[0] != "RUN":
             root.play(step, ROOT)
-    assert (tmp_path / "src/src/duobench/versions.py").is_file()
-    assert (tmp_path / "src/pyproject.toml").is_file()
+    _, wheel = build(tmp_path / "src", tmp_path)
+    assert pages_of(wheel) == PAGES
     assert (root.user, root.place, root.entry, root.command) == (
         *("runner", "/runs", ["duobench"]),
         ["doctor"],
@@ -91,6 +110,8 @@ def test_what_a_container_is_built_from_is_let_in() -> None:
     steps = container.steps((ROOT / "Dockerfile").read_text(encoding="utf-8"))
     wanted = {name for word, rest in steps if word == "COPY" for name in rest.split()[:-1]}
     assert wanted == {line.removeprefix("!") for line in allowed if line.startswith("!")}
+    left_out = [line for line in allowed[1:] if not line.startswith("!")]
+    assert not [page for page in PAGES if any(Path("docs", page).match(one) for one in left_out)]
 
 
 def test_no_workflow_has_a_secret_or_may_write_but_to_the_index() -> None:

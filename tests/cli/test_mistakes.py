@@ -209,6 +209,13 @@ def test_server_that_is_not_there_is_told_without_its_address(policy: str) -> No
     assert "127.0.0.1" not in refused
 
 
+def test_wait_for_a_server_is_told_before_it_begins(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["eval", "--policy", "openpi", "--server", "ws://127.0.0.1:1", "--wait", "0.25"]
+    refusal(*words, "--workers", "0", "--out", "run")
+    said = "Connecting to the policy's server; waiting up to 0.25 s for it.\n"
+    assert capsys.readouterr().out.endswith(said)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

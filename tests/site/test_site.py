@@ -119,6 +119,16 @@ INDEX = json.loads(
         ("wilson", "guides/comparison"),
         ("libegl1", "start/install"),
         ("pour_marbl", "tasks/pour_marbles"),
+        ("maco", "start/install"),
+        ("headless", "start/install"),
+        ("jupyt", "guides/environments"),
+        ("effector", "reference/frames"),
+        ("hug", "guides/publish"),
+        ("bibtex", "index"),
+        ("wandb", "guides/lerobot"),
+        ("urdf", "reference/frames"),
+        ("licens", "index"),
+        ("color", "tasks/looks"),
     ],
 )
 def test_the_search_knows_words_by_their_stems(word: str, page: str) -> None:

@@ -24,9 +24,13 @@ def test_every_page_is_listed_with_its_heading(capsys: pytest.CaptureFixture[str
     for name, page in PAGES.items():
         heading = text_of(page).partition("\n")[0].removeprefix("# ").replace("`", "")
         assert re.search(rf"^ {name} +{re.escape(heading)} *$", said, re.MULTILINE), name
+    assert re.search("^ Reference +frames, results, baselines *$", said, re.MULTILINE)
+    assert {page.stem for page in DOCS.glob("reference/*.md")} == {"frames", "results", "baselines"}
 
 
-@pytest.mark.parametrize("word", ["policies", "../start/policies.md", "docs/start/policies.md"])
+@pytest.mark.parametrize(
+    "word", ["policies", "../start/policies.md", "docs/start/policies.md", "policies#what"]
+)
 def test_a_page_is_shown_as_it_is_written(word: str, capsys: pytest.CaptureFixture[str]) -> None:
     main(["docs", word])
     assert capsys.readouterr().out == text_of(page_of("policies"))

@@ -11,7 +11,7 @@ DRAWERS = {
     "start": "install, a first evaluation, a first policy, a first task",
     "tasks": "what the tasks are, score, show and print",
     "guides": "how something is done, from an environment to real arms",
-    "reference": "frames, options, results",
+    "reference": "frames, results, baselines",
 }
 """Folders of pages, in the order in which they are read, and what is in them."""
 INSTALLED = Path(__file__).parents[2] / "docs"
@@ -27,7 +27,8 @@ def docs(name: tyro.conf.Positional[str] = "") -> None:
     """
     found = pages()
     if name:
-        name = Path(name).stem  # a link of another page, such as ../guides/scale.md, is one too
+        # A link of another page, such as ../guides/scale.md#containers, is one too.
+        name = Path(name.partition("#")[0]).stem
         check_known("page", name, found)
         console().out(found[name].read_text(encoding="utf-8"), end="")
         return

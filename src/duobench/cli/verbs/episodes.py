@@ -354,6 +354,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     if workers == 0 and not choice.is_scripted:
         say("The policy plays in the process of the simulator, which it can see and move.")
     secret = None if suite.salt is None else read_salt(suite.salt)
+    if choice.server is not None and choice.server.wait_s:
+        say(f"Connecting to the policy's server; waiting up to {choice.server.wait_s:g} s for it.")
     folder = RunFolder(out)
     watched = followed(folder, watch_port) if watch else nullcontext()
     with (
