@@ -351,7 +351,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     played = suite.make(execution)
     choice = policy.choose(played.execution.execute or PAPER_EXECUTE)
     part = WHOLE if shard is None else Shard.parse(shard)
-    if workers == 0 and not choice.is_scripted:
+    if workers == 0 and not choice.is_scripted and choice.server is None:
         say("The policy plays in the process of the simulator, which it can see and move.")
     secret = None if suite.salt is None else read_salt(suite.salt)
     if choice.server is not None and choice.server.wait_s:
