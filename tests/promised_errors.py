@@ -24,15 +24,26 @@ from duobench.hardware.rig import Rig
 from duobench.looks.catalog import look
 from duobench.objects.blocks import RED, block, cube
 from duobench.objects.prop import Hinge, Part, Prop, Variant
-from duobench.objects.shapes import box
+from duobench.objects.shapes import box, hull
+from duobench.objects.solid import Solid
 from duobench.policy import make as make_policy
-from duobench.randomness import Choice
+from duobench.randomness import Choice, around
 from duobench.scene.compose import compose
 from duobench.shifts import shift
 from duobench.spatial import SE3
 from duobench.stages.logic import held_for
-from duobench.stages.predicates import still
-from duobench.tasks import Task, catalog
+from duobench.stages.placing import low_over
+from duobench.stages.predicates import (
+    BoxRegion,
+    CylinderRegion,
+    backs,
+    hinge_open,
+    raised,
+    still,
+    upright,
+)
+from duobench.tasks import Placement, Task, catalog
+from duobench.types import Side
 
 WORDS = Path(__file__).with_name("errors.json")
 TASK = catalog.get("bin_sort")
@@ -55,6 +66,10 @@ def reset(**options: Any) -> None:
 
 def task(**changes: Any) -> Task:
     return replace(TASK, **changes)
+
+
+def place(**changes: Any) -> Placement:
+    return replace(TASK.placements["white_cube"], **changes)
 
 
 def begun(name: str) -> Path:
@@ -112,6 +127,30 @@ TRIGGERS: Mapping[str, Trigger] = {
     "task: colour without opacity": lambda: cube((1, 0, 0)),  # pyright: ignore[reportArgumentType]
     "task: colour of 255": lambda: box(1, 1, 1, rgba=(255, 0, 0, 255)),
     "task: size": lambda: block(0.1, 0.0, 0.1, RED),
+    "task: size in millimetres": lambda: block(80, 80, 40, RED),
+    "task: hull in millimetres": lambda: hull([(0, 0, 0), (80, 0, 0)]),
+    "task: shape that is no solid": lambda: Prop(name="cup", solid=box(0.1, 0.1, 0.1)),  # pyright: ignore[reportArgumentType]
+    "task: function of a shape": lambda: Prop(name="cup", solid=lambda: box(0.1, 0.1, 0.1)).solid,  # pyright: ignore[reportArgumentType]
+    "task: solid of one shape": lambda: Solid(shapes=box(0.1, 0.1, 0.1), rgba=RED),  # pyright: ignore[reportArgumentType]
+    "task: placement of numbers": lambda: Placement(x=0.5, y=around(0, 0.1)),  # pyright: ignore[reportArgumentType]
+    "task: placement of pairs": lambda: Placement(x=around(0.5, 0.1), y=(0.1, 0.2)),  # pyright: ignore[reportArgumentType]
+    "task: placement in millimetres": lambda: Placement(x=around(500, 100), y=around(0, 100)),
+    "task: height that is a range": lambda: place(z=around(0, 0.1)),
+    "task: yaw in degrees": lambda: place(yaw=around(0, 90)),
+    "task: height in millimetres": lambda: raised("cube", 50),
+    "task: gap in millimetres": lambda: low_over("cube", "base", 20),
+    "task: region in millimetres": lambda: BoxRegion(
+        body="base", low=(-40, -40, 0), high=(40, 40, math.inf)
+    ),
+    "task: round region in millimetres": lambda: CylinderRegion(
+        body="base", radius=40, low=0, high=math.inf
+    ),
+    "task: distance in millimetres": lambda: backs(Side.LEFT, "chest/lid", 30),
+    "task: tilt in degrees": lambda: upright("cup", 10),
+    "task: angle in degrees": lambda: hinge_open("chest/lid", 45),
+    "task: one prop alone": lambda: task(props=Prop(name="cube", solid=BLOCK)),
+    "task: place that is no placement": lambda: task(placements={"white_cube": (0.5, 0.2)}),
+    "task: two props of one name": lambda: task(props=(*TASK.props, TASK.props[0])),
     "task: hinge in degrees": lambda: Hinge(axis=(0, 0, 1), limits=(0, 90)),
     "task: accepts no layout": lambda: next(task(accept=lambda _: False).layouts(0)),
     "expert: none": lambda: find_script(task(id="my_sort", expert=None)),

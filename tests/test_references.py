@@ -25,7 +25,11 @@ def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "raises.py").write_text("1 / 0")
     (tmp_path / "needs.py").write_text("import no_such_library")
     (tmp_path / "leaves.py").write_text("raise SystemExit(3)")
+    (tmp_path / "ours" / "sub").mkdir(parents=True)
+    for package in ("ours", "ours/sub"):
+        (tmp_path / package / "__init__.py").touch()
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
 
 
 def is_text(value: object) -> bool:
@@ -66,13 +70,17 @@ def test_another_attribute_lists_near_misses(
             "./loaded:RED",
             "names a file. In its folder, the module is found by its name: loaded:RED",
         ),
-        ("my/loaded.py:RED", "is found by its name: loaded:RED"),
+        ("my/loaded.py:RED", "In this folder, .* name: my.loaded:RED; in its own .*, loaded:RED"),
+        ("ours/sub/loaded.py:RED", "In this folder, .* by its name: ours.sub.loaded:RED$"),
+        ("sub/../../up/loaded.py:RED", "In its folder, .* by its name: loaded:RED$"),
+        ("/lib/ours/loaded.py:RED", "In its folder, .* by its name: loaded:RED$"),
         (":RED", "is no `module:attribute`"),
         (".loaded:RED", "is no `module:attribute`"),
         ("nowhere:RED", "no module named 'nowhere'.*PYTHONPATH"),
         ("nowhere.at.all:RED", "no module named 'nowhere'.*PYTHONPATH"),
         ("raises:RED", r"(?s)'raises' cannot be imported.*raises\.py.*ZeroDivisionError"),
         ("needs:RED", r"(?s)'needs' cannot be imported.*needs\.py.*No module named 'no_such_lib"),
+        ("__main__:NO", "another module in each process.* my_script:NO for my_script.py"),
         ("leaves:RED", "(?s)'leaves' cannot be imported.*SystemExit: 3"),
     ],
 )
@@ -81,3 +89,11 @@ def test_what_cannot_be_imported_is_an_error(path: str, words: str) -> None:
         load(path, "colour", is_text)
     assert isinstance(told.value, DuoBenchError)
     assert "references.py" not in str(told.value)
+
+
+def test_file_of_a_package_elsewhere_is_named_from_above_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path / "ours" / "sub")
+    with pytest.raises(ImportPathError, match=f"In {tmp_path}, .* name: ours.sub.loaded:RED$"):
+        load("loaded.py:RED", "colour", is_text)

@@ -18,10 +18,7 @@ def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
     """
     module_name, _, attribute = path.partition(":")
     if attribute and ("/" in module_name or module_name.endswith(".py")):
-        raise ImportPathError(
-            f"{path!r} names a file. In its folder, the module is found by its name: "
-            f"{Path(module_name).stem}:{attribute}"
-        )
+        raise ImportPathError(f"{path!r} names a file. {_in_words(Path(module_name), attribute)}")
     if not (module_name and attribute) or module_name.startswith("."):
         raise ImportPathError(f"{path!r} is no `module:attribute`, such as my_module:NAME.")
     module = _imported(module_name)
@@ -32,9 +29,28 @@ def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
             for name, value in vars(module).items()
             if fits(value) and not name.startswith("_") and not _is_foreign(value, module_name)
         ]
+        if module_name == "__main__" and not known:
+            raise ImportPathError(
+                f"{path!r} is another module in each process; name the file instead, such as "
+                f"my_script:{attribute} for my_script.py."
+            )
         but = "" if value is None else f", whose {attribute} is of type {type(value).__name__},"
         raise UnknownNameError(kind, attribute, known, f"Module {module_name}{but}")
     return value
+
+
+def _in_words(file: Path, attribute: str) -> str:
+    """By which name a file is imported, and from which folder."""
+    file, here = file.resolve().with_suffix(""), Path.cwd()
+    folder = file.parent
+    while (folder / "__init__.py").exists():
+        folder = folder.parent
+    other = ""
+    if folder == file.parent and folder != here and file.is_relative_to(here):
+        folder, other = here, f"; in its own folder, {file.stem}:{attribute}"
+    name = ".".join(file.relative_to(folder).parts)
+    where = {here: "In this folder", file.parent: "In its folder"}.get(folder, f"In {folder}")
+    return f"{where}, the module is found by its name: {name}:{attribute}{other}"
 
 
 def _imported(name: str) -> Any:

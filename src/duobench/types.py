@@ -1,12 +1,17 @@
 """Words that every floor shares: sides, states and commands of the two arms, checked numbers."""
 
+import math
 import operator
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import StrEnum
+from numbers import Real
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from duobench.errors import TaskError
 
 Array = NDArray[np.float64]
 
@@ -96,6 +101,29 @@ def as_size(value: Any) -> tuple[int, int] | None:
         case [int(height), int(width)]:
             return height, width
     return None
+
+
+LONGEST = 2.0
+"""Largest length or distance of a task, in metres: what is larger was given in another unit."""
+
+
+def check_unit(what: str, unit: str, most: float, *values: object) -> None:
+    """Reject numbers too large for their unit; infinite ones stand for no bound."""
+    for value in values:
+        if not (isinstance(value, Real) and (abs(float(value)) <= most or math.isinf(value))):
+            raise TaskError(
+                f"{what} is a number in {unit}, at most {most:.4g} either way; got {value}."
+            )
+
+
+def check_several(what: str, values: object, kind: type) -> None:
+    """Reject what is no collection of one kind, such as one thing alone."""
+    wrong, where = [values], " in a tuple, such as (one,)"
+    if isinstance(values, Collection):
+        wrong, where = [value for value in values if not isinstance(value, kind)], ""
+    if wrong:
+        given = type(wrong[0]).__name__
+        raise TaskError(f"{what} takes {kind.__name__}s{where}; got a {given}.")
 
 
 def _flat(joints: Array, openings: Array) -> Array:

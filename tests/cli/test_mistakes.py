@@ -22,6 +22,12 @@ class Loads:
     def __init__(self, path): ...
 made = Loads("weights")
 """
+MISSPELT = """
+from dataclasses import replace
+from duobench.tasks import Stage, get, rests_on
+FIRST = Stage(name="first", instruction="Rest.", holds=rests_on("white_cube", "white_bwol"))
+TASK = replace(get("bin_sort"), id="misspelt", stages=(FIRST, *get("bin_sort").stages))
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -36,6 +42,8 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Path("runs/x/run.json").write_text("{}")
     Path("file.zip").write_bytes(b"none")
     Path("mistaken.py").write_text(MISTAKEN)
+    Path("misspelt.py").write_text(MISSPELT)
+    monkeypatch.syspath_prepend(tmp_path)
     lab(tmp_path, "lavfi:testsrc2=size=1280x720")
 
 
@@ -133,6 +141,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("export lerobot demos --out demos", "export into a folder of its own"),
         ("record --epsiodes=3", "Did you mean --episodes?"),
         ("render nothing", "Unknown task 'nothing'"),
+        ("render misspelt:TASK", "'white_bwol'. Did you mean 'white_bowl'"),
         ("render bin_sort --seed -1", "from 0 on, got -1"),
         ("render bin_sort --out /proc/run", "/proc/run cannot be the folder"),
         ("train pi0", "takes act, diffusion, groot, pi05, smolvla or xvla as policy, not 'pi0'"),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from duobench.errors import FabricationError, TaskError, UnknownNameError
+from duobench.objects.shapes import Shape
 from duobench.objects.solid import Solid
 from duobench.spatial import SE3
 
@@ -21,13 +22,20 @@ class Built(Generic[T]):
     So describing an object computes no geometry.
     """
 
-    def __init__(self, default: Callable[[], T] | None = None) -> None:
-        self._default = default
+    def __init__(self, kind: type[T], default: Callable[[], T] | None = None) -> None:
+        self._kind, self._default = kind, default
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = name
 
     def __set__(self, instance: object, value: T | Callable[[], T]) -> None:
+        if not (isinstance(value, self._kind) or callable(value)):
+            shape = isinstance(value, Shape)
+            raise TaskError(
+                f"The {self._name} of {vars(instance)['name']!r} is a {self._kind.__name__}, or a "
+                f"function that makes one; got a {type(value).__name__}."
+                + (" A shape alone is Solid(shapes=(shape,), rgba=RED)." if shape else "")
+            )
         vars(instance)[self._name] = value
 
     def __get__(self, instance: object | None, owner: type) -> T:
@@ -37,7 +45,9 @@ class Built(Generic[T]):
             return self._default  # type: ignore[return-value] - each instance calls it
         value: Any = vars(instance)[self._name]
         if callable(value):
-            value = vars(instance)[self._name] = value()
+            made: Any = value()
+            self.__set__(instance, made)
+            return made
         return value
 
 
@@ -69,7 +79,7 @@ class Part:
 
     name: str
     """Name within the prop; the body is called `<prop>/<name>`, and so is its hinge."""
-    solid: Built[Solid] = Built()
+    solid: Built[Solid] = Built(Solid)
     """What it is, in the part's own frame; may be given as a function that makes it."""
     pose: SE3 = field(default_factory=SE3)
     """Pose in the frame of the part that carries it, at hinge angle zero."""
@@ -97,7 +107,7 @@ class Prop:
 
     name: str
     """Name of the body; unique in the task."""
-    solid: Built[Solid] = Built()
+    solid: Built[Solid] = Built(Solid)
     """The root part, in the prop's own frame; may be given as a function that makes it."""
     parts: tuple[Part, ...] = ()
     """Further parts, each carried by the root."""
@@ -105,7 +115,7 @@ class Prop:
     """Whether it stands still wherever the layout puts it, as if screwed to the table."""
     choice: str | None = None
     """Name of the layout's variant that decides which of its shapes are there, if any does."""
-    variants: Built[Mapping[str, Variant]] = Built(dict)
+    variants: Built[Mapping[str, Variant]] = Built(Mapping, dict)
     """What is left out for each value of that variant; may be given as a function."""
     print_turn: SE3 = field(default_factory=SE3)
     """Rotation from the prop's frame to the printer's, whose z points up; pieces have their own."""

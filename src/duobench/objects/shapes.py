@@ -9,7 +9,7 @@ import numpy as np
 
 from duobench.errors import TaskError
 from duobench.spatial import SE3
-from duobench.types import Array
+from duobench.types import LONGEST, Array, check_unit
 
 CIRCLE_SEGMENTS = 64
 """Segments of a circle in images and prints."""
@@ -73,8 +73,13 @@ class Shape:
 
     def __post_init__(self) -> None:
         check_colour(self.rgba)
-        if not all(0 < edge < math.inf for edge in self.size):
-            raise TaskError(f"The sizes of a {self.kind} are above 0, in metres; got {self.size}.")
+        if not all(0 < edge <= LONGEST for edge in self.size):
+            raise TaskError(
+                f"The sizes of a {self.kind} are above 0 and at most {LONGEST:g}, in metres; got "
+                f"{self.size}."
+            )
+        for point in self.points:
+            check_unit("A coordinate of a hull", "metres", LONGEST, *point)
 
     def corners(self) -> Array:
         """Points (n, 3) whose convex hull is the shape, in the solid's frame, in metres.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from duobench.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind, check_colour
 from duobench.spatial import SE3
-from duobench.types import Array
+from duobench.types import Array, check_several
 
 if TYPE_CHECKING:
     import manifold3d
@@ -99,6 +99,7 @@ class Solid:
 
     def __post_init__(self) -> None:
         check_colour(self.rgba)
+        check_several("`shapes` of a Solid", self.shapes, Shape)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -20,6 +20,7 @@ from duobench.stages.predicates import (
     LIFTED_HEIGHT,
     USUAL_WAY,
     arm_touches,
+    check_metres,
     grasped,
     mm,
     released,
@@ -49,6 +50,7 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
         top: Height of the top in the body's frame, in metres.
         height: How far above it, in metres.
     """
+    check_metres("A height of `low_over`", top, height)
 
     def gap(state: StateView) -> float:
         sim = state.simulation

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from duobench.objects.prop import MOST_TURNED
 from duobench.scene.naming import TABLE
 from duobench.spatial import hypot
 from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, leaf, shared
-from duobench.types import SIDES, Side
+from duobench.types import LONGEST, SIDES, Side, check_unit
 
 Point = tuple[float, float, float]
 
@@ -34,6 +35,11 @@ contacts flicker for a step or two. It is too short to hold a lid up."""
 def interrupted(predicate: Predicate) -> Predicate:
     """It has not held for longer than a contact flickers."""
     return held_for(~predicate, FLICKER_SECONDS).called(f"no longer: {predicate.name}")
+
+
+def check_metres(what: str, *lengths: object) -> None:
+    """Reject what is too long to be a length in metres."""
+    check_unit(what, "metres", LONGEST, *lengths)
 
 
 def mm(metres: float) -> str:
@@ -109,6 +115,7 @@ def backs(arm: Side, lid: str, distance: float) -> Predicate:
     It is at most `distance` metres away, on the side from which it would push it open, inside the
     lid's outline along its normal.
     """
+    check_metres("The distance of `backs`", distance)
 
     def test(state: StateView) -> bool:
         sim = state.simulation
@@ -147,6 +154,7 @@ def off_table(body: str, *supports: str) -> Predicate:
 @shared
 def raised(prop: str, height: float) -> Predicate:
     """Its lowest point is at least `height` metres above where it was at the episode's start."""
+    check_metres("The height of `raised`", height)
 
     def so_far(state: StateView) -> float:
         return state.simulation.min_height(prop) - state.start_heights[prop]
@@ -210,6 +218,7 @@ def still(prop: str) -> Predicate:
 @shared
 def upright(prop: str, angle: float) -> Predicate:
     """Its up axis (z) is within `angle` radians of the world's."""
+    check_unit("The angle of `upright`", "radians", math.pi, angle)
     limit = math.cos(angle)
 
     def otherwise(state: StateView) -> str:
@@ -234,6 +243,9 @@ class BoxRegion:
     """Lowest corner in metres."""
     high: tuple[float, float, float]
     """Highest corner in metres."""
+
+    def __post_init__(self) -> None:
+        check_metres("A corner of a BoxRegion", *self.low, *self.high)
 
     def contains(self, point: Point) -> bool:
         """Whether a point of the body's frame, in metres, lies inside."""
@@ -261,6 +273,10 @@ class CylinderRegion:
     """Top along z of the body's frame, in metres."""
     centre: tuple[float, float] = (0.0, 0.0)
     """Where the cylinder's axis crosses the x-y plane of the body, in metres."""
+
+    def __post_init__(self) -> None:
+        sizes = self.radius, self.low, self.high, *self.centre
+        check_metres("A size of a CylinderRegion", *sizes)
 
     def contains(self, point: Point) -> bool:
         """Whether a point of the body's frame, in metres, lies inside."""
@@ -320,6 +336,7 @@ def rests_on(prop: str, support: str) -> Predicate:
 @shared
 def hinge_open(hinge: str, angle: float) -> Predicate:
     """A hinge is open by at least `angle` radians; its name is `<prop>/<part>`."""
+    check_unit("The angle of `hinge_open`", "radians", MOST_TURNED, angle)
     return leaf(
         f"{hinge} is open by {angle:.2f} rad",
         lambda state: state.simulation.angle(hinge) >= angle,

@@ -121,21 +121,33 @@ def check_names(
     state = StateView(
         simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
     )
-    parts = dict.fromkeys(p for predicate in constraints_of(stages) for p in predicate.walk())
-    for part in parts:
-        part.test(state)
+    parts: dict[Predicate, Stage] = {}
+    for stage in stages:
+        inner = (part for predicate in constraints_of([stage]) for part in predicate.walk())
+        parts |= {part: stage for part in inner if part not in parts}
+    for part, stage in parts.items():
+        try:
+            part.test(state)
+            if isinstance(part, VariantIs):
+                _check_variant(part, variants, options)
+        except UnknownNameError as error:
+            raise UnknownNameError(f"Stage {stage.name!r}: {error}") from error
         unnamed = state.answers.keys() - parts.keys()
         if lost := [p for p in unnamed if memories_in([p]) or clocks_in([p])]:
             raise TaskError(
                 f"{part.name!r} asks {', '.join(sorted(repr(p.name) for p in lost))}, and does "
                 "not name it in its parts, the third argument of Predicate: its memory is not kept."
             )
-        if isinstance(part, VariantIs):
-            if part.choice not in variants:
-                raise UnknownNameError("variant", part.choice, variants)
-            values = options.get(part.choice)
-            if values is not None and part.value not in values:
-                raise UnknownNameError(f"value of variant {part.choice!r}", part.value, values)
+
+
+def _check_variant(
+    part: VariantIs, variants: Mapping[str, str], options: Mapping[str, Collection[str]]
+) -> None:
+    if part.choice not in variants:
+        raise UnknownNameError("variant", part.choice, variants)
+    values = options.get(part.choice)
+    if values is not None and part.value not in values:
+        raise UnknownNameError(f"value of variant {part.choice!r}", part.value, values)
 
 
 def constraints_of(stages: Iterable[Stage]) -> list[Predicate]:

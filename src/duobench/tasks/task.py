@@ -1,6 +1,7 @@
 """What a task is: objects, layout, stages, instruction, horizon. A task is data."""
 
-from collections import defaultdict
+import math
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -22,7 +23,7 @@ from duobench.sim.layout import Layout
 from duobench.spatial import SE3
 from duobench.stages.progress import Stage
 from duobench.tasks.object_state import Numbers, ObjectState, usual_numbers
-from duobench.types import as_count
+from duobench.types import LONGEST, as_count, check_several, check_unit
 
 MAX_REJECTED = 10_000
 """Samples in a row that a task may reject before they end in an error."""
@@ -49,6 +50,18 @@ class Placement:
     """Height of the prop's origin above the table top, in metres."""
     yaw: Uniform = Uniform(0.0, 0.0)
     """Radians about the vertical."""
+
+    def __post_init__(self) -> None:
+        for name, span in (("x", self.x), ("y", self.y), ("yaw", self.yaw)):
+            if not isinstance(span, Uniform):  # pyright: ignore[reportUnnecessaryIsInstance]
+                raise TaskError(
+                    f"The {name} of a Placement is a range, such as Uniform(0.4, 0.6) or "
+                    f"around(0.5, 0.1); around(0.5, 0) is one place. Got {span!r}."
+                )
+        turn = self.yaw.low, self.yaw.high
+        check_unit("The yaw of a Placement", "radians", math.tau, *turn)
+        ends = self.x.low, self.x.high, self.y.low, self.y.high, self.z
+        check_unit("A position in a Placement", "metres", LONGEST, *ends)
 
     @property
     def is_always_the_same(self) -> bool:
@@ -100,6 +113,13 @@ class Task:
     """Whether the paper rebuilt it on the real robot."""
 
     def __post_init__(self) -> None:
+        for name, values, kind in (
+            ("props", self.props, Prop),
+            ("stages", self.stages, Stage),
+            ("placements", self.placements.values(), Placement),
+            ("variants", self.variants.values(), Choice),
+        ):
+            check_several(f"`{name}` of task {self.id!r}", values, kind)
         stages = [text for stage in self.stages for text in (stage.name, stage.instruction)]
         words = (*self.instructions, *self.kept_paraphrases)
         for text in (self.id, self.title, *words, *stages):
@@ -113,6 +133,11 @@ class Task:
                 f"got {self.horizon!r}."
             )
         names = [prop.name for prop in self.props]
+        if twice := [name for name, count in Counter(names).items() if count > 1]:
+            raise TaskError(
+                f"Task {self.id!r} has several props called {', '.join(map(repr, twice))}; give "
+                "each a name of its own."
+            )
         for name in self.placements:
             check_known("prop in placements", name, names)
         if not self.stages:

@@ -1,9 +1,10 @@
 import io
 import re
 
+import pytest
 from rich.console import Console
 
-from duobench.cli.shared.console import results_table
+from duobench.cli.shared.console import numeric, results_table, table, whole
 from tests.results.samples import (
     DEGREES,
     LIFT,
@@ -19,7 +20,7 @@ def printed(
     run_records: list, expected: int, width: int = 130, policy: str = "mine", overtime: float = 1.0
 ) -> list[str]:
     out, run = io.StringIO(), sample_run(episodes=expected, policy=policy, overtime=overtime)
-    Console(file=out, width=width).print(results_table(part_of(run, run_records)))
+    Console(file=out, width=width, soft_wrap=True).print(results_table(part_of(run, run_records)))
     return [re.sub(r"\s{2,}", "|", line.strip()) for line in out.getvalue().splitlines()]
 
 
@@ -70,7 +71,23 @@ def test_privileged_policy_is_marked_above_the_numbers() -> None:
     assert printed([], expected=1, policy="expert:human")[0] == "expert:human (privileged)"
 
 
-def test_narrow_terminal_still_shows_every_number() -> None:
+@pytest.mark.parametrize("width", [80, 60, 20])
+def test_narrow_terminal_still_shows_every_number(width: int) -> None:
     run = sample_run()
-    text = "\n".join(printed(sample_records(run), run.suite.episodes, width=80))
-    assert "…" not in text
+    wide, narrow = (
+        " ".join(printed(sample_records(run), run.suite.episodes, width=columns))
+        for columns in (130, width)
+    )
+    assert sorted(re.findall(r"[\w.–:/]+", narrow)) == sorted(re.findall(r"[\w.–:/]+", wide))
+
+
+@pytest.mark.parametrize("width", [80, 60, 20])
+def test_columns_of_numbers_are_never_cut(width: int) -> None:
+    rows = table(whole("Task"), *numeric("Median", "99 %", "Horizon"))
+    rows.add_row("transfer_reorient", "133", "138", "505")
+    out = io.StringIO()
+    Console(file=out, width=width, soft_wrap=True).print(rows)
+    assert re.sub(r"[─\s]+", " ", out.getvalue()).split() == [
+        *("Task", "Median", "99", "%", "Horizon"),
+        *("transfer_reorient", "133", "138", "505"),
+    ]

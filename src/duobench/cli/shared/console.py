@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich import box
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.measure import Measurement
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -51,9 +52,23 @@ def say(*what: object, **options: Any) -> None:
     console().print(*what, **options)
 
 
+class _Uncut(Table):
+    """A table that is rather wider than a terminal, which then breaks its lines, than cut."""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        free = options.update(max_width=sys.maxsize)
+        for column in self.columns:
+            if column.no_wrap:
+                cells = (column.header, *column.cells)
+                column.min_width = max(Measurement.get(console, free, c).maximum for c in cells)
+        least = Measurement.get(console, free, self).minimum
+        wide = options.update(max_width=max(options.max_width, least))
+        return super().__rich_console__(console, wide)
+
+
 def table(*columns: Column | str, **options: Any) -> Table:
     """A table without a frame."""
-    return Table(*columns, box=box.SIMPLE_HEAD, pad_edge=False, **options)
+    return _Uncut(*columns, box=box.SIMPLE_HEAD, pad_edge=False, **options)
 
 
 def whole(heading: str, **options: Any) -> Column:

@@ -102,7 +102,7 @@ def _actors(summary: Summary) -> Iterator[str]:
 
 def _smoothness(summary: Summary) -> Table:
     """What joint targets do that is hard to learn, task by task."""
-    columns = numeric("Steps at a joint limit", "Reversals an episode", "Steps with a jump")
+    columns = numeric("Steps at a\njoint limit", "Reversals\nan episode", "Steps with\na jump")
     rows = table(whole("Task"), *columns)
     for task in summary.tasks:
         found = task.smoothness

@@ -226,5 +226,6 @@ def _reset(task: Task, seed: int, look: str = DEFAULT) -> SimEnv:
 
     checked_seed(seed)
     env = SimEnv(task, look=look)
+    env.make_judge()  # an error where a stage names what is not there
     RandomizedReset(env).reset(seed=seed)
     return env
