@@ -32,7 +32,7 @@ def test_the_page_and_the_terminal_say_who_recorded(
     assert "scripted operator follower with hands, whose hands led in 100 % of the steps" in page
     assert "person" not in page
     assert "bin_sort: 2 begun, 2 of them kept" in said
-    assert page.count("2 begun, 2 of them kept;") == len(TASKS)
+    assert page.count("2 begun, 2 of them kept") == len(TASKS)
 
 
 def test_nothing_is_wrong_with_it(data: DataSet, capsys: pytest.CaptureFixture[str]) -> None:
