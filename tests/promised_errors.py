@@ -27,7 +27,7 @@ from duobench.objects.prop import Hinge, Part, Prop, Variant
 from duobench.objects.shapes import box, hull
 from duobench.objects.solid import Solid
 from duobench.policy import make as make_policy
-from duobench.randomness import Choice, around
+from duobench.randomness import Choice, Uniform, around
 from duobench.scene.compose import compose
 from duobench.shifts import shift
 from duobench.spatial import SE3
@@ -150,6 +150,10 @@ TRIGGERS: Mapping[str, Trigger] = {
     "task: angle in degrees": lambda: hinge_open("chest/lid", 45),
     "task: one prop alone": lambda: task(props=Prop(name="cube", solid=BLOCK)),
     "task: place that is no placement": lambda: task(placements={"white_cube": (0.5, 0.2)}),
+    "task: placements without names": lambda: task(placements=[place()]),
+    "task: tilt without end": lambda: upright("cup", math.inf),
+    "task: place without end": lambda: place(x=Uniform(-math.inf, math.inf)),
+    "task: solid that makes a function": lambda: Prop(name="cube", solid=lambda: lambda: 0).solid,
     "task: two props of one name": lambda: task(props=(*TASK.props, TASK.props[0])),
     "task: hinge in degrees": lambda: Hinge(axis=(0, 0, 1), limits=(0, 90)),
     "task: accepts no layout": lambda: next(task(accept=lambda _: False).layouts(0)),

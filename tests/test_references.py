@@ -97,3 +97,12 @@ def test_file_of_a_package_elsewhere_is_named_from_above_it(
     monkeypatch.chdir(tmp_path / "ours" / "sub")
     with pytest.raises(ImportPathError, match=f"In {tmp_path}, .* name: ours.sub.loaded:RED$"):
         load("loaded.py:RED", "colour", is_text)
+
+
+def test_link_to_a_file_is_a_module_by_its_own_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "link.py").symlink_to(tmp_path / "ours" / "sub" / "loaded.py")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ImportPathError, match=r"In its folder, .* name: link:RED$"):
+        load("link.py:RED", "colour", is_text)

@@ -5,7 +5,8 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from duobench.types import SIDES, DuoCommand, DuoState, Side
+from duobench.errors import TaskError
+from duobench.types import SIDES, DuoCommand, DuoState, Side, check_unit
 
 
 def test_the_flat_order_is_left_joints_opening_right_joints_opening() -> None:
@@ -47,3 +48,11 @@ def test_sides() -> None:
         assert side.other is not side
         assert side.other.other is side
         assert Side(str(side)) is side
+
+
+def test_any_kind_of_number_has_a_unit_and_nothing_else() -> None:
+    check_unit("It", "metres", 2.0, 1, 0.1, np.float32(0.1), np.int64(1), np.array(0.1))
+    check_unit("It", "metres", 2.0, -np.inf, endless=True)
+    for value in ("0.1", None, np.nan, np.inf, 2.1):
+        with pytest.raises(TaskError, match="It is a number in metres, at most 2 either way; got"):
+            check_unit("It", "metres", 2.0, value)

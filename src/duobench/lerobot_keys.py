@@ -29,7 +29,7 @@ FEATURE_NAMES = "duobench_names.json"
 LeRobot keeps only how many there are."""
 CARD, ID = "README.md", "USER/NAME"
 """The card of a data set or a checkpoint on the Hub, and what stands for an id there."""
-_ID = re.compile(r"\w[\w.-]*(/\w[\w.-]*)?", re.ASCII)
+_ID = re.compile(r"(?!.*(--|\.\.|\.git$))(?=.{1,96}$)\w([\w.-]*\w)?(/\w([\w.-]*\w)?)?", re.ASCII)
 _LONGEST_CELL = 200
 _LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")
 POSITION = ".pos"
@@ -59,7 +59,8 @@ def check_card(name: str, licence: str) -> None:
     """Refuse what the Hub would refuse once everything is uploaded."""
     if not _ID.fullmatch(name):
         raise OptionError(
-            f"A name on the Hub is {ID}, of letters, digits, dots, dashes and _; got {name!r}."
+            f"A name on the Hub is {ID}, of at most 96 letters, digits and _, with single dots and "
+            f"dashes between them; got {name!r}."
         )
     if not _LICENCE.fullmatch(licence):
         raise OptionError(

@@ -41,7 +41,8 @@ def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
 
 def _in_words(file: Path, attribute: str) -> str:
     """By which name a file is imported, and from which folder."""
-    file, here = file.resolve().with_suffix(""), Path.cwd()
+    file, here = file.expanduser(), Path.cwd()
+    file = file.parent.resolve() / file.stem
     folder = file.parent
     while (folder / "__init__.py").exists():
         folder = folder.parent

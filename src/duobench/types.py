@@ -107,12 +107,15 @@ LONGEST = 2.0
 """Largest length or distance of a task, in metres: what is larger was given in another unit."""
 
 
-def check_unit(what: str, unit: str, most: float, *values: object) -> None:
-    """Reject numbers too large for their unit; infinite ones stand for no bound."""
+def check_unit(what: str, unit: str, most: float, *values: object, endless: bool = False) -> None:
+    """Reject numbers too large for their unit; infinite ones stand for no bound where they may."""
     for value in values:
-        if not (isinstance(value, Real) and (abs(float(value)) <= most or math.isinf(value))):
+        number = float(value) if isinstance(value, (Real, np.ndarray)) else math.nan
+        if not (abs(number) <= most or (endless and math.isinf(number))):
+            or_none = ", or inf for no bound" if endless else ""
             raise TaskError(
-                f"{what} is a number in {unit}, at most {most:.4g} either way; got {value}."
+                f"{what} is a number in {unit}, at most {most:.6g} either way{or_none}; "
+                f"got {value!r}."
             )
 
 

@@ -129,9 +129,15 @@ def test_exports_of_one_task_are_one_task(two_tasks: DataSet, tmp_path: Path) ->
     for name in ("a", "b"):
         options = ExportOptions(cameras=(), tasks=("bin_sort",))
         done = export_lerobot(two_tasks, tmp_path / "data" / name, options)
+    (tmp_path / "data/.cache/c/meta").mkdir(parents=True)  # what a download leaves is not shown
+    (tmp_path / "data/.cache/c/meta/info.json").write_text("{}")
     text = write_data_card(tmp_path / "data", NAME, "mit").read_text(encoding="utf-8")
     assert "in 1 task of DuoBench" in text
     assert f"| `bin_sort` | 4 | {2 * done.frames} | " in text
+    beside = tmp_path / "data" / "b" / "meta/duobench.json"
+    beside.write_text(beside.read_text().replace(f'"{SUITE_VERSION}"', '"0"'))
+    with pytest.raises(DataError, match=f"has exports of suites {SUITE_VERSION} and 0"):
+        write_data_card(tmp_path / "data", NAME, "mit")
 
 
 @pytest.mark.parametrize(
@@ -141,6 +147,10 @@ def test_exports_of_one_task_are_one_task(two_tasks: DataSet, tmp_path: Path) ->
         ("-x", "mit", "A name on the Hub"),
         ('me/a & "b"', "mit", "A name on the Hub"),
         ("me/a/b", "mit", "A name on the Hub"),
+        ("me/x-", "mit", "A name on the Hub"),
+        ("me/a--b", "mit", "A name on the Hub"),
+        ("me/x.git", "mit", "A name on the Hub"),
+        (f"me/{'x' * 94}", "mit", "A name on the Hub"),
         (NAME, "", "The Hub knows licences"),
         (NAME, "MIT", "The Hub knows licences"),
         (NAME, "mit\ntags: x", "The Hub knows licences"),

@@ -47,8 +47,8 @@ def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool
             told = _of_exports(folder)
         except (AttributeError, KeyError, TypeError) as error:
             raise DataError(
-                f"{folder} is no whole export of DuoBench: what its meta/duobench.json says of its "
-                f"episodes cannot be read ({escaped(repr(error))})."
+                f"{folder} is no whole export of DuoBench: its meta/info.json or "
+                f"meta/duobench.json lacks what an export says ({escaped(repr(error))})."
             ) from error
     own = [task for task in told["parts"] if task not in catalog.names()]
     files = [path for path in folder.rglob("*") if path.is_file() and path.name != CARD]
@@ -89,9 +89,9 @@ def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
 
 def _of_exports(folder: Path) -> dict[str, Any]:
     """What the card says of an export, or of a folder with several."""
-    places = sorted(
-        path.parents[1].relative_to(folder) for path in folder.glob("**/meta/info.json")
-    )
+    found = sorted(path.parents[1] for path in folder.glob("**/meta/info.json"))
+    places = [path.relative_to(folder) for path in found]
+    places = [place for place in places if not place.as_posix().startswith((".cache", ".git"))]
     if not places:
         raise DataError(
             f"{folder} is no data set: neither recordings, with {DESCRIPTION}, nor an export in "
@@ -99,19 +99,22 @@ def _of_exports(folder: Path) -> dict[str, Any]:
         )
     about = [_read(folder / place, "info.json") for place in places]
     beside = [_read(folder / place, "duobench.json") for place in places]
+    suites = list(dict.fromkeys(one[SUITE] for one in beside))
+    if len(suites) > 1:
+        raise DataError(f"{folder} has exports of suites {' and '.join(suites)}: card each alone.")
     lengths: dict[str, list[int]] = {}
     for one in (episode for each in beside for episode in each["episodes"]):
         lengths.setdefault(Path(one["file"]).parent.name, []).append(one["length"])
     return {
         "summary": None,
-        "suite": beside[0][SUITE],
+        "suite": suites[0],
         "parts": {task: (len(of), sum(of)) for task, of in lengths.items()},
         "configs": [
             _config(".".join(place.parts) or "default", (place / "data/*/*.parquet").as_posix())
             for place in places
         ],
         "features": list(dict.fromkeys(key for one in about for key in one["features"])),
-        "version": about[0]["codebase_version"],
+        "version": " and ".join(dict.fromkeys(one["codebase_version"] for one in about)),
         "training": _training(places[0], about[0], list(lengths)),
     }
 
@@ -135,5 +138,8 @@ def _training(place: Path, about: Mapping[str, Any], tasks: Sequence[str]) -> st
 def _read(folder: Path, name: str) -> dict[str, Any]:
     content = read_object(folder / "meta" / name, DataError)
     if content is None:
-        raise DataError(f"{folder} is no export of DuoBench: it has no meta/{name}.")
+        raise DataError(
+            f"{folder} is no export of DuoBench: it has no meta/{name}, which other tools leave "
+            "out; exports of DuoBench beside each other in a folder have one card."
+        )
     return content

@@ -29,13 +29,8 @@ class Built(Generic[T]):
         self._name = name
 
     def __set__(self, instance: object, value: T | Callable[[], T]) -> None:
-        if not (isinstance(value, self._kind) or callable(value)):
-            shape = isinstance(value, Shape)
-            raise TaskError(
-                f"The {self._name} of {vars(instance)['name']!r} is a {self._kind.__name__}, or a "
-                f"function that makes one; got a {type(value).__name__}."
-                + (" A shape alone is Solid(shapes=(shape,), rgba=RED)." if shape else "")
-            )
+        if not callable(value):
+            self._check(instance, value)
         vars(instance)[self._name] = value
 
     def __get__(self, instance: object | None, owner: type) -> T:
@@ -45,10 +40,19 @@ class Built(Generic[T]):
             return self._default  # type: ignore[return-value] - each instance calls it
         value: Any = vars(instance)[self._name]
         if callable(value):
-            made: Any = value()
-            self.__set__(instance, made)
-            return made
+            value = value()
+            self._check(instance, value)
+            vars(instance)[self._name] = value
         return value
+
+    def _check(self, instance: object, value: object) -> None:
+        if not isinstance(value, self._kind):
+            is_shape = isinstance(value, Shape)
+            raise TaskError(
+                f"The {self._name} of {vars(instance)['name']!r} is a {self._kind.__name__}, or a "
+                f"function that makes one; got a {type(value).__name__}."
+                + (" A shape alone is Solid(shapes=(shape,), rgba=RED)." if is_shape else "")
+            )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -16,6 +16,8 @@ from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for
 from duobench.types import LONGEST, SIDES, Side, check_unit
 
 Point = tuple[float, float, float]
+HALF_TURN = 3.15
+"""The largest angle between two axes, in radians, rounded up as people round it."""
 
 STILL_SPEED = 0.05
 STILL_ANGULAR_SPEED = 0.5
@@ -37,9 +39,9 @@ def interrupted(predicate: Predicate) -> Predicate:
     return held_for(~predicate, FLICKER_SECONDS).called(f"no longer: {predicate.name}")
 
 
-def check_metres(what: str, *lengths: object) -> None:
+def check_metres(what: str, *lengths: object, endless: bool = False) -> None:
     """Reject what is too long to be a length in metres."""
-    check_unit(what, "metres", LONGEST, *lengths)
+    check_unit(what, "metres", LONGEST, *lengths, endless=endless)
 
 
 def mm(metres: float) -> str:
@@ -218,7 +220,7 @@ def still(prop: str) -> Predicate:
 @shared
 def upright(prop: str, angle: float) -> Predicate:
     """Its up axis (z) is within `angle` radians of the world's."""
-    check_unit("The angle of `upright`", "radians", math.pi, angle)
+    check_unit("The angle of `upright`", "radians", HALF_TURN, angle)
     limit = math.cos(angle)
 
     def otherwise(state: StateView) -> str:
@@ -245,7 +247,7 @@ class BoxRegion:
     """Highest corner in metres."""
 
     def __post_init__(self) -> None:
-        check_metres("A corner of a BoxRegion", *self.low, *self.high)
+        check_metres("A corner of a BoxRegion", *self.low, *self.high, endless=True)
 
     def contains(self, point: Point) -> bool:
         """Whether a point of the body's frame, in metres, lies inside."""
@@ -276,7 +278,7 @@ class CylinderRegion:
 
     def __post_init__(self) -> None:
         sizes = self.radius, self.low, self.high, *self.centre
-        check_metres("A size of a CylinderRegion", *sizes)
+        check_metres("A size of a CylinderRegion", *sizes, endless=True)
 
     def contains(self, point: Point) -> bool:
         """Whether a point of the body's frame, in metres, lies inside."""

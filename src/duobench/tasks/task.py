@@ -5,6 +5,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any, cast
 
 import numpy as np
 
@@ -59,7 +60,7 @@ class Placement:
                     f"around(0.5, 0.1); around(0.5, 0) is one place. Got {span!r}."
                 )
         turn = self.yaw.low, self.yaw.high
-        check_unit("The yaw of a Placement", "radians", math.tau, *turn)
+        check_unit("The yaw of a Placement", "radians", 3 * math.pi, *turn)
         ends = self.x.low, self.x.high, self.y.low, self.y.high, self.z
         check_unit("A position in a Placement", "metres", LONGEST, *ends)
 
@@ -113,13 +114,10 @@ class Task:
     """Whether the paper rebuilt it on the real robot."""
 
     def __post_init__(self) -> None:
-        for name, values, kind in (
-            ("props", self.props, Prop),
-            ("stages", self.stages, Stage),
-            ("placements", self.placements.values(), Placement),
-            ("variants", self.variants.values(), Choice),
-        ):
-            check_several(f"`{name}` of task {self.id!r}", values, kind)
+        check_several(f"`props` of task {self.id!r}", self.props, Prop)
+        check_several(f"`stages` of task {self.id!r}", self.stages, Stage)
+        _check_named(f"`placements` of task {self.id!r}", self.placements, Placement)
+        _check_named(f"`variants` of task {self.id!r}", self.variants, Choice)
         stages = [text for stage in self.stages for text in (stage.name, stage.instruction)]
         words = (*self.instructions, *self.kept_paraphrases)
         for text in (self.id, self.title, *words, *stages):
@@ -232,6 +230,13 @@ class Task:
             UnknownNameError: An instruction names a variant that the layout lacks.
         """
         return {n: _filled(stage.instruction, layout) for n, stage in enumerate(self.stages)}
+
+
+def _check_named(what: str, named: object, kind: type) -> None:
+    if not isinstance(named, Mapping):
+        raise TaskError(f"{what} is a dict by name, got a {type(named).__name__}.")
+    for name, value in cast("Mapping[Any, Any]", named).items():
+        check_several(f"{what}, {name!r},", [value], kind)
 
 
 def _check_fields(instruction: str) -> None:

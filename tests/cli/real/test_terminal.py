@@ -133,13 +133,27 @@ def test_key_that_comes_in_pieces_is_none_of_ours(
     assert pressed == ["2", "4"]
 
 
-def test_escape_itself_keeps_no_key_back(keys: tuple[int, KeyTerminal]) -> None:
+def test_escape_itself_keeps_no_key_back(
+    keys: tuple[int, KeyTerminal], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rigs, "_REST_S", TIMEOUT_S)
     master, terminal = keys
     pressed: list[str] = []
     terminal.listen(pressed.append)
-    os.write(master, b"2\x1b")
+    os.write(master, b" \x1b")
     wait_until(lambda: pressed)
-    assert pressed[0] == "2"
+    assert pressed == [" "]
+
+
+def test_key_after_escape_is_read(keys: tuple[int, KeyTerminal]) -> None:
+    master, terminal = keys
+    pressed: list[str] = []
+    terminal.listen(pressed.append)
+    os.write(master, b"\x1b")
+    time.sleep(5 * rigs._REST_S)  # pyright: ignore[reportPrivateUsage]
+    os.write(master, b"q")
+    wait_until(lambda: pressed)
+    assert pressed == ["q"]
 
 
 def test_question_ends_when_the_session_does(

@@ -42,7 +42,7 @@ _SEQUENCE = re.compile(r"\x1b(?:\[[0-?]*[@-~]|O?[!-~])?")
 """What a terminal sends for a key that is no character, such as Delete, which has a 3 in it."""
 _CUT = re.compile(r"\x1b(?:O|\[[0-?]*)?\Z")
 """Such a sequence of which the rest is still on its way."""
-_REST_S = 0.2
+_REST_S = 0.1
 """How long a slow line may take for the rest; Escape itself means nothing here."""
 
 
@@ -141,19 +141,19 @@ class KeyTerminal:
                 termios.tcsetattr(self._handle, termios.TCSADRAIN, before)
 
     def _read(self) -> None:
+        cut = ""  # waits for its rest; nothing else does: the key before it may hold the arms
         while True:
             try:
-                said = more = os.read(self._handle, 1024).decode(errors="replace")
-                while more and _CUT.search(said) and self._goes_on():
-                    said += (more := os.read(self._handle, 1024).decode(errors="replace"))
+                if cut and not select.select([self._handle], [], [], _REST_S)[0]:
+                    cut = ""
+                said = os.read(self._handle, 1024).decode(errors="replace")
             except OSError:
                 said = ""
-            for key in _SEQUENCE.sub("", said) if said else [""]:
+            keys = cut + said
+            cut = found[0] if (found := _CUT.search(keys)) else ""
+            for key in _SEQUENCE.sub("", keys.removesuffix(cut)) if said else [""]:
                 if (call := self._call) is not None:
                     call(key)
                 self._keys.put(key)
             if not said:
                 return
-
-    def _goes_on(self) -> bool:
-        return bool(select.select([self._handle], [], [], _REST_S)[0])
