@@ -31,7 +31,6 @@ from duobench.results.leaderboard import (
 from duobench.results.records import RECORD_SCHEMA, Key
 from duobench.results.run import RUN_SCHEMA
 from duobench.results.salt import ROUNDS, Round, Salt, read_rounds
-from duobench.tasks import catalog
 from duobench.versions import has_avx2, package_source, package_versions
 
 JUDGEMENT_SCHEMA = 3
@@ -126,7 +125,7 @@ def _entry(
     if _digest(path) != digest:
         raise _RefusedError("It was changed while it was read.")
     run = bundle.read_run()
-    if foreign := [task.id for task in run.suite.tasks if task.id not in catalog.names()]:
+    if foreign := run.suite.foreign:
         raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
     if len(run.candidates) > 1:
         raise _RefusedError("It holds several policies; a bundle of a leaderboard holds one.")

@@ -16,7 +16,6 @@ from duobench.results.figures import stage_bars
 from duobench.results.report import read_parts
 from duobench.results.scores import interval_percent, percent, progress_text
 from duobench.results.suite import conditions_text, suite_options
-from duobench.tasks import catalog
 
 EVALUATION = f"evaluation{BUNDLE_SUFFIX}"
 FIGURE = "stages.png"
@@ -29,8 +28,10 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
     """Write the card of a checkpoint, a figure and the bundle of a run into its folder.
 
     Raises:
+        OptionError: The Hub takes no such name or licence.
         EvaluationError: The run is none of this checkpoint alone: the version of its policy names
-            no file of the folder by its SHA-256; or it is not finished.
+            no file of the folder by its SHA-256; or it is of several policies or conditions; or it
+            is not finished.
     """
     check_card(name, licence)
     reader = open_source(source)
@@ -58,8 +59,8 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
     write(folder / FIGURE, png.getvalue())
     is_lerobot, policy = (folder / CONFIG).exists(), part.candidate.policy
     if is_lerobot:
-        policy = "lerobot:checkpoint" + "".join(_settings(policy))
-    own = sorted({task.id for task in part.suite.tasks} - {*catalog.names()})
+        policy = f"lerobot:checkpoint{_settings(policy)}"
+    own = part.suite.foreign
     words = ["--policy", policy, *suite_options(part.suite)]
     text = render(
         "duobench.results",
@@ -84,11 +85,11 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
     return folder / CARD
 
 
-def _settings(policy: str) -> Iterator[str]:
+def _settings(policy: str) -> str:
     """What stands behind the path of a policy of LeRobot, but for where it computes."""
-    words = [word for word in policy.partition("?")[2].split("&") if word]
-    if chosen := [word for word in words if not word.startswith("device=")]:
-        yield f"?{'&'.join(chosen)}"
+    words = policy.partition("?")[2].split("&")
+    chosen = "&".join(word for word in words if word and not word.startswith("device="))
+    return chosen and f"?{chosen}"
 
 
 def _digests(folder: Path) -> Iterator[str]:

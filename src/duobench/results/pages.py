@@ -23,7 +23,6 @@ from duobench.results.records import EpisodeRecord, InvalidTrial, Key
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, TaskResult
 from duobench.results.suite import execute_text, latency_text, suite_text
-from duobench.tasks import catalog
 from duobench.types import CONTROL_HZ
 from duobench.versions import __version__, other_engine, package_source
 from duobench.video import jpeg, last_frame
@@ -252,8 +251,8 @@ class PageVideos:
         """
         if not self._has_command:
             return ""
-        is_known = {task.id for task in self._run.suite.tasks} <= set(catalog.names())
-        return f"duobench report DIR --{what} {choice}{'' if is_known else ' --import-tasks'}"
+        imports = " --import-tasks" if self._run.suite.foreign else ""
+        return f"duobench report DIR --{what} {choice}{imports}"
 
     def _link(self, path: Path) -> str | None:
         link = quote(os.path.relpath(path, self._page))

@@ -154,6 +154,11 @@ class Suite:
         return range(self.first_episode, self.first_episode + self.episodes)
 
     @property
+    def foreign(self) -> tuple[str, ...]:
+        """Ids of its tasks that are not of the benchmark."""
+        return tuple(task.id for task in self.tasks if task.id not in catalog.names())
+
+    @property
     def size(self) -> int:
         """Episodes of all tasks under one shift."""
         return self.episodes * len(self.tasks)

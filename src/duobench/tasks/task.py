@@ -26,6 +26,8 @@ from duobench.stages.progress import Stage
 from duobench.tasks.object_state import Numbers, ObjectState, usual_numbers
 from duobench.types import LONGEST, as_count, check_several, check_unit
 
+MOST_YAW = 3 * math.pi
+"""Largest yaw of a placement, in radians: a whole turn about any angle; 10 was meant in degrees."""
 MAX_REJECTED = 10_000
 """Samples in a row that a task may reject before they end in an error."""
 
@@ -60,7 +62,7 @@ class Placement:
                     f"around(0.5, 0.1); around(0.5, 0) is one place. Got {span!r}."
                 )
         turn = self.yaw.low, self.yaw.high
-        check_unit("The yaw of a Placement", "radians", 3 * math.pi, *turn)
+        check_unit("The yaw of a Placement", "radians", MOST_YAW, *turn)
         ends = self.x.low, self.x.high, self.y.low, self.y.high, self.z
         check_unit("A position in a Placement", "metres", LONGEST, *ends)
 
