@@ -175,7 +175,7 @@ class TaskHarness:
         # In float32, as a rollout does.
         action = np.asarray(action, dtype=np.float32)
         duo = self.sim.duo
-        self.sim.step(DuoCommand.from_flat(duo.limits.clip(action, duo.command().flat)))
+        self.sim.step(DuoCommand.from_flat(duo.clipped(action)))
         self.judge()
 
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.types import Array, DuoCommand, DuoState
+from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDE_SIZE, SIDES, Array, DuoCommand, DuoState
 
 Image = NDArray[np.uint8]
 """An image (height, width, 3), red green blue, top row first."""
@@ -24,12 +24,32 @@ class DuoLimits:
     max_change: Array
     """Largest change in one control step: joints move at their speed limits at most. Infinite for
     grippers, which take any opening and go there at the speed of their motor."""
+    lead: Array
+    """Largest distance of a joint target from where the joint will be after the control step, at
+    the speed that it has: one that fell behind would catch up faster than it may. Infinite for
+    grippers, and where arms bound their speed by themselves."""
 
-    def clip(self, targets: Array, last: Array) -> Array:
-        """The command nearest to some targets (16,) that can follow the last command (16,)."""
+    def clip(self, targets: Array, last: Array, measured: Array, velocities: Array) -> Array:
+        """The command nearest to some targets (16,) that can follow the last command (16,).
+
+        It leads joints by no more than they can follow, unless the last command does so already:
+        it then comes back at the speed limits. What was clipped stays as it is when it is clipped
+        again. Rows (n, 16), with velocities (n, 2, 7), are clipped each alone.
+
+        Args:
+            targets: What is asked for.
+            last: The command before.
+            measured: Where joints and grippers are (16,).
+            velocities: How fast the joints turn (2, 7), in rad/s.
+        """
+        ways = np.zeros_like(measured)
+        ways.reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS] = velocities / CONTROL_HZ
+        there = measured + np.minimum(np.maximum(ways, -self.max_change), self.max_change)
+        # A reading that is no number limits nothing; who reads it says what is wrong.
+        led = np.fmin(np.fmax(targets, there - self.lead), there + self.lead)
         low = np.maximum(self.low, last - self.max_change)
         high = np.minimum(self.high, last + self.max_change)
-        return np.minimum(np.maximum(targets, low), high)
+        return np.minimum(np.maximum(led, low), high)
 
 
 class DuoBackend(Protocol):

@@ -17,6 +17,7 @@ class NumberArms:
         low=np.tile([*[-3.0] * 7, 0.0], 2),
         high=np.tile([*[4.0] * 7, 1.0], 2),
         max_change=np.tile([*[0.1] * 7, np.inf], 2),
+        lead=np.full(16, np.inf),
     )
     time = 0.0
 

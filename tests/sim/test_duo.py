@@ -155,7 +155,7 @@ def test_arms_that_are_driven_into_each_other_do_not_sink_in(sim: Simulation) ->
         flat = sim.duo.command().flat
         flat[[0, 8]] += [-1.0, 1.0]
         flat[[1, 9]] += 0.05
-        sim.step(DuoCommand.from_flat(sim.duo.limits.clip(flat, sim.duo.command().flat)))
+        sim.step(DuoCommand.from_flat(sim.duo.clipped(flat)))
         deepest = max([deepest, *(depth for *_, depth in sim.contacts.deepest(0.0))])
     assert 0.0005 < deepest < 0.005
 

@@ -265,13 +265,14 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if self._config.action_mode == JOINT_RELATIVE.name:
             targets += self._sent
             targets[:, OPENINGS] = actions[:, OPENINGS]
-        within = targets
+        within, simulations = targets, self.simulations
+        measured, velocities = simulations.proprioception(), simulations.joint_velocities()
         for limits in self._limits:
-            within = limits.clip(within, self._sent)
+            within = limits.clip(within, self._sent, measured, velocities)
         self._sent[where] = within[where]
         worlds = np.flatnonzero(where)
         if len(worlds):
-            self.simulations.advance(worlds, within[worlds])
+            simulations.advance(worlds, within[worlds])
         self.judge.update(where)
         self._steps += where
         return (np.abs(within - targets) > ROUNDING) & where[:, None]

@@ -165,7 +165,8 @@ class DuoEnv(gym.Env[Observation, Any]):
             raise ResetNeededError("No episode is running; call reset first.")
         targets = self.check_action(action)
         self.requested = targets
-        within = self._limits.clip(targets, self._sent)
+        measured, velocities = self.backend.read().flat, self.backend.joint_velocities()
+        within = self._limits.clip(targets, self._sent, measured, velocities)
         reason = self._truncation_reason()
         if reason is None:
             try:

@@ -76,7 +76,7 @@ class Expert:
             duo = self._simulation.duo
             joints = arms.joints + arms.variety.disturbance(arms.freedom)
             noisy = DuoCommand(joints=joints, openings=arms.openings).flat
-            executed = duo.limits.clip(noisy, duo.command().flat)
+            executed = duo.clipped(noisy)
         self.intended_action = intended.astype(np.float32)
         return executed[None]
 

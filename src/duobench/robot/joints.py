@@ -26,10 +26,21 @@ RANGE_MARGIN = 0.05
 """Distance in radians that real arms keep from the ends of their joints' ranges."""
 
 
-def duo_limits(speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0) -> DuoLimits:
+SERVO_LAG = 0.1002
+"""Seconds by which a joint that moves evenly is behind its target: damping by stiffness of the
+servos, 0.1 in all of them, and friction."""
+
+
+def duo_limits(
+    speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0, lag: float = SERVO_LAG
+) -> DuoLimits:
     """Limits of both arms, which use a part of the joints' speed limits, left then right.
 
-    The margin is the distance in radians from the ends of the joints' ranges.
+    Args:
+        speed_fractions: These parts, over 0 and at most 1.
+        margin: Distance in radians from the ends of the joints' ranges.
+        lag: Seconds by which targets may lead joints that move at these speeds; infinite where
+            arms bound their speed by themselves, however far they are behind.
     """
     low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
     max_change = np.full(FLAT_SIZE, np.inf)
@@ -39,7 +50,8 @@ def duo_limits(speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float 
         joints = slice(start, start + ARM_JOINTS)
         low[joints], high[joints] = JOINT_RANGES.T + np.array([[margin], [-margin]])
         max_change[joints] = np.multiply(VELOCITY_LIMITS, fraction) / CONTROL_HZ
-    return DuoLimits(low=low, high=high, max_change=max_change)
+    lead = max_change * (lag * CONTROL_HZ)
+    return DuoLimits(low=low, high=high, max_change=max_change, lead=lead)
 
 
 def check_speed_fraction(fraction: float) -> None:

@@ -90,8 +90,8 @@ class SimBackend:
         if self._held is not None:
             command = self.last_command
         elif self._slower is not None:
-            last = self.last_command.flat
-            command = DuoCommand.from_flat(self._slower.clip(command.flat, last))
+            duo = self.simulation.duo
+            command = DuoCommand.from_flat(duo.clipped(command.flat, self._slower))
         self.simulation.advance(command)
         return command
 

@@ -108,6 +108,10 @@ class SimulationBatch(Questions):
         flat[..., ARM_JOINTS] = np.minimum(np.maximum(openings, 0.0), 1.0)
         return flat.reshape(self.count, -1)
 
+    def joint_velocities(self) -> Array:
+        """Joint velocities (n, 2, 7) in rad/s, as `Duo.joint_velocities` gives them."""
+        return self._qvel[:, self.simulation.duo.dofs]
+
     def tool_poses(self) -> Array:
         """Tool centre points (n, 14), as `Duo.read` gives them."""
         positions, rotations = (array[:, self.simulation.duo.sites] for array in self._tool_frames)

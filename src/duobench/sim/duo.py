@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from duobench.backend import DuoLimits
 from duobench.errors import DuoBenchError, UnknownNameError
 from duobench.robot.joints import HOME_JOINTS, duo_limits
 from duobench.scene.compose import SUBSTEPS
@@ -52,7 +53,8 @@ class Duo:
         drivers = [resolve(model, joint, name) for name in fingers]
         self.joints = model.jnt_qposadr[joints].astype(np.int64)
         """Addresses of the arm joints in qpos (2, 7)."""
-        self._dofs = model.jnt_dofadr[joints].astype(np.int64)
+        self.dofs = model.jnt_dofadr[joints].astype(np.int64)
+        """Addresses of the arm joints in qvel (2, 7)."""
         self.drivers = model.jnt_qposadr[drivers].astype(np.int64)
         """Addresses of the fingers' joints in qpos (4,), two a gripper."""
         self.sites = [resolve(model, site, tcp_name(side)) for side in SIDES]
@@ -65,6 +67,11 @@ class Duo:
         self._quat = np.empty(4)
         self.limits = duo_limits()
         """Limits of the arms."""
+
+    def clipped(self, targets: Array, limits: DuoLimits | None = None) -> Array:
+        """The command nearest to some targets (16,) within limits, the arms' own at first."""
+        last, measured = self.command().flat, self.read().flat
+        return (limits or self.limits).clip(targets, last, measured, self.joint_velocities())
 
     def interpolate(self, command: DuoCommand) -> Iterator[None]:
         """Lead the controls linearly from where they are to a command.
@@ -114,7 +121,7 @@ class Duo:
 
     def joint_velocities(self) -> Array:
         """Joint velocities (2, 7) in rad/s, as of the last physics step."""
-        return self._data.qvel[self._dofs]
+        return self._data.qvel[self.dofs]
 
 
 def ramp(start: Array, end: Array) -> Array:
