@@ -6,8 +6,8 @@
 The scripted expert of every task plays an episode of each seed. From states along it the arms
 branch into control steps that no sane policy would send, through the action space of the
 environment. After each step the engine must not have warned, nothing may be faster than it can
-become, no object inside the table, and the stage no lower than before. Kept episodes, in
-`dev/tools/fuzzed`, are played first: they broke an earlier version.
+become, no joint faster than its limit allows, no object inside the table, and the stage no lower
+than before. Kept episodes, in `dev/tools/fuzzed`, are played first: they broke an earlier version.
 
 The same seeds play the same branches. What breaks is written with all actions from the reset on,
 for `--replay`, and the exit code is 1.
@@ -32,6 +32,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 import duobench
 from duobench.envs.episode_state import EpisodeState
@@ -40,11 +41,12 @@ from duobench.experts.expert import find_script
 from duobench.experts.motion import Arms, Script, down, grip, move, wait
 from duobench.objects.cup import HEIGHT
 from duobench.objects.solid import corner_points
+from duobench.robot.joints import VELOCITY_LIMITS
 from duobench.robot.workcell import TABLE_X, TABLE_Y
 from duobench.scene.workcell import TABLE_THICKNESS
 from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
-from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array
+from duobench.types import FLAT_SIZE, OPENING_SLOTS, SIDES, Array, DuoCommand
 
 KEPT = Path(__file__).with_name("fuzzed")
 """Episodes that once broke."""
@@ -59,6 +61,13 @@ an arm throws at 12.7. Marbles that a diverging engine fires exceed 1,000."""
 MAX_DEPTH = 1.5 * TABLE_THICKNESS
 """No object is deeper in the table, in metres: what came out below went through. Contacts are soft:
 a cube that a rushing arm pressed on the table was 28 mm deep for three control steps."""
+FREE_JOINT_SPEED, FREE_STEPS = 1.1, 20
+"""No joint is faster than this part of its speed limit, where the robot has touched nothing for so
+many control steps."""
+PUSHED_JOINT_SPEED, PUSHED_STEPS = 1.5, 2
+"""No joint is faster than this part of its speed limit for more control steps than that, unless its
+motor brakes with all its torque: what drives a joint of 12 N m then is the arm that hit something.
+Seen: 3.8 times the limit, and 7 control steps."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,6 +78,8 @@ class Limits:
     """Greatest speed of an object, in m/s."""
     link_speed: float = MAX_LINK_SPEED
     """Greatest speed of a link of the robot, in m/s."""
+    joint_speed: float = FREE_JOINT_SPEED
+    """Greatest speed of a joint in free air, as a part of its limit."""
     depth: float = MAX_DEPTH
     """Greatest depth of an object in the table, in metres."""
 
@@ -81,17 +92,25 @@ class Extent:
     """Greatest speed of an object so far, in m/s."""
     link_speed: float = 0.0
     """Greatest speed of a link of the robot so far, in m/s."""
+    free_joint: float = 0.0
+    """Greatest speed of a joint in free air so far, as a part of its limit."""
+    pushed_joint: float = 0.0
+    """The same of a joint of a robot that touched something."""
+    fast_steps: int = 0
+    """Most control steps that such a joint was too fast for, one after the other."""
     depth: float = 0.0
     """Greatest depth of an object in the table so far, in metres."""
 
-    def widened(self, **seen: float) -> Extent:
+    def widened(self, **seen: Any) -> Extent:
         """The same, or as far as was seen."""
         return replace(self, **{name: max(getattr(self, name), seen[name]) for name in seen})
 
     def __str__(self) -> str:
         """One line."""
         return (
-            f"objects up to {self.speed:.1f} m/s, links {self.link_speed:.1f} m/s, "
+            f"objects up to {self.speed:.1f} m/s, links {self.link_speed:.1f} m/s, joints "
+            f"{self.free_joint:.2f} times their limits in free air, {self.pushed_joint:.2f} pushed "
+            f"(over {PUSHED_JOINT_SPEED} for {self.fast_steps} steps), "
             f"{1000 * self.depth:.0f} mm in the table"
         )
 
@@ -145,6 +164,10 @@ class Watch:
         self._is_object = np.isin(roots, list(self._sim.props))
         self._max_speeds = np.where(self._is_object, limits.speed, limits.link_speed)
         self._max_stage = sim_of(env).definition.max_stage
+        self._joints = _Joints(self._sim, np.isin(roots, [f"{side}/link0" for side in SIDES]))
+        self.free_steps = 0
+        """Control steps since the robot last touched something."""
+        self._fast_steps = np.zeros(len(JOINT_SPEEDS), dtype=int)
         self.stage = 0
         """The stage so far."""
         self.fallen: frozenset[str] = frozenset()
@@ -157,6 +180,7 @@ class Watch:
         return (
             self._not_finite(observation)
             or self._too_fast()
+            or self._joint_too_fast()
             or self._in_table()
             or self._wrong_stage(info["stage"])
         )
@@ -174,6 +198,27 @@ class Watch:
         if speeds[worst] <= self._max_speeds[worst]:
             return None
         return f"{self._names[worst]} moves at {speeds[worst]:.1f} m/s"
+
+    def go_on(self, start: Start) -> None:
+        """Go on from a state that was saved."""
+        self.stage, self.fallen, self.free_steps = start.stage, start.fallen, start.free_steps
+        self._fast_steps[:] = 0
+
+    def _joint_too_fast(self) -> str | None:
+        shares = self._joints.peaks / JOINT_SPEEDS
+        worst, peak = int(shares.argmax()), float(shares.max())
+        self.free_steps = 0 if self._joints.touched else self.free_steps + 1
+        if self.free_steps >= FREE_STEPS:
+            self.extent = self.extent.widened(free_joint=peak)
+            if peak > self._limits.joint_speed:
+                return f"joint {worst} turns at {peak:.2f} times its limit in free air"
+        now = np.abs(self._joints.velocities()) / JOINT_SPEEDS
+        self._fast_steps = (self._fast_steps + 1) * (now > PUSHED_JOINT_SPEED)
+        fast = self._fast_steps > PUSHED_STEPS
+        self.extent = self.extent.widened(pushed_joint=peak, fast_steps=self._fast_steps.max())
+        if not (fast & ~self._joints.brake()).any():
+            return None
+        return f"joint {fast.argmax()} stays faster than its limit and does not brake"
 
     def _in_table(self) -> str | None:
         for name, prop in self._sim.props.items():
@@ -194,6 +239,44 @@ class Watch:
         if before <= stage <= self._max_stage:
             return None
         return f"stage {stage} of {self._max_stage} after stage {before}"
+
+
+JOINT_SPEEDS = np.tile(VELOCITY_LIMITS, len(SIDES))
+"""Speed limits of the joints of both arms, in rad/s."""
+
+
+class _Joints:
+    """Sees how fast the joints are after every physics step of a control step."""
+
+    def __init__(self, simulation: Simulation, is_robot: NDArray[np.bool_]) -> None:
+        self._sim, duo, model = simulation, simulation.duo, simulation.model
+        self._is_robot = is_robot[model.geom_bodyid]
+        slots = np.arange(duo.actuators.start, duo.actuators.stop)
+        self._motors = np.delete(slots, OPENING_SLOTS)
+        self._torques = model.actuator_forcerange[self._motors, 1]
+        self.peaks = np.zeros(len(JOINT_SPEEDS))
+        """Greatest speeds in the last control step, in rad/s."""
+        self.touched = False
+        """Whether the robot touched something in the last control step."""
+        self._interpolate = duo.interpolate
+        duo.interpolate = self._watched
+
+    def _watched(self, command: DuoCommand) -> Iterator[None]:
+        self.peaks, self.touched = np.zeros(len(JOINT_SPEEDS)), False
+        for _ in self._interpolate(command):
+            yield
+            self.peaks = np.maximum(self.peaks, np.abs(self.velocities()))
+            contact = self._sim.data.contact
+            self.touched |= bool(self._is_robot[contact.geom[contact.dist <= 0.0]].any())
+
+    def velocities(self) -> Array:
+        """Velocities of all joints, in rad/s."""
+        return self._sim.duo.joint_velocities().ravel()
+
+    def brake(self) -> NDArray[np.bool_]:
+        """Which motors brake with all their torque."""
+        forces = self._sim.data.actuator_force[self._motors]
+        return -forces * np.sign(self.velocities()) > 0.99 * self._torques  # noqa: PLR2004
 
 
 def body_speeds(simulation: Simulation) -> Array:
@@ -299,6 +382,8 @@ class Start:
     """Its stage."""
     fallen: frozenset[str]
     """Objects beside the table."""
+    free_steps: int
+    """Control steps since the robot last touched something."""
     actions: tuple[Array, ...]
     """The actions (16,) since the reset that led there."""
 
@@ -346,13 +431,14 @@ class Episode:
             state=self.env.get_wrapper_attr("save_state")(),
             stage=self._watch.stage,
             fallen=self._watch.fallen,
+            free_steps=self._watch.free_steps,
             actions=tuple(self._actions),
         )
 
     def restore(self, start: Start) -> None:
         """Go on from a state."""
         self.env.get_wrapper_attr("restore_state")(start.state)
-        self._watch.stage, self._watch.fallen = start.stage, start.fallen
+        self._watch.go_on(start)
         self._actions = list(start.actions)
         self.is_over = False
 

