@@ -11,6 +11,9 @@ from duobench.types import ARM_JOINTS, CONTROL_HZ, SIDE_SIZE, SIDES, Array, DuoC
 
 Image = NDArray[np.uint8]
 """An image (height, width, 3), red green blue, top row first."""
+SPEED_UP = 0.5
+"""Part of its speed limit by which a joint may get faster in a control step: a target leads one
+that is slow by less."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -26,8 +29,8 @@ class DuoLimits:
     grippers, which take any opening and go there at the speed of their motor."""
     lead: Array
     """Largest distance of a joint target from where the joint will be after the control step, at
-    the speed that it has: one that fell behind would catch up faster than it may. Infinite for
-    grippers, and where arms bound their speed by themselves."""
+    the speed that it has, if that is its limit: one that fell behind further would catch up faster
+    than it may. Infinite for grippers, and where arms bound their speed by themselves."""
 
     def clip(self, targets: Array, last: Array, measured: Array, velocities: Array) -> Array:
         """The command nearest to some targets (16,) that can follow the last command (16,).
@@ -44,9 +47,13 @@ class DuoLimits:
         """
         ways = np.zeros_like(measured)
         ways.reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS] = velocities / CONTROL_HZ
-        there = measured + np.minimum(np.maximum(ways, -self.max_change), self.max_change)
+        ways = np.minimum(np.maximum(ways, -self.max_change), self.max_change)
+        shares = ways / self.max_change
+        up = self.lead * np.minimum(np.maximum(shares, 0.0) + SPEED_UP, 1.0)
+        down = self.lead * np.minimum(np.maximum(-shares, 0.0) + SPEED_UP, 1.0)
         # A reading that is no number limits nothing; who reads it says what is wrong.
-        led = np.fmin(np.fmax(targets, there - self.lead), there + self.lead)
+        there = measured + ways
+        led = np.fmin(np.fmax(targets, there - down), there + up)
         low = np.maximum(self.low, last - self.max_change)
         high = np.minimum(self.high, last + self.max_change)
         return np.minimum(np.maximum(led, low), high)

@@ -15,7 +15,7 @@ from duobench.envs import (
 from duobench.envs.sim_env import SimEnv
 from duobench.errors import ActionError
 from duobench.kinematics.inverse import Kinematics
-from duobench.robot.joints import JOINT_RANGES
+from duobench.robot.joints import JOINT_RANGES, SERVO_LAG, VELOCITY_LIMITS
 from duobench.spatial import SE3, rotation_about
 from duobench.tasks import catalog
 from duobench.types import SIDES, Side
@@ -47,12 +47,26 @@ def poses_of(env: gym.Env) -> np.ndarray:
 def test_displacements_stop_at_the_range_and_come_back_from_there() -> None:
     env = begun(RelativeJointActions)
     up, down = np.zeros(16), np.zeros(16)
-    up[1], down[1] = 2.0, -0.01
+    up[6], down[6] = 2.0, -0.01
     for _ in range(60):
-        assert env.step(up)[4]["clipped"][1]
-    assert commanded(env)[1] == JOINT_RANGES[1, 1]
-    assert not env.step(down)[4]["clipped"][1]
-    assert commanded(env)[1] == pytest.approx(JOINT_RANGES[1, 1] - 0.01)
+        assert env.step(up)[4]["clipped"][6]
+    assert commanded(env)[6] == JOINT_RANGES[6, 1]
+    assert not env.step(down)[4]["clipped"][6]
+    assert commanded(env)[6] == pytest.approx(JOINT_RANGES[6, 1] - 0.01)
+
+
+def test_displacements_of_a_joint_that_the_table_blocks_store_nothing_up() -> None:
+    env = begun(RelativeJointActions)
+    down, back = np.zeros(16), np.zeros(16)
+    down[1], back[1] = 0.08, -0.08
+    for _ in range(60):
+        *_, info = env.step(down)
+    measured = sim_of(env).simulation.duo.read().flat[1]
+    assert info["clipped"][1]
+    assert 0.0 < info["sent"][1] - measured < VELOCITY_LIMITS[1] * SERVO_LAG
+    for _ in range(4):
+        env.step(back)
+    assert sim_of(env).simulation.duo.read().flat[1] < measured
 
 
 def test_a_pose_is_reached() -> None:

@@ -43,6 +43,7 @@ from tests.task_harness import marked
 COUNT, SEED = 2, 11
 SAME = ("stage", "max_stage", "success", "is_success", "success_at_end", "clipped", "sent")
 SAID = ("instruction", "current_subinstruction")
+ASYNC = {"vectorization_mode": "async", "vector_kwargs": {"context": "spawn"}}
 
 
 @pytest.fixture
@@ -433,3 +434,33 @@ def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEn
     assert vector.save_state(1).hash == before
     vector.reset(seed=np.array(SEED))  # type: ignore[arg-type]
     assert vector.save_state(0).layout == start
+
+
+@pytest.mark.parametrize("task", ["ball_maze", "pour_marbles"])
+@pytest.mark.parametrize("kind", [{}, ASYNC, {"threads": 1}], ids=["sync", "async", "threads"])
+def test_info_says_the_same_however_episodes_are_made(task: str, kind: dict[str, Any]) -> None:
+    alone = [make_small(task, cameras=False, horizon=2) for _ in range(COUNT)]
+    vector = duobench.make_vec(task, COUNT, cameras=False, horizon=2, **kind)
+    actions = np.stack([waves(1)[0]] * COUNT)
+    with closing(vector):
+        told = [vector.reset(seed=SEED)[1]]
+        told += [vector.step(actions)[-1] for _ in range(3)]  # the last one begins anew
+    for number, env in enumerate(alone):
+        expected = [env.reset(seed=SEED + number)[1]]
+        expected += [env.step(actions[number])[-1] for _ in range(2)]
+        expected.append(env.reset()[1])
+        for batch, info in zip(told, expected, strict=True):
+            assert {"layout", "split"} <= info.keys() or "seed" not in info
+            of_one = told_of(batch, number)
+            assert of_one.keys() - {"seed"} == info.keys() - {"seed"}
+            assert equal({key: of_one[key] for key in info}, info)
+        env.close()
+
+
+def told_of(infos: Mapping[Any, Any], number: int) -> dict[Any, Any]:
+    """What the info of several episodes says of one."""
+    return {
+        key: told_of(value, number) if isinstance(value, Mapping) else value[number]
+        for key, value in infos.items()
+        if not str(key).startswith("_") and infos.get(f"_{key}", [True] * COUNT)[number]
+    }

@@ -50,7 +50,7 @@ def sample_run(**changes: Any) -> Run:
     return Run(**run | changes)
 
 
-DEGREES = Excess(joint=(90.0, 2.9), opening=(1.0, 1.0), change=87.0, first=(89.5, 90.5))
+DEGREES = Excess(joint=(90.0, 2.9), opening=(1.0, 1.0), change=87.0, first=(89.5, 90.5), speed=1.0)
 """Of a policy that answers in degrees."""
 
 

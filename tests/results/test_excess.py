@@ -11,8 +11,9 @@ def excess(
     opening: tuple[float, float] = (1.0, 1.0),
     change: float = 0.0,
     first: tuple[float, float] = (0.0, 1.7),
+    speed: float = 1.0,
 ) -> Excess:
-    return Excess(joint=joint, opening=opening, change=change, first=first)
+    return Excess(joint=joint, opening=opening, change=change, first=first, speed=speed)
 
 
 @pytest.mark.parametrize(
@@ -38,6 +39,11 @@ def excess(
 )
 def test_a_mistake_explains_what_was_requested(one: Excess, question: str) -> None:
     assert one.questions == [question] * bool(question)
+
+
+def test_joints_that_turned_faster_than_they_may_are_told() -> None:
+    assert "joints turned at 2.6 times their speed limits" in str(excess(speed=2.56))
+    assert "turned" not in str(excess(speed=1.1))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ of all episodes at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, SupportsIndex
 
@@ -63,9 +63,10 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
     """A vector environment without processes, with next-step autoreset and arrays in `info`.
 
     Episode i of a reset with a seed is that of `make` with seed + i, and so are the episodes that
-    follow it by themselves. `info` holds, at every reset and step and for every episode, `stage`,
-    `max_stage`, `success`, `is_success`, `success_at_end`, `clipped`, `sent`, `instruction`,
-    `current_subinstruction` and `seed` (-1 for a layout or a state that was given).
+    follow it by themselves. `info` holds what that of `make` holds, in arrays, and dicts of arrays:
+    all but `layout` and `split` at every reset and step and for every episode, `seed` too (-1 for a
+    layout or a state that was given). Those two are told of episodes that begin, `_layout` and
+    `_split` say of which.
 
     The options of a reset are those of `SimEnv`, for all episodes alike, and two more: `reset_mask`
     (n,) says which episodes begin anew, while the others stay as they are; `states` has for each
@@ -172,7 +173,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         starts = {n: self._start(n, checked_seed(seeds[n]), given, states[n]) for n in numbers}
         if starts:
             self._begin(starts)
-        return self._observations(), self._info(np.zeros(self._sent.shape, dtype=bool))
+        return self._observations(), self._info(np.zeros(self._sent.shape, dtype=bool), starts)
 
     def _start(
         self, number: int, seed: int | None, options: Info, state: EpisodeState | None = None
@@ -252,7 +253,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self._is_over = terminated | truncated
         if begin:
             self._begin(begin)
-        return self._observations(), rewards, terminated, truncated, self._info(clipped)
+        return self._observations(), rewards, terminated, truncated, self._info(clipped, begin)
 
     def _measured(self) -> Array:
         """What rewards are made of (n,): the stage, and how near the next one is."""
@@ -313,10 +314,10 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             images.append(render())
         return images
 
-    def _info(self, clipped: Booleans) -> Info:
+    def _info(self, clipped: Booleans, begun: Iterable[int]) -> Info:
         count, infos = self.num_envs, [info for _, info in self._starts]
         success = self.judge.stage == self._max_stage
-        return {
+        told: Info = {
             "stage": self.judge.stage.copy(),
             "max_stage": np.full(count, self._max_stage),
             "success": success,
@@ -327,7 +328,15 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             "seed": np.array([-1 if info["seed"] is None else info["seed"] for info in infos]),
             "instruction": np.array([info["instruction"] for info in infos], dtype=object),
             "current_subinstruction": self._texts[np.arange(count), self.judge.standing],
+            "stage_to_subinstructions": {
+                stage: self._texts[:, stage].copy() for stage in range(self._max_stage)
+            },
         }
+        for number in begun:
+            # A state that was given does not say where its episode began.
+            start = {key: infos[number][key] for key in (LAYOUT, SPLIT) if key in infos[number]}
+            told = self._add_info(told, start, number)
+        return told
 
     def save_state(self, number: int) -> EpisodeState:
         """The whole state of one of the episodes; an environment of `make` takes it as well."""

@@ -15,6 +15,7 @@ from duobench.results.excess import Excess
 from duobench.results.records import EpisodeRecord, StateHashes, pack_targets
 from duobench.results.run import Run
 from duobench.results.suite import Episode
+from duobench.robot.joints import joint_speed
 from duobench.stages.logic import Words
 from duobench.types import Array
 
@@ -36,7 +37,7 @@ class EpisodeRecorder:
         self._last: Step | None = None
         self._requested: list[Array] = []  # at the start, then step by step
         self._sent: list[Array] = []
-        self._clipped = 0
+        self._clipped, self._speed = 0, 0.0
         self._unmet: Words | None = None
         self._start: EpisodeState | None = None
         self._end: EpisodeState | None = None
@@ -59,7 +60,10 @@ class EpisodeRecorder:
             return
         self._last = step
         self._sent.append(step.info["sent"])
-        self._requested += [base_of(self._env).requested] if self._env else []
+        if self._env is not None:
+            base = base_of(self._env)
+            self._requested.append(base.requested)
+            self._speed = max(self._speed, joint_speed(base.backend.joint_velocities()))
         self._clipped += bool(step.info["clipped"].any())
         if (stage := step.info["stage"]) > self.stage:
             self._stage_changes.append((step.number, stage))
@@ -75,6 +79,12 @@ class EpisodeRecorder:
     def _look(self) -> None:
         if self._env is not None:
             self._unmet = self._env.get_wrapper_attr("unmet")
+
+    def _excess(self) -> Excess | None:
+        if self._env is None or not self._clipped:
+            return None
+        limits = base_of(self._env).backend.limits
+        return Excess.of(self._requested, self._sent, self._speed, limits)
 
     @property
     def steps(self) -> int:
@@ -125,9 +135,7 @@ class EpisodeRecorder:
             end=_hashes(self._end),
             sent=pack_targets(self._sent),
             clipped=self._clipped,
-            excess=Excess.of(self._requested, self._sent, base_of(self._env).backend.limits)
-            if self._env and self._clipped
-            else None,
+            excess=self._excess(),
             versions=dict(versions),
             software=run.software,
         )

@@ -20,6 +20,8 @@ worth a word: a policy that learned to stay at the end of a range overshoots by 
 NO_RADIANS, NEAR = 4 * math.pi, 0.5
 """Joint targets beyond two full turns are hardly radians. So near must be what explains them: in
 degrees (148 at home) the range, and to a first target the arms with left and right exchanged."""
+FAST = 1.1
+"""Part of its speed limit that no joint exceeds unless something drives it, such as a collision."""
 NO_OPENING, FULLY_OPEN = 10.0, 255.0
 """Openings from the first to the second are hardly parts of one, which are overshot by little."""
 
@@ -37,9 +39,13 @@ class Excess:
     first: tuple[float, float]
     """Distance of the first target that differs from the start, in radians, from where the arms
     were and from that with left and right exchanged: of the joint with the largest one."""
+    speed: float
+    """Largest speed of a joint after a control step, as a part of its limit."""
 
     @classmethod
-    def of(cls, requested: Sequence[Array], sent: ArrayLike, limits: DuoLimits) -> Self:
+    def of(
+        cls, requested: Sequence[Array], sent: ArrayLike, speed: float, limits: DuoLimits
+    ) -> Self:
         """From commands (1 + steps, 16) that were requested, and those (steps, 16) that were sent.
 
         The first of the former is where the arms were at the start.
@@ -53,6 +59,7 @@ class Excess:
             opening=_furthest(targets[..., -1], ends[..., -1]),
             change=float(np.abs(np.subtract(requested[1:], sent)).max()),
             first=(float(np.abs(first - arms).max()), float(np.abs(first - arms[::-1]).max())),
+            speed=speed,
         )
 
     @property
@@ -77,6 +84,8 @@ class Excess:
             }.items()
             if abs(target - end) > NOTABLE
         ] or [f"joints were to move {self.change:.2g} rad too far in a step"]
+        if self.speed > FAST:
+            far.append(f"joints turned at {self.speed:.2g} times their speed limits")
         return " ".join([", ".join(far), *map("({})".format, self.questions)])
 
 

@@ -60,6 +60,11 @@ def check_speed_fraction(fraction: float) -> None:
         raise OptionError(f"speed_fraction is over 0 and at most 1, got {fraction!r}.")
 
 
+def joint_speed(velocities: Array) -> float:
+    """The largest of joint velocities (2, 7) in rad/s, as a part of the joint's speed limit."""
+    return float((np.abs(velocities) / VELOCITY_LIMITS).max())
+
+
 DECELERATIONS = (6.0, 2.585, 3.5, 4.0, 17.0, 5.5, 17.0)
 """How hard each joint can brake before its end, in rad/s² [manufacturer's robot description]."""
 OFFSETS = (0.652, 0.25, 0.2005, 0.3542, 0.5738, 0.4885, 0.4592)
