@@ -174,9 +174,13 @@ def _write(path: Path, content: dict[str, Any]) -> None:
 
 
 def read(results: Path, name: str) -> dict[str, list[dict[str, Any]]]:
-    """What a setting reached: for each task that of every seed."""
+    """What a setting reached in the newest suite that was played: for each task that of every seed.
+
+    A page names that suite, until the networks are trained for a newer one.
+    """
     found = [json.loads(path.read_text()) for path in sorted((results / name).glob("*.json"))]
-    found = [one for one in found if one["suite"] == SUITE_VERSION]
+    newest = max((one["suite"] for one in found), key=int, default=SUITE_VERSION)
+    found = [one for one in found if one["suite"] == newest]
     return {t: [one for one in found if one["task"] == t] for t in catalog.names()}
 
 
@@ -324,4 +328,4 @@ if __name__ == "__main__":
     told = failures if given.failures else table
     print("\n".join(told(given.results, setting(given))))
     if not any(read(given.results, setting(given)).values()):
-        print(f"{given.results / setting(given)} holds no result of this suite.", file=sys.stderr)
+        print(f"{given.results / setting(given)} holds no result.", file=sys.stderr)

@@ -14,7 +14,7 @@ import numpy as np
 
 from duobench.errors import EvaluationError, TaskError, check_known
 
-SUITE_VERSION = "5"
+SUITE_VERSION = "6"
 """Version of the benchmark's episodes. A change that alters any layout or state raises it."""
 
 EVAL, TRAIN = "eval", "train"
