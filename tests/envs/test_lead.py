@@ -10,14 +10,14 @@ import pytest
 
 from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
-from duobench.robot.joints import VELOCITY_LIMITS, duo_limits
+from duobench.robot.joints import SERVO_LAG, VELOCITY_LIMITS, duo_limits
 from duobench.types import SIDES
 from tests.envs.tools import make_small, vectors
 
 STEPS, HOLD, FREE_STEPS = 240, 10, 20
 JOINTS = np.delete(np.arange(16), [7, 15])
 MOST = np.tile(VELOCITY_LIMITS, 2)
-LIMITS = duo_limits()
+LIMITS = duo_limits(lag=SERVO_LAG)
 
 
 def violence(seed: int, steps: int = STEPS) -> np.ndarray:
@@ -130,7 +130,7 @@ def test_a_target_that_is_clipped_is_one_that_is_not_clipped_again() -> None:
 def test_a_reading_that_is_no_number_limits_nothing() -> None:
     unread = np.full(16, np.nan)
     last = np.zeros(16)
-    moved = duo_limits(lag=np.inf).clip(LIMITS.high, last, unread, np.full((2, 7), np.nan))
+    moved = duo_limits().clip(LIMITS.high, last, unread, np.full((2, 7), np.nan))
     assert np.isfinite(moved).all()
 
 

@@ -38,7 +38,7 @@ from duobench.envs.registration import WARP
 from duobench.envs.rewards import DENSE, reward_of
 from duobench.envs.sim_env import sim_of
 from duobench.errors import ActionError, OptionError, SimulationError
-from duobench.robot.joints import RANGE_MARGIN, duo_limits
+from duobench.robot.joints import RANGE_MARGIN, SERVO_LAG, duo_limits
 from duobench.shifts.levels import level_for
 from duobench.shifts.samples import UNSCALED
 from duobench.shifts.shift import PHYSICS, SENSING
@@ -128,9 +128,8 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self._worth: Array = np.zeros(num_envs)
         self._limits = [self._base.backend.limits]
         if config.speed_fraction != 1.0:
-            self._limits.append(
-                duo_limits((config.speed_fraction, config.speed_fraction), RANGE_MARGIN)
-            )
+            fractions = config.speed_fraction, config.speed_fraction
+            self._limits.append(duo_limits(fractions, RANGE_MARGIN, SERVO_LAG))
         self._horizon = (env.spec and env.spec.max_episode_steps) or np.inf
         self._max_stage = self._base.definition.max_stage
         self._layouts = layouts or SEEDS

@@ -81,11 +81,9 @@ class FrankaDuo:
         self._watchdog = Watchdog(self._controller, self.cameras, self.supervisor, clock, self.hold)
         self._motion = threading.RLock()  # between who moves the arms and who holds them
         left, right = (rig.arms[side] for side in SIDES)
-        # The followers bound how fast the arms are, which lag by more at low accelerations.
-        self.limits = duo_limits(lag=math.inf)
+        self.limits = duo_limits()
         """Those of the simulation, so that spaces are the same; the rig's own are narrower."""
-        fractions = left.speed_fraction, right.speed_fraction
-        self._limits = duo_limits(fractions, RANGE_MARGIN, lag=math.inf)
+        self._limits = duo_limits((left.speed_fraction, right.speed_fraction), RANGE_MARGIN)
         self._tool_speeds = left.tool_speed, right.tool_speed
         self._accelerations = np.array([[left.acceleration], [right.acceleration]])
         slow = [[min(arm.home_fraction, arm.speed_fraction)] for arm in (left, right)]
@@ -341,8 +339,7 @@ class FrankaDuo:
     def _send(self, targets: Array) -> None:
         last = self.last_command
         within = self._limits.clip(targets, last.flat, self.read().flat, self._velocities)
-        sent = DuoCommand.from_flat(within)
-        sent = paced(last, sent, self._tool_speeds)
+        sent = paced(last, DuoCommand.from_flat(within), self._tool_speeds)
         if (fault := self._guard_fault(last.joints, sent.joints)) is not None:
             self.hold(fault.text, fault)
             return

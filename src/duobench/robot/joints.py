@@ -27,12 +27,12 @@ RANGE_MARGIN = 0.05
 
 
 SERVO_LAG = 0.1002
-"""Seconds by which a joint that moves evenly is behind its target: damping by stiffness of the
-servos, 0.1 in all of them, and friction."""
+"""Seconds by which a simulated joint that moves evenly is behind its target: damping by stiffness
+of the servos, 0.1 in all of them, and friction."""
 
 
 def duo_limits(
-    speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0, lag: float = SERVO_LAG
+    speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0, lag: float = math.inf
 ) -> DuoLimits:
     """Limits of both arms, which use a part of the joints' speed limits, left then right.
 
@@ -40,7 +40,7 @@ def duo_limits(
         speed_fractions: These parts, over 0 and at most 1.
         margin: Distance in radians from the ends of the joints' ranges.
         lag: Seconds by which targets may lead joints that move at these speeds; infinite where
-            arms bound their speed by themselves, however far they are behind.
+            arms bound their speed by themselves, as real ones do, however far they are behind.
     """
     low, high = np.zeros(FLAT_SIZE), np.ones(FLAT_SIZE)
     max_change = np.full(FLAT_SIZE, np.inf)

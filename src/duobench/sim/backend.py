@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from duobench.backend import DuoLimits, Image
 from duobench.looks.look import Look
-from duobench.robot.joints import RANGE_MARGIN, duo_limits
+from duobench.robot.joints import RANGE_MARGIN, SERVO_LAG, duo_limits
 from duobench.sim.appearance import Appearance
 from duobench.sim.rendering import Renderer
 from duobench.sim.simulation import Simulation
@@ -23,8 +23,8 @@ class SimBackend:
 
     def __init__(self, simulation: Simulation, speed_fraction: float = 1.0) -> None:
         self.simulation = simulation
-        fractions = speed_fraction, speed_fraction
-        self._slower = None if speed_fraction == 1.0 else duo_limits(fractions, RANGE_MARGIN)
+        slower = duo_limits((speed_fraction, speed_fraction), RANGE_MARGIN, SERVO_LAG)
+        self._slower = None if speed_fraction == 1.0 else slower
         self._held: str | None = None
         self._look = Look()
         self._renderers: dict[tuple[int, int], Renderer] = {}

@@ -7,7 +7,7 @@ import numpy as np
 
 from duobench.backend import DuoLimits
 from duobench.errors import DuoBenchError, UnknownNameError
-from duobench.robot.joints import HOME_JOINTS, duo_limits
+from duobench.robot.joints import HOME_JOINTS, SERVO_LAG, duo_limits
 from duobench.scene.compose import SUBSTEPS
 from duobench.scene.naming import arm_joint_names, gripper_name, tcp_name
 from duobench.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
@@ -65,7 +65,7 @@ class Duo:
         self._qpos, self._ctrl = data.qpos, data.ctrl[self.actuators]
         self._site_xpos, self._site_xmat = data.site_xpos, data.site_xmat
         self._quat = np.empty(4)
-        self.limits = duo_limits()
+        self.limits = duo_limits(lag=SERVO_LAG)
         """Limits of the arms."""
 
     def clipped(self, targets: Array, limits: DuoLimits | None = None) -> Array:
