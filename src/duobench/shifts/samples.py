@@ -31,7 +31,7 @@ class PhysicsScale:
     friction: float = 1.0
     """On the sliding friction of all surfaces."""
     spring: float = 1.0
-    """On stiffness and damping of the hinges of objects."""
+    """On stiffness and damping of the hinges of objects that have a spring."""
 
 
 UNSCALED = PhysicsScale()

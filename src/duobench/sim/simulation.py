@@ -45,7 +45,8 @@ class PhysicsScaler:
 
         Call it before a reset: no state is touched, and none is right for the new model. Factors
         are on masses and inertias of the objects, on the sliding friction of all surfaces, the
-        robot's included, and on stiffness and damping of the hinges of objects.
+        robot's included, and on stiffness and damping of the hinges of objects; where there is no
+        spring, damping has the factor of the masses.
         """
         if self._is_scaled:
             for name, values in self._compiled.items():
@@ -60,7 +61,10 @@ class PhysicsScaler:
         model.body_inertia[self._bodies] *= mass
         model.geom_friction[:, 0] *= friction
         model.jnt_stiffness[self._joints] *= spring
-        model.dof_damping[self._dofs] *= spring
+        # What shuts a lid, its spring or its weight, and what damps it have one factor: so lids
+        # stay open by themselves for no longer than they usually do.
+        sprung = model.jnt_stiffness[model.dof_jntid] > 0.0
+        model.dof_damping[self._dofs] *= np.where(sprung, spring, mass)[self._dofs]
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
 

@@ -1,9 +1,19 @@
 """A ball on a board that is tilted in the air: what counts as its way from a start to a goal."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, leaf, since
+from duobench.spatial import hypot
+from duobench.stages.logic import (
+    Predicate,
+    StateView,
+    all_of,
+    any_of,
+    held_for,
+    kept,
+    leaf,
+    since,
+)
 from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import (
     BoxRegion,
@@ -25,6 +35,11 @@ REGRASP_SECONDS = 0.4
 """How long one of the two grasps may be lost while the other hand holds the board in the air, in
 seconds, where the ball is in the same cell when both have it again: 0.3 [task definitions], and 0.1
 in which fingers that are told to close do so."""
+MOST_MOVED = 0.005
+"""How far from where the ball came to lie it may be when both hands have a board up again that was
+let down, in metres [task definitions]."""
+PLACE_UNIT = 0.001
+"""How exactly it is known where that was, in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -67,8 +82,9 @@ def rolling(
 ) -> Rolling:
     """The predicates for a ball and a board.
 
-    The way is spoilt where the ball hops or leaves the board, where any part of the robot touches
-    it, and where it rolls although the board is not held up in both hands, but for a moment.
+    The way is spoilt where the ball hops or leaves the board, and where any part of the robot
+    touches it. A board that slipped, or was let down, for however long, goes on where both hands
+    have it up again with the ball in the same cell, where it came to lie.
 
     Args:
         ball: The ball.
@@ -88,21 +104,39 @@ def rolling(
     step = 1 / CONTROL_HZ
     dropped = held_for(~lifted, SLIP_SECONDS + step)
     dropped = dropped.called(f"{board} is not held up by both arms")
-    # In one hand still, the ball may roll for a moment more, if it comes to no other cell.
+    # In one hand still, the ball may roll for a moment more.
     let_down = any_of(
         held_for(~(in_air & grasped_by_any(board)), SLIP_SECONDS + step),
         held_for(~lifted, REGRASP_SECONDS + step),
     )
-    off_track = (let_down & rolls).called(f"{ball} rolls while {board} is not held up by both arms")
+    lain = since(
+        held_for((dropped & ~rolls).called(f"{ball} lies still"), SLIP_SECONDS), reset=lifted
+    )
+    pitch = (room.high[0] - room.low[0]) / cells
+    in_other_cell = _strayed(
+        ball,
+        room,
+        when=lifted,
+        unit=pitch,
+        far=lambda x, y: not (0.0 <= x < pitch and 0.0 <= y < pitch),
+    )
+    moved = _strayed(
+        ball,
+        room,
+        when=dropped & ~lain,
+        unit=PLACE_UNIT,
+        far=lambda x, y: hypot(x - PLACE_UNIT / 2, y - PLACE_UNIT / 2) > MOST_MOVED,
+    )
+    after = f"while {board} was not held up by both arms"
     elsewhere = all_of(
-        lifted, since(dropped, reset=lifted), _in_another_cell(ball, room, cells, lifted)
+        lifted,
+        since(dropped, reset=lifted),
+        any_of(
+            in_other_cell.called(f"{ball} came to another cell {after}"),
+            all_of(since(let_down, reset=lifted), ~lain | moved).called(f"{ball} rolled {after}"),
+        ),
     )
-    spoilt = any_of(
-        ~inside(ball, room),
-        *(arm_touches(side, ball) for side in SIDES),
-        off_track,
-        elsewhere.called(f"{ball} came to another cell while {board} was not held up by both arms"),
-    )
+    spoilt = any_of(~inside(ball, room), *(arm_touches(side, ball) for side in SIDES), elsewhere)
     start = (lifted & at_start).called(f"{ball} is at the start on the lifted {board}")
     begun = since(start, reset=spoilt)
     left = all_of(lifted, ~spoilt, ~at_start, begun).called(f"{ball} rolls away from the start")
@@ -116,20 +150,36 @@ def rolling(
     )
 
 
-def _in_another_cell(ball: str, room: BoxRegion, cells: int, lifted: Predicate) -> Predicate:
-    """The ball is in another row or column than at the last step at which the board was lifted."""
+def _strayed(
+    ball: str,
+    room: BoxRegion,
+    *,
+    when: Predicate,
+    unit: float,
+    far: Callable[[float, float], bool],
+) -> Predicate:
+    """The ball is far from where it was at the last step at which something held.
 
-    def band(axis: int, number: int) -> Predicate:
-        pitch = (room.high[axis] - room.low[axis]) / cells
-        edge = room.low[axis] + number * pitch
+    Args:
+        ball: The ball.
+        room: Where its centre is on the board.
+        when: When its place is looked at.
+        unit: What its place is rounded down to, in metres.
+        far: Whether it is, by how far in metres it is from there along both sides of the board.
+    """
 
-        def test(state: StateView) -> bool:
-            at = state.relative_position(ball, room.body)[axis]
-            return (edge <= at) & (at < edge + pitch)
+    def at(axis: int) -> Callable[[StateView], float]:
+        return lambda state: state.relative_position(ball, room.body)[axis] - room.low[axis]
 
-        name = f"{ball} is in {'column' if axis == 0 else 'row'} {number}"
-        return leaf(name, test)
+    ways = at(0), at(1)
+    sides = [high - low for low, high in zip(room.low, room.high, strict=True)]
+    places = [
+        kept(f"place of {ball}", way, when=when, unit=unit, most=side)
+        for way, side in zip(ways, sides, strict=False)
+    ]
 
-    bands = [band(axis, number) for axis in (0, 1) for number in range(cells)]
-    left = (~here & since(lifted & here, reset=lifted & ~here) for here in bands)
-    return any_of(*left)
+    def test(state: StateView) -> bool:
+        x, y = (way(state) - place.value(state) for way, place in zip(ways, places, strict=True))
+        return far(x, y)
+
+    return Predicate(f"{ball} has strayed", test, tuple(b for place in places for b in place.bits))

@@ -125,7 +125,7 @@ TASK = Task(
             stays=_GRASPED | _ONCE_LOADED,
         ),
         Stage(
-            name="both blocks are on the beam, brought together",
+            name="both blocks are held at their places on the beam, at most 12 mm above it",
             instruction="Put both blocks upright onto the ends of the beam at the same time.",
             holds=_LOADED,
             stays=_ONCE_LOADED,
