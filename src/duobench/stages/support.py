@@ -19,7 +19,17 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from duobench.stages.logic import Kept, Predicate, StateView, all_of, any_of, held_for, kept, since
+from duobench.stages.logic import (
+    Kept,
+    Predicate,
+    Since,
+    StateView,
+    all_of,
+    any_of,
+    held_for,
+    kept,
+    since,
+)
 from duobench.stages.placing import put
 from duobench.stages.predicates import (
     FLICKER_SECONDS,
@@ -116,7 +126,7 @@ def support(
     }
     # Not an arm that has been away from where it held the lid, or that has pulled it from there,
     # which is measured only once it matters.
-    robbed: dict[Side, Predicate] = {}
+    robbed: dict[Side, Since] = {}
     gone: dict[Side, Predicate] = {}
     for side in SIDES:
         begun, holder = since(supported[side]), side.other
@@ -128,14 +138,15 @@ def support(
             most=math.pi,
         )
         pulled = all_of(begun, grazed[side], shuts(holder, lid))
-        robbed[side] = all_of(
-            held_for(pulled, SHUT_SECONDS, reset=supported[side]), pulled, _shut_from(held_at, lid)
-        ).called(f"{holder} turns {lid} shut")
+        shut = held_for(pulled, SHUT_SECONDS, reset=supported[side])
+        robbed[side] = since(
+            all_of(shut, pulled, _shut_from(held_at, lid)).called(f"{holder} turns {lid} shut"),
+            reset=supported[side] & ~there,
+        )
         idle = begun & ~bears[side]
         beyond = (idle & ~backs(holder, lid, backing)) if backing else idle
         away = (idle & ~_near(holder, lid, held_at, backing)) if backing else idle
         gone[side] = any_of(
-            robbed[side],
             held_for(beyond, UNSUPPORTED_SECONDS),
             held_for(
                 away.called(f"{holder} is away from {lid}"),
@@ -146,7 +157,6 @@ def support(
     lost = {
         side: any_of(
             void[side],
-            robbed[side],
             held_for(grazed[side], FLICKER_SECONDS),
             held_for(~bears[side], UNSUPPORTED_SECONDS),
         )
@@ -164,6 +174,7 @@ def support(
     delivered_by = (
         all_of(
             put(prop, there, side, again=again),
+            ~robbed[side],
             since(supported[side], reset=lost[side]).called(
                 f"{side.other} has held {lid} open all the way"
             )
@@ -181,6 +192,7 @@ def support(
     upheld = (
         all_of(
             grasped(side, prop) | put(prop, there, side, again=again),
+            ~robbed[side],
             supported[side] | since(supported[side], reset=void[side]),
         )
         for side in SIDES
