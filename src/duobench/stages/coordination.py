@@ -111,7 +111,7 @@ def carriage(
     ended = any_of(on_table, interrupted(in_both), dropped)
 
     def carried_from(begin: Predicate) -> Predicate:
-        void = since(let_go, reset=begin)
+        void = since(let_go, reset=begin).called(f"{prop} was in the air, and not in both hands")
         return since((carried & ~void).called(f"both arms carry {prop} all the way"), reset=ended)
 
     # What both have carried over its place and lost there stands where both have brought it.

@@ -30,7 +30,7 @@ Words = tuple[str, ...]
 """Statements, one constraint each."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Memory:
     """What a `since` remembers."""
 
@@ -40,7 +40,7 @@ class Memory:
     """What makes it forgotten, if anything does."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Clock:
     """What counts the control steps at which a predicate holds."""
 

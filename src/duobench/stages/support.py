@@ -140,16 +140,15 @@ def support(
         pulled = all_of(begun, grazed[side], shuts(holder, lid))
         shut = held_for(pulled, SHUT_SECONDS, reset=supported[side])
         robbed[side] = since(
-            all_of(shut, pulled, _shut_from(held_at, lid)).called(f"{holder} turns {lid} shut"),
-            reset=supported[side] & ~there,
-        )
+            all_of(shut, pulled, _shut_from(held_at, lid)), reset=supported[side] & ~there
+        ).called(f"{holder} has turned {lid} shut")
         idle = begun & ~bears[side]
         beyond = (idle & ~backs(holder, lid, backing)) if backing else idle
         away = (idle & ~_near(holder, lid, held_at, backing)) if backing else idle
         gone[side] = any_of(
-            held_for(beyond, UNSUPPORTED_SECONDS),
+            held_for(beyond.called(f"{holder} is away from {lid}"), UNSUPPORTED_SECONDS),
             held_for(
-                away.called(f"{holder} is away from {lid}"),
+                away.called(f"{holder} is not where it held {lid}"),
                 RELIEVED_SECONDS,
                 reset=supported[side],
             ),
