@@ -206,18 +206,18 @@ def loosened(steps: int, run: int) -> Callable[[Arms], Script]:
 
 
 def led(arms: Arms, runs: int) -> Script:
-    """Both arms lift the board, let the ball roll some runs, and level the board where it lies."""
+    """Both arms lift the board, let the ball roll some runs, and hold it where it lies."""
     yield from take_up(arms)
     board = TiltedBoard(arms, SIDES, Handling().tilt)
     for _ in range(runs):
         yield from board.run(board.next_run())
         yield from board.lean(board.wanted, REST)
-    yield from board.lean(np.zeros(2), REST)
 
 
 def set_down(arms: Arms, runs: int) -> Script:
     """Both arms put the board down after some runs, and leave it."""
     yield from led(arms, runs)
+    yield from TiltedBoard(arms, SIDES, 0.0).lean(np.zeros(2), REST)
     board = arms.sim.pose("board")
     x, y, _ = board.translation
     yield from carry(arms, "board", SE3.at(x, y, BASE, yaw=board.yaw), speed=0.1)
