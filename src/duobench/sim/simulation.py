@@ -57,9 +57,9 @@ class PhysicsScaler:
         if not self._is_scaled:
             return
         model = self._model
-        # What shuts a lid, its spring or its weight, and what slows it down have one factor: so lids
+        # What shuts a lid, its spring or its weight, and what slows it down have one factor: lids
         # stay open by themselves for as long as they usually do.
-        factors = np.full(model.nbody, mass)
+        factors = np.full(model.nbody, float(mass))
         factors[model.jnt_bodyid[self._joints & (model.jnt_stiffness > 0.0)]] = spring
         model.body_mass[self._bodies] *= factors[self._bodies]
         model.body_inertia[self._bodies] *= factors[self._bodies, None]
