@@ -133,6 +133,24 @@ def test_the_moments_are_what_they_shall_be(moments: Moments, case: Opening) -> 
     assert not contacts.between("cube", case.lid)
 
 
+def test_what_holds_a_lid_has_the_moment_of_its_weight_and_spring(
+    moments: Moments, case: Opening
+) -> None:
+    sim, state = moments.bench.sim, moments.states["h"]
+    lid, command = sim.model.joint(case.lid), sim.duo.command()
+    sim.set_state(state)
+    dof = lid.dofadr[0]
+    needed = sim.data.qfrc_bias[dof] - sim.data.qfrc_passive[dof]
+    sim.step(command)
+    expected = sim.get_state()
+    sim.set_state(state)
+    moment = sim.contacts.moment(case.holder, case.lid, sim.hinge_axis(case.lid))
+    assert moment == pytest.approx(needed, rel=0.1)
+    assert sim.contacts.moment(case.bringer, case.lid, sim.hinge_axis(case.lid)) == 0.0
+    sim.step(command)
+    assert np.array_equal(sim.get_state(), expected)  # to ask changes nothing
+
+
 LEFT_ALONE = "A" * REST
 """The cube rests inside, and nobody is at the lid: what counts then, counted when it was put in."""
 HELD = "f" * (LONG + 1)
