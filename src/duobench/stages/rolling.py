@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 from duobench.spatial import hypot
 from duobench.stages.logic import (
@@ -112,20 +113,24 @@ def rolling(
     lain = since(
         held_for((dropped & ~rolls).called(f"{ball} lies still"), SLIP_SECONDS), reset=lifted
     )
-    pitch = (room.high[0] - room.low[0]) / cells
-    in_other_cell = _strayed(
-        ball,
-        room,
-        when=lifted,
-        unit=pitch,
-        far=lambda x, y: not (0.0 <= x < pitch and 0.0 <= y < pitch),
-    )
-    moved = _strayed(
-        ball,
-        room,
-        when=dropped & ~lain,
-        unit=PLACE_UNIT,
-        far=lambda x, y: hypot(x - PLACE_UNIT / 2, y - PLACE_UNIT / 2) > MOST_MOVED,
+    side = room.high[0] - room.low[0]
+    ways = [partial(_from_corner, ball, room, axis) for axis in (0, 1)]
+
+    def strayed(when: Predicate, unit: float, far: Callable[[float, float], bool]) -> Predicate:
+        """The ball is far from where it was, in whole units, when something last held."""
+        places = [kept(f"place of {ball}", way, when=when, unit=unit, most=side) for way in ways]
+        bits = tuple(bit for place in places for bit in place.bits)
+
+        def test(state: StateView) -> bool:
+            x, y = (way(state) - at.value(state) for way, at in zip(ways, places, strict=True))
+            return far(x, y)
+
+        return Predicate(f"{ball} has strayed", test, bits)
+
+    pitch, middle = side / cells, PLACE_UNIT / 2
+    in_other_cell = strayed(lifted, pitch, lambda x, y: not 0.0 <= min(x, y) <= max(x, y) < pitch)
+    moved = strayed(
+        dropped & ~lain, PLACE_UNIT, lambda x, y: hypot(x - middle, y - middle) > MOST_MOVED
     )
     after = f"while {board} was not held up by both arms"
     elsewhere = all_of(
@@ -150,36 +155,6 @@ def rolling(
     )
 
 
-def _strayed(
-    ball: str,
-    room: BoxRegion,
-    *,
-    when: Predicate,
-    unit: float,
-    far: Callable[[float, float], bool],
-) -> Predicate:
-    """The ball is far from where it was at the last step at which something held.
-
-    Args:
-        ball: The ball.
-        room: Where its centre is on the board.
-        when: When its place is looked at.
-        unit: What its place is rounded down to, in metres.
-        far: Whether it is, by how far in metres it is from there along both sides of the board.
-    """
-
-    def at(axis: int) -> Callable[[StateView], float]:
-        return lambda state: state.relative_position(ball, room.body)[axis] - room.low[axis]
-
-    ways = at(0), at(1)
-    sides = [high - low for low, high in zip(room.low, room.high, strict=True)]
-    places = [
-        kept(f"place of {ball}", way, when=when, unit=unit, most=side)
-        for way, side in zip(ways, sides, strict=False)
-    ]
-
-    def test(state: StateView) -> bool:
-        x, y = (way(state) - place.value(state) for way, place in zip(ways, places, strict=True))
-        return far(x, y)
-
-    return Predicate(f"{ball} has strayed", test, tuple(b for place in places for b in place.bits))
+def _from_corner(ball: str, room: BoxRegion, axis: int, state: StateView) -> float:
+    """How far along an axis the ball is from the lowest corner of the room, in metres."""
+    return state.relative_position(ball, room.body)[axis] - room.low[axis]
