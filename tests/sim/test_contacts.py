@@ -153,7 +153,24 @@ def test_a_hand_backs_a_lid_that_would_turn_onto_it(
     toy: Toy, gap: float, above: bool, aside: float, backs: bool
 ) -> None:
     axis = with_lid(toy, gap, above=above, aside=aside)
-    assert [toy.contacts.backs(side, "lid", axis, 0.060) for side in SIDES] == [backs, False]
+    found = [any(toy.contacts.behind(side, "lid", axis, 0.060)) for side in SIDES]
+    assert found == [backs, False]
+    for between, radius in toy.contacts.behind(Side.LEFT, "lid", axis, 0.060):
+        assert between == pytest.approx(gap, abs=1e-6)
+        assert 0.1 <= radius < 0.2
+
+
+@pytest.mark.parametrize("hinge", [0.1, 0.05, -0.1])
+@pytest.mark.parametrize("above", [True, False])
+def test_the_moment_of_an_arm_is_its_force_times_its_lever(
+    toy: Toy, above: bool, hinge: float
+) -> None:
+    axis = with_lid(toy, -1e-3, above=above, hinge=hinge)
+    pushed = toy.data.qfrc_constraint[toy.model.joint(1).dofadr[0] + 2]
+    assert (pushed > 0.0) == above
+    moment = toy.contacts.moment(Side.LEFT, "lid", axis)
+    assert moment == pytest.approx(pushed * hinge, rel=1e-6)
+    assert toy.contacts.moment(Side.RIGHT, "lid", axis) == 0.0
 
 
 @pytest.mark.parametrize(

@@ -134,6 +134,14 @@ def test_the_moments_are_what_they_are_called(moments: Moments) -> None:
         ("tcnnncbf", False),
         ("tclf", False),
         ("tclbf", True),
+        ("tcuhhhhff", False),  # slipped at its place
+        ("tcuhhhhfbbff", False),  # and taken again, not lifted
+        ("tcuhhhhfbuubf", True),  # lifted there again, and put down
+        ("tcuhhhhfbuhhhhfbubf", True),  # twice
+        ("tcuhhhhftcubf", True),
+        ("tcnnnnfbubf", False),  # slipped before it came there
+        ("tllllfbubf", False),  # brought there by one hand
+        ("tcllllfbubf", False),
         ("tcbhf", True),  # hops when it is let go
         ("tcbhhhhhf", True),
         ("tcb" + "u" * FLICKER + "f", False),  # lifted again, and dropped

@@ -7,6 +7,8 @@ import pytest
 
 from duobench.experts.handling import LET_GO
 from duobench.experts.motion import Arms, Script, release, together, wait
+from duobench.shifts.levels import MASS_FACTORS, SPRING_FACTORS
+from duobench.shifts.shift import LEVELS
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.stages.placing import REST_SECONDS
@@ -131,6 +133,24 @@ def test_the_moments_are_what_they_shall_be(moments: Moments, case: Opening) -> 
     assert not contacts.between("cube", case.lid)
 
 
+def test_what_holds_a_lid_has_the_moment_of_its_weight_and_spring(
+    moments: Moments, case: Opening
+) -> None:
+    sim, state = moments.bench.sim, moments.states["h"]
+    lid, command = sim.model.joint(case.lid), sim.duo.command()
+    sim.set_state(state)
+    dof = lid.dofadr[0]
+    needed = sim.data.qfrc_bias[dof] - sim.data.qfrc_passive[dof]
+    sim.step(command)
+    expected = sim.get_state()
+    sim.set_state(state)
+    moment = sim.contacts.moment(case.holder, case.lid, sim.hinge_axis(case.lid))
+    assert moment == pytest.approx(needed, rel=0.1)
+    assert sim.contacts.moment(case.bringer, case.lid, sim.hinge_axis(case.lid)) == 0.0
+    sim.step(command)
+    assert np.array_equal(sim.get_state(), expected)  # to ask changes nothing
+
+
 LEFT_ALONE = "A" * REST
 """The cube rests inside, and nobody is at the lid: what counts then, counted when it was put in."""
 HELD = "f" * (LONG + 1)
@@ -225,12 +245,22 @@ def test_support(moments: Moments, rows: tuple[tuple, ...]) -> None:
         assert moments.stage_after(*letters) == stage, letters
 
 
-def test_no_lid_stays_open_by_itself_for_long(moments: Moments, case: Opening) -> None:
-    """Neither let go at its stop nor thrown open, from where it begins to count, at any speed."""
+@pytest.mark.parametrize("level", range(LEVELS + 1))
+def test_no_lid_stays_open_by_itself_for_long(moments: Moments, case: Opening, level: int) -> None:
+    """Neither let go at its stop nor thrown open, from where it begins to count, at any speed, and
+    whatever the physics of a level.
+    """
     bench = moments.bench
     joint = bench.sim.model.joint(case.lid)
-    bench.start(0)
-    for speed in np.arange(0.0, 32.0, 2.0):
-        set_hinge(bench.sim, case.lid, joint.range[1] if speed == 0 else OPEN, speed)
-        bench.hold(LONG - 2)
-        assert bench.sim.angle(case.lid) < OPEN, speed
+    heavy, tight = MASS_FACTORS[level], SPRING_FACTORS[level]
+    corners = {(m, s) for m in (1 / heavy, 1.0, heavy) for s in (1 / tight, 1.0, tight)}
+    try:
+        for mass, spring in corners if level else {(1.0, 1.0)}:
+            bench.sim.scaler.apply(mass=mass, spring=spring)
+            bench.start(0)
+            for speed in (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0):
+                set_hinge(bench.sim, case.lid, joint.range[1] if speed == 0 else OPEN, speed)
+                bench.hold(LONG - 2)
+                assert bench.sim.angle(case.lid) < OPEN, (mass, spring, speed)
+    finally:
+        bench.sim.scaler.apply()

@@ -3,12 +3,17 @@ gone."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from duobench.experts.expert import find_script
+from duobench.objects.maze_board import BASE
+from duobench.objects.pot import PLATE
 from duobench.tasks import catalog
-from duobench.types import OPENING_SLOTS
+from duobench.types import OPENING_SLOTS, SIDES
 from tests.task_harness import TaskHarness, marked
+from tests.ways.play import ways_of
 
 LATER = 45
 """Control steps after which is looked: things have fallen, and what is lost counts as lost."""
@@ -84,6 +89,41 @@ def test_without_a_slip_the_next_stage_is_to_be_done(bench: TaskHarness) -> None
     bench.start(1)
     for _ in bench.steps(find_script(bench.task)):
         assert bench.progress.standing == bench.stage
+
+
+def pot_in_hands(bench: TaskHarness) -> bool:
+    contacts = bench.sim.contacts
+    held = all(contacts.grasped(side, f"pot/{side}_handle") for side in SIDES)
+    return held and bench.sim.min_height("pot") > PLATE[2] + 0.015
+
+
+def board_in_hands(bench: TaskHarness) -> bool:
+    held = all(bench.sim.contacts.grasped(side, "board") for side in SIDES)
+    return held and bench.stage > 2 and bench.sim.position("board")[2] > BASE + 0.012
+
+
+@pytest.mark.parametrize(
+    ("bench", "way", "in_hands"),
+    [
+        marked(
+            "carry_pot", "slipped from 40 mm above the plate, lifted and put down", pot_in_hands
+        ),
+        marked(
+            "ball_maze", "the board is put down after 2 runs and taken up again", board_in_hands
+        ),
+    ],
+    indirect=["bench"],
+)
+def test_hands_that_took_it_again_are_told_to_go_on(
+    bench: TaskHarness, way: str, in_hands: Callable[[TaskHarness], bool]
+) -> None:
+    layout, said = bench.start(0), []
+    texts = bench.task.subinstructions(layout)
+    for _ in bench.steps(ways_of(bench.task.id).SINCERE[way].script, then=20):
+        if not bench.progress.success and in_hands(bench):
+            said.append(said_now(bench, texts))
+    assert set(said) == {texts[bench.task.max_stage - 1]}
+    assert bench.progress.success
 
 
 def open_both_hands(bench: TaskHarness) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from duobench.experts.handling import carry, come_down
 from duobench.experts.motion import Arms, Script, down, grip, move, nearest_turn, release, wait
 from duobench.experts.scripts.ball_maze import (
+    OPENING,
     Handling,
     TiltedBoard,
     grasp,
@@ -25,9 +26,18 @@ from duobench.objects.mazes import MAZES, Maze
 from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.ball_maze import AT_GOAL, LEFT_START
-from duobench.types import SIDES, Side
-from tests.steps import do, to
-from tests.ways.way import ONE, TURNS, Way, cheats, fingers_on, random_tempo, ways_to
+from duobench.types import CONTROL_HZ, SIDES, Side
+from tests.steps import do, pause, to
+from tests.ways.way import (
+    ONE,
+    TURNS,
+    Way,
+    WayFailedError,
+    cheats,
+    fingers_on,
+    random_tempo,
+    ways_to,
+)
 
 ONE_ARM = Side.LEFT
 """The arm that does everything where one is enough."""
@@ -195,6 +205,80 @@ def loosened(steps: int, run: int) -> Callable[[Arms], Script]:
     return play
 
 
+def led(arms: Arms, runs: int) -> Script:
+    """Both arms lift the board, let the ball roll some runs, and hold it where it lies."""
+    yield from take_up(arms)
+    board = TiltedBoard(arms, SIDES, Handling().tilt)
+    for _ in range(runs):
+        yield from board.run(board.next_run())
+        yield from board.lean(board.wanted, REST)
+
+
+def set_down(arms: Arms, runs: int) -> Script:
+    """Both arms put the board down after some runs, and leave it."""
+    yield from led(arms, runs)
+    yield from TiltedBoard(arms, SIDES, 0.0).lean(np.zeros(2), REST)
+    board = arms.sim.pose("board")
+    x, y, _ = board.translation
+    yield from carry(arms, "board", SE3.at(x, y, BASE, yaw=board.yaw), speed=0.1)
+    yield from wait(5)
+    yield from release(arms, *SIDES, opening=OPENING)
+    yield from move(arms, {side: pose.moved(z=0.10) for side, pose in arms.targets.items()})
+
+
+def jerk_on(arms: Arms, reach: float) -> Script:
+    """The board is jerked about on the table until the ball is in another cell."""
+    start = cell_at(*arms.sim.relative_position("ball", "board")[:2])
+    yield from grasp(arms, *SIDES)
+    pressed = {side: pose.moved(z=-0.004) for side, pose in arms.targets.items()}
+    for jerk in range(MAX_JERKS):
+        turn = jerk * math.radians(135)
+        way = reach * math.cos(turn), reach * math.sin(turn)
+        arms.targets = {side: pose.moved(*way) for side, pose in pressed.items()}
+        yield from wait(5)
+        if cell_at(*arms.sim.relative_position("ball", "board")[:2]) != start:
+            break
+    yield from wait(REST)
+    if cell_at(*arms.sim.relative_position("ball", "board")[:2]) == start:
+        raise WayFailedError
+    yield from release(arms, *SIDES, opening=OPENING)
+
+
+def raise_an_edge(arms: Arms) -> Script:
+    """One arm raises its side of the board until the ball has rolled to another cell."""
+    start = cell_at(*arms.sim.relative_position("ball", "board")[:2])
+    for side in SIDES:
+        yield from grasp(arms, side)
+        low = arms.targets[side]
+        for _ in to(arms, side, low.moved(z=0.05), speed=0.1):
+            yield
+        yield from wait(REST)
+        yield from to(arms, side, low, speed=0.1)
+        yield from aside(arms, side)
+        if cell_at(*arms.sim.relative_position("ball", "board")[:2]) != start:
+            return
+
+
+def push_on(arms: Arms) -> Script:
+    """A finger pushes the ball on, where it lies."""
+    yield from grip(arms, ONE_ARM)
+    maze, board = maze_of(arms.sim), arms.sim.pose("board")
+    x, y, _ = arms.sim.relative_position("ball", "board")
+    way = np.array(maze.plan(cell_at(x, y))[0].value)
+    yaw = nearest_turn(board.yaw, math.pi / 2)
+    for reach in (-0.020, 0.02):
+        tip = down(*board.apply(np.array([*(np.array([x, y]) + reach * way), 0.02])), yaw=yaw)
+        if reach < 0.0:
+            yield from to(arms, ONE_ARM, tip.moved(z=0.08))
+        yield from to(arms, ONE_ARM, tip, speed=0.1)
+    yield from aside(arms, ONE_ARM)
+
+
+def begin_again(arms: Arms) -> Script:
+    yield from islice(script(arms), MAX_SOLVE)
+    yield from wait(REST)
+
+
 TAKE, OTHER = do((grasp, ONE_ARM), (lift, ONE_ARM)), ONE_ARM.other
 TAKE_OTHER = do((grasp, OTHER), (lift, OTHER))
 cheat = cheats(at_goal(*SIDES))
@@ -212,11 +296,21 @@ ADVERSARIES: dict[str, Way] = {
         3,
         *(begin, (aside, OTHER), (settle_at_goal, ONE_ARM), (put_down, ONE_ARM)),
         *((grasp, *SIDES), (lift, *SIDES)),
-        lacks="ball rolls while board is not held up by both arms",
+        lacks="ball came to another cell while board was not held up by both arms",
     ),
     "one arm loosens its grip for a whole run of the ball": cheat(
-        3, loosened(60, 1), lacks="ball rolls while board is not held up by both arms"
+        3, loosened(60, 1), lacks="while board was not held up by both arms"
     ),
+    **{
+        f"the board is put down half-way, and {how}": cheat(
+            3, (set_down, 2), act, begin_again, lacks=lacks
+        )
+        for how, act, lacks in (
+            ("jerked about", (jerk_on, 0.05), "while board was not held up by both arms"),
+            ("raised on one side", raise_an_edge, "while board was not held up by both arms"),
+            ("a finger pushes the ball on", push_on, "left arm touches ball"),
+        )
+    },
     "the board is yanked away and the ball hops over the walls": cheat(3, begin, yank),
     "the board is jerked about on the table": cheat(2, shake),
     "a finger pushes the ball out of the start": cheat(2, push_the_ball),
@@ -273,6 +367,16 @@ def safe_tilt(tilt: float, lift: float) -> float:
     return min(tilt, math.asin((lift - CLEARANCE) / REACH))
 
 
+def lost_grip(arms: Arms, runs: int, steps: int) -> Script:
+    """One hand lets the board go for some control steps, and takes it again, in the air."""
+    yield from led(arms, runs)
+    yield from release(arms, LOOSE, opening=LOOSENED)
+    yield from wait(steps)
+    yield from grip(arms, LOOSE)
+    yield from wait(5)
+    yield from solve(arms, *SIDES)
+
+
 way = ways_to(script, done, Handling())
 SINCERE: dict[str, Way] = {
     "the other pair of grips": way(other_grips=True),
@@ -285,6 +389,18 @@ SINCERE: dict[str, Way] = {
         script=comes_again(len(MAZES), Handling())
     ),
     "one hand loosens for a moment": way(script=loosened(8, 2)),
+    **{
+        f"the board is put down after {runs} runs and taken up again": way(
+            script=do((set_down, runs), (pause, steps), script)
+        )
+        for runs, steps in ((1, 10), (2, 60), (4, 150))
+    },
+    **{
+        f"one hand loses its grip for {seconds} s": way(
+            script=do((lost_grip, 2, round(seconds * CONTROL_HZ)))
+        )
+        for seconds in (1, 4)
+    },
     "the board trembles": way(tremble=0.01),
     "at half the speed": way(slowness=2),
 }

@@ -209,6 +209,18 @@ def put_on_and_off(arms: Arms) -> Script:
     yield from both_away(arms)
 
 
+def hops(arms: Arms, period: float, times: int, height: float = 0.022) -> Script:
+    """One block hops on the beam in its hand, again and again, before the other one comes."""
+    yield from lower(arms, LEFT)
+    low = arms.targets[LEFT]
+    for _ in range(times):
+        yield from wait(round(period * CONTROL_HZ / 2))
+        yield from to(arms, LEFT, low.moved(z=height), speed=0.1)
+        yield from to(arms, LEFT, low, speed=0.1)
+        yield from wait(round(period * CONTROL_HZ / 2))
+    yield from lower(arms, RIGHT)
+
+
 ALONE = (build, RIGHT, RIGHT)
 LADEN = do(lay_beam, take_both)
 in_turns = do((lay_beam, RIGHT), (aside, RIGHT), (build, LEFT, RIGHT))
@@ -235,6 +247,12 @@ ADVERSARIES: dict[str, Way] = {
         *((away, RIGHT), (pause, 30), (away, LEFT)),
         lacks="left_block is there before right_block",
     ),
+    **{
+        f"one block hops every {period} s and waits for the other one": cheat(
+            3, LADEN, (hops, float(period), times), both_away, lacks="left_block is there before"
+        )
+        for period, times in (("0.2", 6), ("0.5", 4))
+    },
     "both let their blocks go 2 cm above the beam": cheat(
         3, LADEN, (lower, {"gap": 0.02}), (release, *SIDES), (pause, 15), both_away
     ),

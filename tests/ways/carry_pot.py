@@ -17,7 +17,7 @@ from duobench.sim.simulation import Simulation
 from duobench.spatial import SE3
 from duobench.tasks.carry_pot import OFF_CENTRE, TILT_DEGREES
 from duobench.types import SIDES, Side
-from tests.steps import by, pause, to
+from tests.steps import by, do, pause, to
 from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, random_tempo, ways_to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
@@ -163,6 +163,34 @@ def high(sim: Simulation) -> bool:
     return not hands and abs(x) < OFF_CENTRE[0] and abs(y) < OFF_CENTRE[1] and z > HEIGHT / 2 + 0.1
 
 
+def up_and_down(arms: Arms, height: float = 0.06) -> Script:
+    """Both take the pot where it stands, lift it by so many metres, and put it down there."""
+    yield from by(arms, LEFT, z=0.10)
+    yield from by(arms, RIGHT, z=0.10)
+    yield from grasp(arms)
+    yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=height), speed=0.1)
+    yield from wait(10)
+    yield from land(arms)
+    yield from let_go(arms)
+
+
+def walk(arms: Arms, step: float) -> Script:
+    """The arms drag the pot to the plate in turns, so many metres at a time."""
+    x, y = middle(arms)
+    side = RIGHT
+    while math.dist(arms.sim.position("pot")[:2], (x, y)) > 0.05:
+        side = side.other
+        yield from grasp(arms, side)
+        start = arms.targets[side]
+        here = arms.sim.position("pot")
+        way = np.array([x, y]) - here[:2]
+        way *= min(1.0, step / math.hypot(*way))
+        yield from to(arms, side, start.moved(z=0.07), speed=0.1)
+        yield from to(arms, side, start.moved(x=way[0], y=way[1], z=0.09), speed=0.15)
+        yield from to(arms, side, start.moved(x=way[0], y=way[1], z=0.02), speed=0.1)
+        yield from let_go(arms, side)
+
+
 DOWN = (land, let_go)
 cheat = cheats(done)
 ADVERSARIES: dict[str, Way] = {
@@ -174,6 +202,18 @@ ADVERSARIES: dict[str, Way] = {
         **TURNS,
     ),
     "both lift it once, then one arm drags it": cheat(2, put_back, drag),
+    **{
+        f"one arm drags the pot onto the plate, then both lift it there by {mm} mm": cheat(
+            2, drag, (up_and_down, mm / 1000)
+        )
+        for mm in (20, 60)
+    },
+    **{
+        f"the arms walk the pot onto the plate by {cm} cm in turns, then both lift it": cheat(
+            2, (walk, cm / 100), up_and_down
+        )
+        for cm in (12, 20)
+    },
     "both carry it without lifting it": cheat(1, grasp, skim, *DOWN),
     "both put it on the plate's edge, one arm pushes it to the middle": cheat(
         2, lift, put_on_the_edge, seed=3
@@ -202,6 +242,8 @@ ADVERSARIES: dict[str, Way] = {
 
 LAG = 0.015
 """How much lower than told a pot that is lifted may be, in metres: the servos lag."""
+LET_GO = 0.45
+"""Opening of fingers that leave a handle."""
 NEARLY, SETTLING = 0.015, 10
 """Height in metres above the plate at which the pot stops on its way down, and for how many control
 steps: what is led from there to a height is let go at it."""
@@ -260,6 +302,19 @@ def put(arms: Arms, way: Carrying) -> Script:
         yield from let_go(arms, *sides)
 
 
+def slip(arms: Arms, height: float, *sides: Side, lift: float = 0.06) -> Script:
+    """The pot slips from both hands little above the plate, from some earlier than from the others;
+    both take it again.
+    """
+    yield from hover(arms, height)
+    if sides:
+        yield from release(arms, *sides, opening=LET_GO)
+        yield from wait(15)
+    yield from release(arms, *SIDES, opening=LET_GO)
+    yield from wait(15)
+    yield from up_and_down(arms, lift)
+
+
 way = ways_to(put, done, Carrying())
 
 
@@ -284,6 +339,17 @@ SINCERE: dict[str, Way] = {
     "lowered fast": way(speed=0.2, release=-0.002),
     "the left arm lets go first": way(order=LEFT_FIRST),
     "the right arm lets go first, pressed in": way(order=RIGHT_FIRST, release=-0.004),
+    **{
+        f"slipped from {mm} mm above the plate, lifted and put down": way(
+            script=do((slip, mm / 1000))
+        )
+        for mm in (20, 40)
+    },
+    "slipped onto the plate, lifted by little more than 10 mm": way(
+        script=do((slip, 0.04, {"lift": 0.02}))
+    ),
+    "slipped from one hand, then from the other": way(script=do((slip, 0.03, LEFT))),
+    "slipped twice": way(script=do((slip, 0.04), (slip, 0.03))),
     "at half the speed": way(slowness=2),
     "trembling by 10 mrad": way(tremble=0.01),
     "trembling by 20 mrad": way(tremble=0.02),

@@ -207,6 +207,23 @@ def _bounces_off(sim: Simulation) -> bool:
     return sim.contacts.between("cube", "chest") and not sim.contacts.gripper(INSERTER, "cube")
 
 
+def sink(arms: Arms, way: Insertion, start: float, end: float) -> Script:
+    chest, holder = arms.sim.pose("chest"), way.side.other
+    yield from follow(
+        arms, lambda f: {holder: under_lid(chest, holder, start + f * (end - start))}, 0.4
+    )
+
+
+def wait_below(sunk: float) -> Act:
+    """The holder sinks by so many radians, the lid onto the other hand, and waits until the cube is
+    in before it takes the lid again.
+    """
+    high, low = PLAIN.open_angle, PLAIN.open_angle - sunk
+    down, up = (sink, PLAIN, high, low), (sink, PLAIN, low, high)
+    return do(BOTH, OVER, down, (pause, 30), CHEST.insert, (pause, 10), up, (up_and_aside, 0.14))
+
+
+PLAIN = Insertion()
 LEAVE = (back, HOLDER, 0.16)
 LIFT = _lift_with_the_back_of_the_hand
 ALONE = do((pick_cube, INSERTER, "cube", _PICK_HEIGHT), LIFT, CHEST.let_go)
@@ -239,6 +256,12 @@ ADVERSARIES: dict[str, Way] = {
             ("hovers beyond its lip", (hover_at, 0.0)),
             ("hovers above it", (hover_at, math.pi / 2)),
         )
+    },
+    **{
+        f"the hand that holds the lid waits below it, sunk by {sunk} rad": cheat(
+            2, wait_below(float(sunk)), **HELD
+        )
+        for sunk in ("0.3", "0.4", "0.5")
     },
     "the hand that holds the lid taps at its edge": cheat(
         2, BOTH, OVER, tapping, _take_the_lid_again, **HELD
@@ -321,13 +344,6 @@ def one_after_the_other(way: Insertion) -> Act:
     return do((fetch, way), (open_lid, way), (lower, way), (let_go, way))
 
 
-def sink(arms: Arms, way: Insertion, start: float, end: float) -> Script:
-    chest, holder = arms.sim.pose("chest"), way.side.other
-    yield from follow(
-        arms, lambda f: {holder: under_lid(chest, holder, start + f * (end - start))}, 0.4
-    )
-
-
 def slipped(way: Insertion, sunk: float, steps: int) -> Act:
     """The lid sinks by so many radians onto the inserting hand for some control steps, and the
     holder takes it again.
@@ -343,9 +359,6 @@ def along_the_lid(way: Insertion, lean: float) -> Act:
     """
     on_it = (by, way.side, {"x": lean, "speed": 0.1})
     return do((both, way), (pause, 10), (lower, way), on_it, (pause, 15), (let_go, way))
-
-
-PLAIN = Insertion()
 
 
 def _over_rim(height: float, grasp_height: float = PLAIN.grasp_height) -> float:

@@ -120,6 +120,13 @@ def press_shut(arms: Arms, by: float) -> Script:
     yield from wait(20)
 
 
+def pull_shut(arms: Arms, by: float) -> Script:
+    """The left hand keeps its grasp of the bar, and leads the door back onto the other arm."""
+    oven, angle = arms.sim.pose("microwave"), arms.sim.angle(DOOR.lid)
+    yield from follow(arms, lambda f: {HOLDER: at_bar(oven, angle - f * by)}, 0.6)
+    yield from wait(10)
+
+
 def tapping(arms: Arms) -> Script:
     oven, angle = arms.sim.pose("microwave"), arms.sim.angle(DOOR.lid)
     yield from release(arms, HOLDER, opening=_AROUND_THE_BAR)
@@ -188,6 +195,18 @@ ADVERSARIES: dict[str, Way] = {
             2, BOTH, NEAR_DOOR, (press_shut, float(a)), DOOR.insert, AGAIN, **HELD
         )
         for a in ("0.16", "0.24", "0.30")
+    },
+    **{
+        f"the hand that grasps the door pulls it shut by {a} rad while the cube goes in": cheat(
+            2,
+            BOTH,
+            NEAR_DOOR,
+            (pull_shut, float(a)),
+            DOOR.insert,
+            **IN,
+            lacks="left has turned microwave/door shut",
+        )
+        for a in ("0.10", "0.15")
     },
     "the hand that holds the door taps at it from outside while the cube goes in": cheat(
         2, BOTH, NEAR_DOOR, tapping, AGAIN, **HELD

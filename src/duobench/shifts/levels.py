@@ -23,8 +23,9 @@ MARGIN_RADIANS = tuple(math.radians(angle) for angle in (0.0, 3.0, 6.0, 9.0, 12.
 MASS_FACTORS = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0)
 FRICTION_FACTORS = (1.0, 1.1, 1.2, 1.3, 1.4, 1.5)
 SPRING_FACTORS = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0)
-"""Masses of all objects, friction of all surfaces, and springs of hinges are multiplied by a factor
-between one over this and this."""
+"""Masses of all objects, friction of all surfaces, and springs of hinges with the mass that they
+move are multiplied by a factor between one over this and this. So lids and doors that are let go
+move as they usually do."""
 
 REWORDED_SHARE = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Share of episodes with a sentence that no demonstration has."""

@@ -27,11 +27,11 @@ class PhysicsScale:
     """Factors on the physics of an episode."""
 
     mass: float = 1.0
-    """On masses and inertias of all objects."""
+    """On masses and inertias of all objects, but for what a spring moves."""
     friction: float = 1.0
     """On the sliding friction of all surfaces."""
     spring: float = 1.0
-    """On stiffness and damping of the hinges of objects."""
+    """On springs of the hinges of objects, and on mass and damping of what they move."""
 
 
 UNSCALED = PhysicsScale()

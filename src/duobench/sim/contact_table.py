@@ -20,7 +20,7 @@ Integers = NDArray[np.intp]
 
 
 class ContactTable(ContactOwners):
-    """The questions of `Contacts`, but for `backs`, about n simulations: each answer is (n,)."""
+    """The questions of `Contacts` about n simulations, but for gaps and forces: (n,) each."""
 
     def __init__(self, model: mujoco.MjModel, count: int) -> None:
         super().__init__(model)

@@ -148,6 +148,8 @@ class Contacts(ContactOwners):
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
         """Answers of `grasped` since the last update; several questions ask the same."""
+        self._solved = False
+        """Whether contacts have forces: the engine finds contacts first."""
         self._pad_centres = data.xipos
         self._model = model
         self._solids: dict[int, list[int]] = {}
@@ -174,6 +176,7 @@ class Contacts(ContactOwners):
                 touching.add(one * stride + other if one < other else other * stride + one)
         self._touching = touching
         self._grasped.clear()
+        self._solved = False
 
     def partners(self, owner: str) -> frozenset[str]:
         """All owners in contact with one."""
@@ -192,6 +195,36 @@ class Contacts(ContactOwners):
             for number, sign in self._normals(self._limbs[side], self._row(owner))
         )
 
+    def moment(self, side: Side, owner: str, hinge: HingeAxis) -> float:
+        """Moment in N·m of all contacts of an arm with an owner about its hinge; above 0 it opens.
+
+        The forces are those with which the next physics step begins. The engine solves for them
+        anew in that step, so that to ask for them changes nothing.
+        """
+        from mujoco import mj_contactForce
+
+        model, data, total, force = self._model, self._data, 0.0, np.zeros(6)
+        for number, sign in self._normals(self._limbs[side], self._row(owner)):
+            self._solve()
+            mj_contactForce(model, data, number, force)
+            contact = data.contact
+            opening = hinge.opening_at(contact.pos[number].tolist())
+            forces, torques = force.tolist()[:3], force.tolist()[3:]
+            for push, turn, way in zip(
+                forces, torques, contact.frame[number].reshape(3, 3), strict=True
+            ):
+                total += sign * (push * dot(way, opening) + turn * dot(way, hinge.axis))
+        return total
+
+    def _solve(self) -> None:
+        """Let the engine solve for the forces of contacts, once for each state."""
+        from mujoco import mj_fwdAcceleration, mj_fwdActuation, mj_fwdConstraint
+
+        if not self._solved:
+            for stage in (mj_fwdActuation, mj_fwdAcceleration, mj_fwdConstraint):
+                stage(self._model, self._data)
+            self._solved = True
+
     def _normals(self, parts: list[int], row: int) -> Iterator[tuple[int, float]]:
         """Contacts of parts of the robot with an owner, and the sign of the normal towards it."""
         owners = self._owners
@@ -204,12 +237,17 @@ class Contacts(ContactOwners):
             elif owners[first] == row and owners[second] in parts:
                 yield number, -1.0
 
-    def backs(self, side: Side, owner: str, hinge: HingeAxis, distance: float) -> bool:
-        """Whether a gripper is on the side of an owner from which it would push it open.
+    def behind(
+        self, side: Side, owner: str, hinge: HingeAxis, distance: float
+    ) -> Iterator[tuple[float, float]]:
+        """Where a gripper is on the side of an owner from which it would push it open.
 
         A finger or the palm is at most `distance` metres from it, along the owner's normal there,
         so that the owner would turn onto the hand if it were let go. It measures between geoms,
         which takes as long as twenty of the other questions, unless the hand is far away.
+
+        Yields:
+            Each gap between two geoms, and its distance from the hinge's axis, in metres.
         """
         from mujoco import mj_geomDistance
 
@@ -226,8 +264,7 @@ class Contacts(ContactOwners):
                 opening = hinge.opening_at(ends[3:].tolist())
                 lever = dot(ends[3:] - ends[:3], opening) / gap
                 if lever >= max(MIN_LEVER, _MIN_BACKING_COSINE * length(opening)):
-                    return True
-        return False
+                    yield gap, length(opening)
 
     def grasped(self, side: Side, owner: str) -> bool:
         """Whether both fingers of a gripper press on an owner, towards each other.

@@ -45,7 +45,8 @@ class PhysicsScaler:
 
         Call it before a reset: no state is touched, and none is right for the new model. Factors
         are on masses and inertias of the objects, on the sliding friction of all surfaces, the
-        robot's included, and on stiffness and damping of the hinges of objects.
+        robot's included, and on the stiffness of the hinges of objects, with the mass of what such
+        a spring moves. Damping of a hinge has the factor of the mass on it.
         """
         if self._is_scaled:
             for name, values in self._compiled.items():
@@ -56,11 +57,15 @@ class PhysicsScaler:
         if not self._is_scaled:
             return
         model = self._model
-        model.body_mass[self._bodies] *= mass
-        model.body_inertia[self._bodies] *= mass
+        # What shuts a lid, its spring or its weight, and what slows it down have one factor: lids
+        # stay open by themselves for as long as they usually do.
+        factors = np.full(model.nbody, float(mass))
+        factors[model.jnt_bodyid[self._joints & (model.jnt_stiffness > 0.0)]] = spring
+        model.body_mass[self._bodies] *= factors[self._bodies]
+        model.body_inertia[self._bodies] *= factors[self._bodies, None]
         model.geom_friction[:, 0] *= friction
         model.jnt_stiffness[self._joints] *= spring
-        model.dof_damping[self._dofs] *= spring
+        model.dof_damping[self._dofs] *= factors[model.dof_bodyid[self._dofs]]
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
 

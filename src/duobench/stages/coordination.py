@@ -28,6 +28,9 @@ most, in seconds; what is higher than `HOP_HEIGHT` for longer hangs in the other
 TOGETHER_SECONDS = 1.5
 """How far apart in time two arms may bring to a place what they bring together, in seconds: people
 differ by half a second, and one after the other takes several [task definitions]."""
+AWAY_SECONDS = 1.0
+"""For how long what was brought to a place has to be away from it before it may be brought there
+anew, in seconds: what only hops has been there since it came first [task definitions]."""
 LANDING_DEPTH = 0.001
 """How far below the top of its support the lowest point of an object on it may seem to be."""
 
@@ -36,7 +39,8 @@ def brought_together(one: str, other: str, there: Mapping[str, Predicate]) -> Pr
     """Each gripper has one of two objects, both brought to a place within `TOGETHER_SECONDS`.
 
     A gripper has grasped it since before it was there, and has not let go in between. One that was
-    there longer before the other has to be brought again.
+    there longer before the other has to be brought again, after `AWAY_SECONDS` elsewhere: one that
+    hops is there all the time.
 
     Args:
         one: An object.
@@ -46,8 +50,10 @@ def brought_together(one: str, other: str, there: Mapping[str, Predicate]) -> Pr
 
     def brought(body: str, partner: str) -> Predicate:
         in_hand = grasped_by_any(body)
-        before = (in_hand & ~there[body]).called(f"a hand brings {body} from elsewhere")
-        alone = (there[body] & ~there[partner]).called(f"{body} is there before {partner}")
+        away = held_for(~there[body], AWAY_SECONDS)
+        before = (in_hand & away).called(f"a hand brings {body} from elsewhere")
+        come = there[body] | since(there[body], reset=away)
+        alone = (come & ~there[partner]).called(f"{body} is there before {partner}")
         waits = held_for(alone, TOGETHER_SECONDS)
         return since(before, reset=interrupted(in_hand) | waits)
 
@@ -64,7 +70,9 @@ class Carriage:
     """Both arms carry it, and have done so since they lifted it."""
     put_down: Predicate
     """It was carried to its place on its support, both handles grasped until it was put down; since
-    then it has been neither on the table nor lifted again, nor in the air in one hand."""
+    then it has been neither on the table nor lifted again, nor in the air in one hand.
+
+    What slipped from both hands at its place may be lifted and put down there again."""
 
 
 def carriage(
@@ -92,18 +100,23 @@ def carriage(
     on_table = any_of(*(touching(body, TABLE) for body in bodies)).called(f"{prop} is on the table")
     on_support = touching(prop, support)
     carried = all_of(in_both, in_air, raised(prop, height)).called(f"both arms carry {prop}")
-    # In the air by one hand, or by none: what was done so far is void until it stands on the table,
-    # from which hands that tremble may lift one end of it a little earlier.
-    let_go = interrupted(in_both | ~(in_air & raised(prop, HOP_HEIGHT))).called(
-        f"{prop} is in the air, and not in both hands"
-    )
     # The jolt of landing may shake pads off a handle for a moment: what counts is the one before.
     dropped = on_support & ~in_both & since(in_air & ~in_both, reset=in_both | on_support)
     dropped = dropped.called(f"{prop} comes down on {support} without both hands")
-    on_the_way = since(
-        (carried & ~since(let_go, reset=on_table)).called(f"both arms carry {prop} all the way"),
-        reset=any_of(on_table, interrupted(in_both), dropped),
+    # In the air by one hand, or by none: what was done so far is void until it stands where both
+    # may begin anew, from where hands that tremble may lift one end of it a little earlier.
+    let_go = interrupted(in_both | ~(in_air & raised(prop, HOP_HEIGHT))).called(
+        f"{prop} is in the air, and not in both hands"
     )
+    ended = any_of(on_table, interrupted(in_both), dropped)
+
+    def carried_from(begin: Predicate) -> Predicate:
+        void = since(let_go, reset=begin).called(f"{prop} was in the air, and not in both hands")
+        return since((carried & ~void).called(f"both arms carry {prop} all the way"), reset=ended)
+
+    # What both have carried over its place and lost there stands where both have brought it.
+    brought = since(carried_from(on_table) & place, reset=on_table | ~place)
+    on_the_way = carried_from(on_table | on_support & brought)
     # Put down beside its place, and pushed there by one arm, it was not brought there by both.
     low = low_over(prop, support, top)
     # Fingers open between two control steps: the object was lower than at the first one.

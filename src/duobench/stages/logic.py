@@ -30,7 +30,7 @@ Words = tuple[str, ...]
 """Statements, one constraint each."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Memory:
     """What a `since` remembers."""
 
@@ -40,7 +40,7 @@ class Memory:
     """What makes it forgotten, if anything does."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Clock:
     """What counts the control steps at which a predicate holds."""
 
@@ -320,6 +320,43 @@ def since(predicate: Predicate, *, reset: Predicate | None = None) -> Since:
     name = f"since {predicate.name}" + ("" if reset is None else f" without {reset.name}")
     parts = (predicate,) if reset is None else (predicate, reset)
     return Since(name, lambda state: memory in state.remembered, parts, memory=memory)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Kept:
+    """A number as it was at the last step at which something held; made by `kept`."""
+
+    bits: tuple[Since, ...]
+    """What is remembered: the binary digits of its whole units, lowest first."""
+    unit: float
+
+    def value(self, state: StateView) -> float:
+        """The number, rounded down to whole units; 0 where nothing has held so far."""
+        return self.unit * sum(2**place for place, bit in enumerate(self.bits) if bit.ask(state))
+
+
+def kept(
+    name: str, number: Callable[[StateView], float], *, when: Predicate, unit: float, most: float
+) -> Kept:
+    """A number as it was at the last step at which `when` held, kept in memories of `since`.
+
+    What asks for its value has its bits among its parts.
+
+    Args:
+        name: What it is, for messages.
+        number: The number, at least 0; it takes many simulations at once.
+        when: When it is looked at.
+        unit: What it is rounded to.
+        most: What it is below.
+    """
+
+    def bit(place: int) -> Since:
+        digit = leaf(
+            f"digit {place} of {name}", lambda state: number(state) / unit // 2**place % 2 >= 1
+        )
+        return since(when & digit, reset=when & ~digit)
+
+    return Kept(bits=tuple(map(bit, range(int(most / unit).bit_length()))), unit=unit)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False, repr=False)

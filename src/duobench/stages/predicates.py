@@ -27,6 +27,9 @@ USUAL_WAY = 0.1
 near; for rewards alone."""
 LIFTED_HEIGHT = 0.010
 """How far a lifted object is raised at least, in metres [task definitions]."""
+SHUTTING_MOMENT = 2.0
+"""Moment in N·m about a hinge from which on an arm turns a lid or a door shut: 14 N at the end of
+the chest's lid, 6 N at the bar of the microwave's door."""
 FLICKER_SECONDS = 0.1
 """From which time on a contact that is lost is lost for good, and one that should not be is no
 graze: three control steps. Fingers that let go and close again take longer; when an arm jerks,
@@ -121,9 +124,23 @@ def backs(arm: Side, lid: str, distance: float) -> Predicate:
 
     def test(state: StateView) -> bool:
         sim = state.simulation
-        return sim.contacts.backs(arm, lid, sim.hinge_axis(lid), distance)
+        return any(sim.contacts.behind(arm, lid, sim.hinge_axis(lid), distance))
 
     return Predicate(f"{arm} is within {distance * 1000:.0f} mm behind {lid}", test)
+
+
+@shared
+def shuts(arm: Side, lid: str) -> Predicate:
+    """That arm turns a lid or a door shut, which something else keeps open.
+
+    All its contacts together have a moment about the hinge below minus `SHUTTING_MOMENT`.
+    """
+
+    def test(state: StateView) -> bool:
+        sim = state.simulation
+        return sim.contacts.moment(arm, lid, sim.hinge_axis(lid)) < -SHUTTING_MOMENT
+
+    return Predicate(f"{arm} turns {lid} shut", test)
 
 
 @shared

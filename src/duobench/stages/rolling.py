@@ -1,9 +1,20 @@
 """A ball on a board that is tilted in the air: what counts as its way from a start to a goal."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
-from duobench.stages.logic import Predicate, StateView, all_of, any_of, held_for, leaf, since
+from duobench.spatial import hypot
+from duobench.stages.logic import (
+    Predicate,
+    StateView,
+    all_of,
+    any_of,
+    held_for,
+    kept,
+    leaf,
+    since,
+)
 from duobench.stages.placing import REST_SECONDS
 from duobench.stages.predicates import (
     BoxRegion,
@@ -25,6 +36,11 @@ REGRASP_SECONDS = 0.4
 """How long one of the two grasps may be lost while the other hand holds the board in the air, in
 seconds, where the ball is in the same cell when both have it again: 0.3 [task definitions], and 0.1
 in which fingers that are told to close do so."""
+MOST_MOVED = 0.005
+"""How far from where the ball came to lie it may be when both hands have a board up again that was
+let down, in metres [task definitions]."""
+PLACE_UNIT = 0.001
+"""How exactly it is known where that was, in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -67,8 +83,9 @@ def rolling(
 ) -> Rolling:
     """The predicates for a ball and a board.
 
-    The way is spoilt where the ball hops or leaves the board, where any part of the robot touches
-    it, and where it rolls although the board is not held up in both hands, but for a moment.
+    The way is spoilt where the ball hops or leaves the board, and where any part of the robot
+    touches it. A board that slipped, or was let down, for however long, goes on where both hands
+    have it up again with the ball in the same cell, where it came to lie.
 
     Args:
         ball: The ball.
@@ -88,21 +105,43 @@ def rolling(
     step = 1 / CONTROL_HZ
     dropped = held_for(~lifted, SLIP_SECONDS + step)
     dropped = dropped.called(f"{board} is not held up by both arms")
-    # In one hand still, the ball may roll for a moment more, if it comes to no other cell.
+    # In one hand still, the ball may roll for a moment more.
     let_down = any_of(
         held_for(~(in_air & grasped_by_any(board)), SLIP_SECONDS + step),
         held_for(~lifted, REGRASP_SECONDS + step),
     )
-    off_track = (let_down & rolls).called(f"{ball} rolls while {board} is not held up by both arms")
+    lain = since(
+        held_for((dropped & ~rolls).called(f"{ball} lies still"), SLIP_SECONDS), reset=lifted
+    )
+    side = room.high[0] - room.low[0]
+    ways = [partial(_from_corner, ball, room, axis) for axis in (0, 1)]
+
+    def strayed(when: Predicate, unit: float, far: Callable[[float, float], bool]) -> Predicate:
+        """The ball is far from where it was, in whole units, when something last held."""
+        places = [kept(f"place of {ball}", way, when=when, unit=unit, most=side) for way in ways]
+        bits = tuple(bit for place in places for bit in place.bits)
+
+        def test(state: StateView) -> bool:
+            x, y = (way(state) - at.value(state) for way, at in zip(ways, places, strict=True))
+            return far(x, y)
+
+        return Predicate(f"{ball} has strayed", test, bits)
+
+    pitch, middle = side / cells, PLACE_UNIT / 2
+    in_other_cell = strayed(lifted, pitch, lambda x, y: not 0.0 <= min(x, y) <= max(x, y) < pitch)
+    moved = strayed(
+        dropped & ~lain, PLACE_UNIT, lambda x, y: hypot(x - middle, y - middle) > MOST_MOVED
+    )
+    after = f"while {board} was not held up by both arms"
     elsewhere = all_of(
-        lifted, since(dropped, reset=lifted), _in_another_cell(ball, room, cells, lifted)
+        lifted,
+        since(dropped, reset=lifted),
+        any_of(
+            in_other_cell.called(f"{ball} came to another cell {after}"),
+            all_of(since(let_down, reset=lifted), ~lain | moved).called(f"{ball} rolled {after}"),
+        ),
     )
-    spoilt = any_of(
-        ~inside(ball, room),
-        *(arm_touches(side, ball) for side in SIDES),
-        off_track,
-        elsewhere.called(f"{ball} came to another cell while {board} was not held up by both arms"),
-    )
+    spoilt = any_of(~inside(ball, room), *(arm_touches(side, ball) for side in SIDES), elsewhere)
     start = (lifted & at_start).called(f"{ball} is at the start on the lifted {board}")
     begun = since(start, reset=spoilt)
     left = all_of(lifted, ~spoilt, ~at_start, begun).called(f"{ball} rolls away from the start")
@@ -116,20 +155,6 @@ def rolling(
     )
 
 
-def _in_another_cell(ball: str, room: BoxRegion, cells: int, lifted: Predicate) -> Predicate:
-    """The ball is in another row or column than at the last step at which the board was lifted."""
-
-    def band(axis: int, number: int) -> Predicate:
-        pitch = (room.high[axis] - room.low[axis]) / cells
-        edge = room.low[axis] + number * pitch
-
-        def test(state: StateView) -> bool:
-            at = state.relative_position(ball, room.body)[axis]
-            return (edge <= at) & (at < edge + pitch)
-
-        name = f"{ball} is in {'column' if axis == 0 else 'row'} {number}"
-        return leaf(name, test)
-
-    bands = [band(axis, number) for axis in (0, 1) for number in range(cells)]
-    left = (~here & since(lifted & here, reset=lifted & ~here) for here in bands)
-    return any_of(*left)
+def _from_corner(ball: str, room: BoxRegion, axis: int, state: StateView) -> float:
+    """How far along an axis the ball is from the lowest corner of the room, in metres."""
+    return state.relative_position(ball, room.body)[axis] - room.low[axis]

@@ -7,17 +7,29 @@ it belongs. What happens to the lid after that is free.
 
 To hold is to support: a contact that pushes towards open, or a grasp. A touch is none. A finger
 that rests behind a door without load, while the other arm pushes, cannot be told from one that
-bears it.
+bears it. An arm that turns the lid further shut than it held it, while the other one keeps it open,
+holds nothing.
 
-A hand that goes in may brush the lid, and a lid may lie on it for a while, as long as the other
-hand stays where the lid would turn onto it: who holds it shows when the first hand is gone. If the
-lid has not shut in between and still does not shut, the other arm held it.
+A hand that goes in may brush the lid, push it further open, or bear it for a while, as long as the
+other hand stays where it held the lid, which would turn onto it: who holds it shows when the first
+hand is gone. If the lid has not shut in between and still does not shut, the other arm held it.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from duobench.stages.logic import Predicate, all_of, any_of, held_for, since
+from duobench.stages.logic import (
+    Kept,
+    Predicate,
+    Since,
+    StateView,
+    all_of,
+    any_of,
+    held_for,
+    kept,
+    since,
+)
 from duobench.stages.placing import put
 from duobench.stages.predicates import (
     FLICKER_SECONDS,
@@ -27,6 +39,7 @@ from duobench.stages.predicates import (
     grasped_by_any,
     hinge_open,
     lifted,
+    shuts,
     supports,
     touching,
 )
@@ -36,10 +49,17 @@ UNSUPPORTED_SECONDS = 0.6
 """For how long a lid or door that is open needs support: thrown open by any speed,
 none of them stays open so long by itself (at most 0.5 s). The supporting arm may lose it for as
 long, as fingers do that slip along it."""
-RELIEVED_SECONDS, BACKED_SECONDS = 1.0, 4.5
+RELIEVED_SECONDS = 1.0
 """For how long in all the other arm may bear the lid in the supporting one's stead, in seconds,
-since the latter was last seen to hold it alone: with that one away, and with it right behind the
-lid. Sincere hands that lean on a lid, slowly, bear it for up to 4.0 s (measured)."""
+since the latter was last seen to hold it alone: with that one away from where it held the lid."""
+NEAR = 0.015
+"""How far in metres the supporting hand may be from where it held the lid for as long as it likes,
+while the lid lies on the bringing arm or is pushed further open by it."""
+SHUT_SECONDS = 0.5
+"""For how long in all the supporting arm may turn the lid shut while the bringing one keeps it
+open, in seconds, since it was last seen to hold it alone [task definitions]."""
+ANGLE_UNIT = 0.025
+"""How exactly it is known at which angle an arm held the lid, in radians."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -104,6 +124,35 @@ def support(
     void = {
         side: ~is_open | held_for(arm_touches(side.other, prop), FLICKER_SECONDS) for side in SIDES
     }
+    # Not an arm that has been away from where it held the lid, or that has pulled it from there,
+    # which is measured only once it matters.
+    robbed: dict[Side, Since] = {}
+    gone: dict[Side, Predicate] = {}
+    for side in SIDES:
+        begun, holder = since(supported[side]), side.other
+        held_at = kept(
+            f"the angle at which {holder} held {lid}",
+            lambda state: state.simulation.angle(lid),
+            when=supported[side],
+            unit=ANGLE_UNIT,
+            most=math.pi,
+        )
+        pulled = all_of(begun, grazed[side], shuts(holder, lid))
+        shut = held_for(pulled, SHUT_SECONDS, reset=supported[side])
+        robbed[side] = since(
+            all_of(shut, pulled, _shut_from(held_at, lid)), reset=supported[side] & ~there
+        ).called(f"{holder} has turned {lid} shut")
+        idle = begun & ~bears[side]
+        beyond = (idle & ~backs(holder, lid, backing)) if backing else idle
+        away = (idle & ~_near(holder, lid, held_at, backing)) if backing else idle
+        gone[side] = any_of(
+            held_for(beyond.called(f"{holder} is away from {lid}"), UNSUPPORTED_SECONDS),
+            held_for(
+                away.called(f"{holder} is not where it held {lid}"),
+                RELIEVED_SECONDS,
+                reset=supported[side],
+            ),
+        )
     lost = {
         side: any_of(
             void[side],
@@ -112,19 +161,7 @@ def support(
         )
         for side in SIDES
     }
-    # With the object at its goal, the lid shows who holds it: not an arm that has been away, which
-    # is measured only once it matters.
-    gone: dict[Side, Predicate] = {}
-    for side in SIDES:
-        idle = since(supported[side]) & ~bears[side]
-        away = (idle & ~backs(side.other, lid, backing)) if backing else idle
-        away = away.called(f"{side.other} is away from {lid}")
-        relieved = (idle & grazed[side]).called(f"{side} bears {lid} in place of {side.other}")
-        gone[side] = any_of(
-            held_for(away, UNSUPPORTED_SECONDS),
-            held_for(away, RELIEVED_SECONDS, reset=supported[side]),
-            held_for(relieved, BACKED_SECONDS, reset=supported[side]),
-        )
+    # With the object at its goal, the lid shows who holds it.
     shown = {
         side: all_of(
             bears[side],
@@ -136,6 +173,7 @@ def support(
     delivered_by = (
         all_of(
             put(prop, there, side, again=again),
+            ~robbed[side],
             since(supported[side], reset=lost[side]).called(
                 f"{side.other} has held {lid} open all the way"
             )
@@ -153,6 +191,7 @@ def support(
     upheld = (
         all_of(
             grasped(side, prop) | put(prop, there, side, again=again),
+            ~robbed[side],
             supported[side] | since(supported[side], reset=void[side]),
         )
         for side in SIDES
@@ -161,4 +200,25 @@ def support(
         supported=any_of(*supported.values()),
         upheld=any_of(*upheld, delivered),
         delivered=delivered,
+    )
+
+
+def _near(holder: Side, lid: str, held_at: Kept, backing: float) -> Predicate:
+    """The hand is nearly where it held the lid, which may have been pushed further open."""
+
+    def test(state: StateView) -> bool:
+        sim = state.simulation
+        turned = max(0.0, sim.angle(lid) - held_at.value(state))
+        gaps = sim.contacts.behind(holder, lid, sim.hinge_axis(lid), backing)
+        return any(gap <= NEAR + turned * radius for gap, radius in gaps)
+
+    return Predicate(f"{holder} is where it held {lid}", test, held_at.bits)
+
+
+def _shut_from(held_at: Kept, lid: str) -> Predicate:
+    """The lid is further shut than it was held."""
+    return Predicate(
+        f"{lid} is further shut than it was held",
+        lambda state: state.simulation.angle(lid) < held_at.value(state),
+        held_at.bits,
     )

@@ -2,7 +2,7 @@
 
 Task:
     A beam goes across a small red cube, and two blocks onto the ends of the beam, together. With
-    the beam's middle on the cube's, one block alone tips it; 10 mm off it does not, therefore the
+    the beam's middle on the cube's, one block alone tips it; 10 mm off it need not, therefore the
     rule asks for both at once.
 
 Randomization:
@@ -12,7 +12,8 @@ Randomization:
 Success:
     Both blocks stand on the ends of the level beam, the beam on the cube, all let go and still for
     half a second, after each arm had its block in hand until both were on or little above the beam,
-    where they came within 1.5 s of each other.
+    where they came within 1.5 s of each other; one that hops came when it first touched, unless it
+    was away for a second.
 """
 
 import math
@@ -125,7 +126,7 @@ TASK = Task(
             stays=_GRASPED | _ONCE_LOADED,
         ),
         Stage(
-            name="both blocks are on the beam, brought together",
+            name="both blocks are held at their places on the beam, at most 12 mm above it",
             instruction="Put both blocks upright onto the ends of the beam at the same time.",
             holds=_LOADED,
             stays=_ONCE_LOADED,

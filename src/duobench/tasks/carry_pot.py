@@ -13,6 +13,7 @@ Success:
 """
 
 import math
+from math import inf
 
 from duobench.objects.pot import HEIGHT, PLATE, pot, stove_plate
 from duobench.objects.prop import Prop
@@ -50,10 +51,9 @@ ACROSS = math.pi / 2
 
 
 def _over_plate(more: float = 0.0) -> Predicate:
-    """The pot's centre is near the plate's, `more` metres further away at most."""
+    """The pot's centre is above the plate and near its, `more` metres further away at most."""
     x, y = (limit + more for limit in OFF_CENTRE)
-    low, high = PLATE[2], PLATE[2] + HEIGHT
-    return inside("pot", BoxRegion(body="stove", low=(-x, -y, low), high=(x, y, high)))
+    return inside("pot", BoxRegion(body="stove", low=(-x, -y, PLATE[2]), high=(x, y, inf)))
 
 
 _ON_PLATE = _over_plate()
