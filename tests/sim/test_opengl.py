@@ -12,7 +12,7 @@ import pytest
 
 from duobench.errors import RenderingError
 from duobench.sim import opengl
-from duobench.sim.opengl import ASKED, CHOSEN, RenderingInfo, RenderThread, choose, probe
+from duobench.sim.opengl import ASKED, CHOSEN, DEVICE, RenderingInfo, choose, probe
 from tests.children import ran
 
 VARIABLES = (ASKED, CHOSEN, "PYOPENGL_PLATFORM")
@@ -162,78 +162,3 @@ def test_a_backend_that_was_asked_for_and_does_not_work_says_so(tmp_path: Path) 
     message = described(MUJOCO_GL="egl", __EGL_VENDOR_LIBRARY_DIRS=str(tmp_path))
     assert "The OpenGL backend 'egl' does not work here" in message
     assert "libegl1" in message
-
-
-def test_a_thread_hands_back_what_a_job_returns_or_raises() -> None:
-    thread = RenderThread()
-    where = thread.call(threading.get_ident)
-    assert where != threading.get_ident()
-    assert thread.call(threading.get_ident) == where
-    # A time-out of the job itself is none of the thread.
-    for error in (KeyError("lost"), TimeoutError("of the job itself")):
-        with pytest.raises(type(error), match=str(error.args[0])):
-            thread.call(lambda error=error: raised(error))
-    assert thread.call(lambda: 7) == 7
-    thread.finish()
-
-
-def raised(error: Exception) -> None:
-    raise error
-
-
-def test_a_caller_stops_waiting_for_a_job_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opengl, "FRAME_TIMEOUT_S", 0.2)
-    thread, never = RenderThread(), threading.Event()
-    with pytest.raises(RenderingError, match=r"within 0\.2 s.*MUJOCO_GL=osmesa"):
-        thread.call(never.wait)
-    ran = []
-    with pytest.raises(RenderingError, match="hangs"):
-        thread.call(lambda: ran.append(1))
-    never.set()
-    thread.finish()
-    assert not ran
-
-
-def test_a_hung_thread_does_not_keep_a_process_alive() -> None:
-    outcome = run_python(
-        """
-        import threading
-        from duobench.errors import RenderingError
-        from duobench.sim import opengl
-        opengl.FRAME_TIMEOUT_S = 0.1
-        try:
-            opengl.RenderThread().call(threading.Event().wait)
-        except RenderingError:
-            print("given up")
-        """
-    )
-    assert (outcome.returncode, outcome.stdout) == (0, "given up\n"), outcome.stderr
-
-
-@pytest.mark.parametrize("broken", [False, True], ids=["", "broken"])
-def test_the_library_of_triton_comes_before_opengl_and_may_be_broken(
-    tmp_path: Path, broken: bool
-) -> None:
-    library = tmp_path / "triton" / "_C" / "libtriton.so"
-    library.parent.mkdir(parents=True)
-    library.write_bytes(b"" if broken else Path(msgspec._core.__file__).read_bytes())
-    (tmp_path / "triton" / "__init__.py").write_text("raise ImportError('only its library')")
-    outcome = run_python(
-        """
-        import sys
-        opened = []
-        sys.addaudithook(
-            lambda event, words: opened.append(str(words[0])) if event == "ctypes.dlopen" else None
-        )
-        from duobench.sim.rendering import describe
-        from duobench.sim.opengl import load_triton
-        describe()
-        names = [path.rpartition("/")[2] for path in opened]
-        gl = next(n for n, name in enumerate(names) if name.startswith(("libEGL", "libOSMesa")))
-        print("libtriton.so" in names[:gl], load_triton())
-        """,
-        PYTHONPATH=os.pathsep.join([str(tmp_path), *sys.path]),
-    )
-    assert outcome.returncode == 0, outcome.stderr
-    words = "cannot be loaded, and PyTorch may" if broken else "loaded apart from OpenGL"
-    assert outcome.stdout.startswith(f"True {words}"), outcome.stderr
