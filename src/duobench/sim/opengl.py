@@ -18,12 +18,14 @@ from importlib import import_module
 from typing import Any, cast
 
 from duobench.errors import RenderingError
-from duobench.machine import OPENGL_PACKAGES, OSMESA_PACKAGES, is_software_renderer
+from duobench.machine import (
+    ASKED,
+    BACKENDS,
+    OPENGL_PACKAGES,
+    OSMESA_PACKAGES,
+    is_software_renderer,
+)
 
-BACKENDS = ("egl", "osmesa")
-"""What renders without a display, best first."""
-ASKED = "MUJOCO_GL"
-"""Environment variable with which people choose a backend, for MuJoCo and for us."""
 CHOSEN = "DUOBENCH_GL"
 """Environment variable that carries the choice to child processes, so that they need not probe."""
 DEVICE = "MUJOCO_EGL_DEVICE_ID"
@@ -103,7 +105,7 @@ def choose(processes: int = 1) -> str:
         if outcome.startswith(DEVICE):
             raise RenderingError(outcome)
         failures += f"\n  {backend}: {outcome}"
-    raise RenderingError(f"No offscreen OpenGL works on this machine:{failures}\n{HELP}")
+    raise RenderingError(f"No offscreen OpenGL works on this machine:{failures}\n{_advice()}")
 
 
 def _asked() -> str:
@@ -190,7 +192,7 @@ def open_context(backend: str, height: int, width: int) -> Any:
         if backend == "egl" and DEVICE in os.environ:
             _check_device(library)
         raise RenderingError(
-            f"The OpenGL backend {backend!r} does not work here: {in_words(error)}\n{HELP}"
+            f"The OpenGL backend {backend!r} does not work here: {in_words(error)}\n{_advice()}"
         ) from error
     return context
 
@@ -208,17 +210,18 @@ def _check_device(library: Any) -> None:
     )
 
 
-def in_words(error: BaseException) -> str:
-    """An error in words; PyOpenGL has none of its own for a library that is not there.
+def _advice() -> str:
+    """What to do where nothing renders."""
+    suspects = [f"{name}={os.environ[name]!r}" for name in _SUSPECTS if name in os.environ]
+    first = f"Perhaps because of {', '.join(suspects)}: unset it first.\n" if suspects else ""
+    return first + HELP
 
-    Variables that are set and may be the cause are named.
-    """
-    text = str(error) or type(error).__name__
+
+def in_words(error: BaseException) -> str:
+    """An error in words; PyOpenGL has none of its own for a library that is not there."""
     if isinstance(error, AttributeError):
-        text = f"its library is missing or lacks a function ({error})"
-    if suspects := [f"{name}={os.environ[name]!r}" for name in _SUSPECTS if name in os.environ]:
-        text += f" (perhaps because of {', '.join(suspects)})"
-    return text
+        return f"its library is missing or lacks a function ({error})"
+    return str(error) or type(error).__name__
 
 
 def info_of(backend: str) -> RenderingInfo:
