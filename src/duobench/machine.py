@@ -14,7 +14,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from duobench.errors import DuoBenchError, RenderingError
+from duobench.errors import DuoBenchError
 
 DISTRIBUTION = "duobench-fr3"
 """What pip calls this package once it is installed; no index knows the name yet."""
@@ -24,10 +24,6 @@ OPENGL_PACKAGES = "libegl1 libopengl0 libgl1 libgl1-mesa-dri"
 """Packages of Debian and Ubuntu with which EGL renders offscreen, on a processor too."""
 OSMESA_PACKAGES = "libosmesa6"
 """The same for OSMesa, which always renders on the processor."""
-ASKED = "MUJOCO_GL"
-"""Environment variable with which people choose what renders, for MuJoCo and for us."""
-BACKENDS = ("egl", "osmesa")
-"""What renders without a display, best first: what we take."""
 SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
 """What the names of OpenGL's renderers contain that need no graphics card."""
 FIRST_PYTHON = {"lerobot": (3, 12)}
@@ -68,26 +64,6 @@ def load_extra(module: str, extra: str, needed: str, error: type[DuoBenchError])
         return import_module(module)
     except ImportError as missing:
         raise error(f"{needed} ({missing}). {install_extra(extra)}") from missing
-
-
-def load_engine() -> None:
-    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names.
-
-    Raises:
-        RenderingError: It does not run on this platform, or that library cannot be opened.
-    """
-    if problem := unsupported():
-        raise RenderingError(problem)
-    try:
-        import_module("mujoco")
-    except Exception as error:
-        if not (asked := os.environ.get(ASKED)):
-            raise
-        raise RenderingError(
-            f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to "
-            f"{' or '.join(BACKENDS)}, whichever is installed, or unset it: then one that works is "
-            "found."
-        ) from error
 
 
 def is_software_renderer(renderer: str) -> bool:

@@ -18,7 +18,6 @@ from duobench.envs.episode_wrappers import RandomizedReset, TaskStages, TimeLimi
 from duobench.envs.observation_wrappers import Cameras, FlatObservations, ObjectStates, Sensing
 from duobench.envs.registration import WRAPPERS
 from duobench.errors import OptionError
-from duobench.machine import load_engine
 from duobench.references import load
 from duobench.shifts.levels import level_for
 from duobench.shifts.shift import SENSING
@@ -49,6 +48,8 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
 
 def make_base(task: str | Task, **options: Any) -> SimEnv:
     """The environment of `make_env` without its wrappers."""
+    from duobench.sim.opengl import load_engine
+
     load_engine()
     from duobench.envs.sim_env import SimEnv
 

@@ -9,7 +9,6 @@ import gymnasium as gym
 from gymnasium.envs.registration import EnvSpec, WrapperSpec
 
 from duobench.errors import DuoBenchError, OptionError
-from duobench.machine import load_engine
 from duobench.tasks import catalog
 from duobench.types import as_count
 
@@ -162,6 +161,8 @@ def make_vec(
             f"engine is one of {', '.join(ENGINES)}, and {WARP} takes no threads; got {engine!r}."
         )
     if threads is not None or engine == WARP:
+        from duobench.sim.opengl import load_engine
+
         load_engine()
         from duobench.envs.batch_env import BatchEnv
 

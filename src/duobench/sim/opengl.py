@@ -1,4 +1,4 @@
-"""Offscreen OpenGL: the choice of a library, and its contexts.
+"""Offscreen OpenGL: the choice of a library, and its contexts; MuJoCo, which may load one.
 
 A driver can be missing, crash its process or hang it for good, and a process that has loaded one
 library cannot turn to another. So child processes try the candidates under a time limit, and
@@ -19,13 +19,16 @@ from typing import Any, cast
 
 from duobench.errors import RenderingError
 from duobench.machine import (
-    ASKED,
-    BACKENDS,
     OPENGL_PACKAGES,
     OSMESA_PACKAGES,
     is_software_renderer,
+    unsupported,
 )
 
+ASKED = "MUJOCO_GL"
+"""Environment variable with which people choose what renders, for MuJoCo and for us."""
+BACKENDS = ("egl", "osmesa")
+"""What renders without a display, best first: what we take."""
 CHOSEN = "DUOBENCH_GL"
 """Environment variable that carries the choice to child processes, so that they need not probe."""
 DEVICE = "MUJOCO_EGL_DEVICE_ID"
@@ -68,6 +71,26 @@ class RenderingInfo:
     version: str
     software: bool
     """Whether the processor renders instead of a graphics card."""
+
+
+def load_engine() -> None:
+    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names.
+
+    Raises:
+        RenderingError: It does not run on this platform, or that library cannot be opened.
+    """
+    if problem := unsupported():
+        raise RenderingError(problem)
+    try:
+        import_module("mujoco")
+    except Exception as error:
+        if not (asked := os.environ.get(ASKED)):
+            raise
+        raise RenderingError(
+            f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to "
+            f"{' or '.join(BACKENDS)}, whichever is installed, or unset it: then one that works is "
+            "found."
+        ) from error
 
 
 def choose(processes: int = 1) -> str:

@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from types import FrameType
 from typing import NoReturn
 
-from duobench.machine import load_engine  # noqa: F401 - with which a verb begins
+from duobench.sim.opengl import load_engine  # noqa: F401 - with which a verb begins
 
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
