@@ -165,7 +165,7 @@ class RenderingProcess:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", code],
                 env=child_environment(backend),
-                stdin=theirs,
+                stdin=theirs.fileno(),
                 stdout=subprocess.DEVNULL,
             )
         except OSError as error:
