@@ -149,29 +149,29 @@ class RenderingProcess:
 
     def __init__(self, backend: str) -> None:
         code = f"import sys; sys.path[:] = {sys.path!r}; "
+        code += "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "  # the parent's
         code += "from duobench.sim.rendering_process import serve; "
         code += f"serve({backend!r}, {os.getpid()})"
         self.backend = backend
         self._lock = threading.Lock()
         self._freed: deque[int] = deque()
         self._last = 0
-        ours, theirs = socket.socketpair(type=socket.SOCK_SEQPACKET)
-        ours.settimeout(_SLICE_S)
-        memory = os.memfd_create("duobench-images")
-        os.ftruncate(memory, ROOM)
-        socket.send_fds(ours, [b"memory"], [memory])
-        self._channel = _Channel(ours, memory)
         try:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", code],
-                env=child_environment(backend),
-                stdin=theirs.fileno(),
-                stdout=subprocess.DEVNULL,
-            )
-        except OSError as error:
+            ours, theirs = socket.socketpair(type=socket.SOCK_SEQPACKET)
+            with theirs:
+                ours.settimeout(_SLICE_S)
+                memory = os.memfd_create("duobench-images")
+                os.ftruncate(memory, ROOM)
+                socket.send_fds(ours, [b"memory"], [memory])
+                self._channel = _Channel(ours, memory)
+                self._process = subprocess.Popen(
+                    [sys.executable, "-c", code],
+                    env=child_environment(backend),
+                    stdin=theirs.fileno(),
+                    stdout=subprocess.DEVNULL,
+                )
+        except (OSError, AttributeError) as error:  # not on Linux, there is no such memory
             raise RenderingError(f"No process could be started to render: {error}.") from error
-        finally:
-            theirs.close()
         try:
             self.info: RenderingInfo = self.ask("info")
         except BaseException:
@@ -276,14 +276,17 @@ def _end_own() -> None:
 
 def serve(backend: str, parent: int) -> None:
     """Render what the parent asks for over the standard input: the process itself."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
     watch_parent(parent, lambda: os._exit(1))
-    connection = socket.socket(fileno=sys.stdin.fileno())
+    connection = socket.socket(fileno=0)
     _, (memory,), _, _ = socket.recv_fds(connection, _HEAD, 1)
     channel, served = _Channel(connection, memory), _Served(backend)
     with suppress(EOFError, OSError):
         while True:
-            channel.send(served.answer(*channel.receive()))
+            answer = served.answer(*channel.receive())
+            try:
+                channel.send(answer)
+            except RenderingError as error:
+                channel.send(error)
     os._exit(0)  # drivers have crashed while a process that had rendered was taken down
 
 
