@@ -316,3 +316,50 @@ def test_environments_are_made_where_underflow_is_an_error() -> None:
 def test_no_environments_are_not_several(number: Any) -> None:
     with pytest.raises(OptionError, match="num_envs is a whole number from 1 on"):
         duobench.make_vec("bin_sort", num_envs=number)
+
+
+KINDS: dict[str, Callable[[], Any]] = {
+    "usual": lambda: duobench.make(TASK, image_size=32, render_mode="rgb_array"),
+    "blind": lambda: duobench.make(TASK, cameras=False, render_mode="rgb_array"),
+    "chunks": lambda: duobench.make(
+        TASK, cameras=False, render_mode="rgb_array", chunk=3, action_mode="cartesian"
+    ),
+    "flat and shifted": lambda: duobench.make(
+        TASK, image_size=32, render_mode="rgb_array", flat_obs=True, shift="sensing-1"
+    ),
+    "one after the other": lambda: duobench.make_vec(
+        TASK, 2, cameras=False, render_mode="rgb_array"
+    ),
+    "threads": lambda: duobench.make_vec(
+        TASK, 2, threads=2, cameras=False, render_mode="rgb_array"
+    ),
+}
+
+
+@pytest.mark.parametrize("is_over", [False, True], ids=["running", "over"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_closed_environment_says_that_it_is_closed(kind: str, is_over: bool) -> None:
+    env = KINDS[kind]()
+    env.reset(seed=0)
+    action = env.action_space.sample()
+    calls: dict[str, Callable[[], Any]] = {
+        "step": lambda: env.step(action),
+        "reset": lambda: env.reset(seed=0),
+        "render": env.render,
+    }
+    if isinstance(env, gym.Env):
+        state = env.get_wrapper_attr("save_state")()
+        calls |= {
+            "save_state": env.get_wrapper_attr("save_state"),
+            "restore_state": lambda: env.get_wrapper_attr("restore_state")(state),
+            "state_hash": env.get_wrapper_attr("state_hash"),
+            "of the base": env.unwrapped.reset,
+        }
+        if is_over:
+            env.get_wrapper_attr("play_on")(1)
+            env.step(action)
+    env.close()
+    env.close()
+    for call in calls.values():
+        with pytest.raises(DuoBenchError, match="This environment was closed; make a new one"):
+            call()

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,13 +15,13 @@ import pytest
 from duobench.errors import BackendError, UnknownNameError
 from duobench.hardware.clock import PacedClock, VirtualClock
 from duobench.hardware.devices import FaultKind
-from duobench.hardware.drivers.rehearsal import RehearsalCamera
 from duobench.hardware.duo import FrankaDuo
 from duobench.hardware.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
 from duobench.hardware.rehearsal import HAND_M, HAND_RAD, MAX_BEHIND_S, STEP_S, RehearsalWorld
 from duobench.hardware.rig import JOINT_TORQUES
 from duobench.hardware.supervisor import State
 from duobench.robot.joints import HOME_JOINTS
+from duobench.sim import rendering_process
 from duobench.sim.rendering import Renderer
 from duobench.spatial import SE3
 from duobench.tasks import catalog
@@ -366,7 +366,9 @@ def test_physics_that_fails_is_a_fault_of_ours(duo: FrankaDuo) -> None:
 # --- cameras -------------------------------------------------------------------------------------
 
 
-def test_cameras_see_the_world_from_a_process_of_their_own() -> None:
+def test_cameras_see_the_world_from_a_process_of_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     with rehearsal(cameras=True) as duo:
         duo.place(TASK, LAYOUT)
         wait(duo, 0.2)
@@ -380,12 +382,14 @@ def test_cameras_see_the_world_from_a_process_of_their_own() -> None:
         off = np.abs(frames[HEAD].image.astype(int) - wanted.astype(int))
         assert off.mean() < 0.5, "objects rest, so that the image is that of this moment"
         assert max(duo.image_ages().values()) < 0.05
-        camera = cast("RehearsalCamera", duo.cameras[HEAD])
-        assert camera._views._process is not None
-        camera._views._process.process.kill()
+        rendering_process.current().end()
+        wait(duo, 0.5)
+        assert duo.fault is None, "a new process renders"
+        monkeypatch.setenv("MUJOCO_GL", "off")
+        rendering_process.current().end()
         wait(duo, 1.0)
         assert duo.fault is not None
-        assert "has ended" in duo.fault.text
+        assert "cannot be rendered: Rendering is switched off by MUJOCO_GL=off" in duo.fault.text
 
 
 # --- time for people -----------------------------------------------------------------------------

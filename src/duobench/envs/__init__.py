@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from duobench.envs.batch_env import BatchEnv as BatchEnv
     from duobench.envs.config import EnvConfig as EnvConfig
     from duobench.envs.duo_env import (
+        ClosedEnvError as ClosedEnvError,
         DuoEnv as DuoEnv,
         DuoWrapper as DuoWrapper,
         ResetNeededError as ResetNeededError,

@@ -30,7 +30,13 @@ from duobench.envs.config import (
     checked_reset_options,
     checked_seed,
 )
-from duobench.envs.duo_env import ROUNDING, Info, Observation, ResetNeededError
+from duobench.envs.duo_env import (
+    ROUNDING,
+    ClosedEnvError,
+    Info,
+    Observation,
+    ResetNeededError,
+)
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.episode_wrappers import SEEDS
 from duobench.envs.observation_wrappers import PIXELS, flat_entries
@@ -150,6 +156,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             seed: Seeds episode i with `seed` + i, or one seed for each.
             options: See the class; errors are those of `SimEnv`.
         """
+        ClosedEnvError.check(self.closed)
         given = checked_reset_options(options, (*OF_SIMULATION, RESET_MASK, STATES))
         count, seeds = self.num_envs, seed
         if isinstance(seeds, np.ndarray) and not seeds.ndim:  # a number of NumPy
@@ -233,6 +240,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             ResetNeededError: There was no reset yet, or one of what is over is missing.
             SimulationError: The physics of some episodes became invalid; reset all.
         """
+        ClosedEnvError.check(self.closed)
         if not self._starts:
             raise ResetNeededError("No episode is running; call reset first.")
         if self._is_over.any() and self.autoreset_mode is AutoresetMode.DISABLED:
@@ -339,6 +347,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
 
     def save_state(self, number: int) -> EpisodeState:
         """The whole state of one of the episodes; an environment of `make` takes it as well."""
+        ClosedEnvError.check(self.closed)
         if not self._starts:
             raise ResetNeededError("There is no state before the first reset; call reset first.")
         if not isinstance(number, SupportsIndex) or not 0 <= number < self.num_envs:
@@ -354,6 +363,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
 
     def render(self) -> tuple[Any, ...]:
         """What `render` of each episode gives."""
+        ClosedEnvError.check(self.closed)
         if not self._starts:
             raise ResetNeededError(
                 "There is nothing to see before the first reset; call reset first."

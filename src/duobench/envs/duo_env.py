@@ -44,6 +44,16 @@ class ResetNeededError(DuoBenchError, gym.error.ResetNeeded):
     """A step outside an episode: before the first reset, or after the last step."""
 
 
+class ClosedEnvError(DuoBenchError, gym.error.ClosedEnvironmentError):
+    """A call of an environment that was closed before."""
+
+    @classmethod
+    def check(cls, is_closed: bool) -> None:
+        """Raise it if an environment is closed."""
+        if is_closed:
+            raise cls("This environment was closed; make a new one.")
+
+
 class DuoEnv(gym.Env[Observation, Any]):
     """Joint targets in, proprioception out.
 
@@ -87,6 +97,8 @@ class DuoEnv(gym.Env[Observation, Any]):
         self.config: EnvConfig | None = None
         """What was chosen about the environment; None where wrappers were put together by hand."""
         self._instruction = task.instruction
+        self.closed = False
+        """Whether `close` was called."""
         self._running = False
         self._limits = backend.limits
         self._sent = backend.last_command.flat
@@ -128,7 +140,9 @@ class DuoEnv(gym.Env[Observation, Any]):
         Raises:
             OptionError: The seed is no whole number from 0 on, or the options are no dict.
             BackendError: The arms cannot get home.
+            ClosedEnvError: The environment was closed; so do the other methods.
         """
+        ClosedEnvError.check(self.closed)
         options = checked_reset_options(options)
         super().reset(seed=checked_seed(seed))
         self._running = False
@@ -161,6 +175,7 @@ class DuoEnv(gym.Env[Observation, Any]):
             ResetNeededError: No episode is running.
             BackendError: The arms cannot go on; the episode is over.
         """
+        ClosedEnvError.check(self.closed)
         if not self._running:
             raise ResetNeededError("No episode is running; call reset first.")
         targets = self.check_action(action)
@@ -204,6 +219,7 @@ class DuoEnv(gym.Env[Observation, Any]):
 
     def close(self) -> None:
         """Stop the arms and let go of them; closing twice is harmless."""
+        self.closed = True
         self.backend.stop()
         self.backend.close()
 

@@ -15,6 +15,7 @@ from duobench.envs.config import (
     checked_seed,
 )
 from duobench.envs.duo_env import (
+    ClosedEnvError,
     DuoWrapper,
     Info,
     ResetNeededError,
@@ -302,6 +303,7 @@ class TimeLimit(DuoWrapper):
     def step(self, action: Any) -> Transition:
         """Advance one control step; the last one of the horizon is truncated."""
         if self._over:
+            ClosedEnvError.check(self.base.closed)
             raise ResetNeededError("The episode is over; call reset to begin another one.")
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1

@@ -48,6 +48,9 @@ def make_env(task: str | Task, **options: Any) -> gym.Env:
 
 def make_base(task: str | Task, **options: Any) -> SimEnv:
     """The environment of `make_env` without its wrappers."""
+    from duobench.sim.opengl import load_engine
+
+    load_engine()
     from duobench.envs.sim_env import SimEnv
 
     config = EnvConfig.from_options(options)

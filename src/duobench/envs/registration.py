@@ -161,6 +161,9 @@ def make_vec(
             f"engine is one of {', '.join(ENGINES)}, and {WARP} takes no threads; got {engine!r}."
         )
     if threads is not None or engine == WARP:
+        from duobench.sim.opengl import load_engine
+
+        load_engine()
         from duobench.envs.batch_env import BatchEnv
 
         given = vector_kwargs or {}

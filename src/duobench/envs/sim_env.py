@@ -20,7 +20,14 @@ from duobench.envs.config import (
     checked_reset_options,
     checked_seed,
 )
-from duobench.envs.duo_env import DuoEnv, Info, ResetNeededError, Start, base_of
+from duobench.envs.duo_env import (
+    ClosedEnvError,
+    DuoEnv,
+    Info,
+    ResetNeededError,
+    Start,
+    base_of,
+)
 from duobench.envs.episode_state import EpisodeState
 from duobench.errors import DuoBenchError, LayoutError, UnknownNameError
 from duobench.looks.catalog import DEFAULT, as_look
@@ -185,6 +192,7 @@ class SimEnv(DuoEnv):
 
     def save_state(self) -> EpisodeState:
         """The whole state of the running episode, of this environment and its wrappers."""
+        ClosedEnvError.check(self.closed)
         return EpisodeState(
             layout=self.layout,
             physics=self.simulation.get_state(),
@@ -207,6 +215,7 @@ class SimEnv(DuoEnv):
             LayoutError: The state is that of another task.
             SimulationError: The state was saved by another task or version.
         """
+        ClosedEnvError.check(self.closed)
         self._running = False
         own = self._instruct(state.layout)
         instruction = own if state.instruction is None else state.instruction
@@ -227,6 +236,7 @@ class SimEnv(DuoEnv):
             DuoBenchError: The environment was made without a render mode.
             ResetNeededError: There was no reset yet.
         """
+        ClosedEnvError.check(self.closed)
         if self.render_mode is None:
             raise DuoBenchError(
                 'This environment was made without images; make it with render_mode="rgb_array".'

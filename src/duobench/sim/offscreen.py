@@ -1,4 +1,4 @@
-"""Rendering with MuJoCo: what belongs to the OpenGL thread of a `Renderer`."""
+"""Rendering with MuJoCo: what belongs to the process that renders for a `Renderer`."""
 
 import json
 import math
@@ -18,7 +18,7 @@ from duobench.looks import effects
 from duobench.looks.look import MAX_CLUTTER
 from duobench.scene.surfaces import SHADOWLESS_GEOM_GROUP
 from duobench.sim.appearance import Appearance, Texture
-from duobench.sim.opengl import info_of, open_context, reason_of
+from duobench.sim.opengl import in_words, info_of, open_context
 
 VISIBLE_GROUPS = 3
 """Geom groups 0 to 2 are rendered; collision shapes are in group 3."""
@@ -53,7 +53,7 @@ def answer(backend: str, seconds: float) -> None:
     try:
         renderer = OffscreenRenderer(model, 64, 64, 1, backend)
     except RenderingError as error:
-        sys.exit(reason_of(error.__cause__ or error))  # the parent gives the advice, once
+        sys.exit(in_words(error.__cause__ or error))  # the parent gives the advice, once
     deadline = time.monotonic() + seconds
     image = renderer.render(data, {"": 0})[""]
     while time.monotonic() < deadline:
@@ -68,24 +68,22 @@ def answer(backend: str, seconds: float) -> None:
 
 
 class OffscreenRenderer:
-    """What belongs to the thread of a renderer: the context and all that was made with it."""
+    """A context and all that was made with it; the context is current in every call."""
 
     def __init__(
         self, model: mujoco.MjModel, height: int, width: int, samples: int, backend: str
     ) -> None:
         self._model = model
         self._context = open_context(backend, height, width)
-        self.info = info_of(backend)
         try:
+            self.info = info_of(backend)
             self._mujoco_context = mujoco.MjrContext(
                 model, mujoco.mjtFontScale.mjFONTSCALE_50.value
             )
             mujoco.mjr_resizeOffscreen(width, height, self._mujoco_context)
-        except mujoco.FatalError as error:
+        except Exception as error:
             self._context.free()
-            raise RenderingError(
-                f"{self.info.renderer} cannot render the scene: {error}"
-            ) from error
+            raise RenderingError(f"OpenGL cannot render the scene: {in_words(error)}") from error
         self._shadows = self._mujoco_context.shadowFBO, self._mujoco_context.shadowSize
         # A dummy shadow map, for images that use the shadows of the one before.
         mujoco.mjr_addAux(0, _DUMMY_SHADOW_MAP, _DUMMY_SHADOW_MAP, 0, self._mujoco_context)
@@ -105,6 +103,10 @@ class OffscreenRenderer:
         self._pixels = np.empty((height, width, 3), dtype=np.uint8)
         self._offsets = _offsets(samples)
         self._appearance: Appearance | None = None
+
+    def make_current(self) -> None:
+        """Let what is called next use this renderer's context."""
+        self._context.make_current()
 
     def set_appearance(self, appearance: Appearance | None) -> None:
         """Render in a look from now on; None is the model's own."""

@@ -1,44 +1,38 @@
-"""Offscreen OpenGL: the choice of a library, its contexts, and a thread that owns one of them.
+"""Offscreen OpenGL: the choice of a library, and its contexts; MuJoCo, which may load one.
 
 A driver can be missing, crash its process or hang it for good, and a process that has loaded one
-library cannot turn to another. So child processes try the candidates under a time limit, and all
-calls of one context run on one thread, which lets the caller stop waiting.
+library cannot turn to another. So child processes try the candidates under a time limit, and
+contexts are made in child processes only.
 """
 
 import ctypes
 import json
 import logging
 import os
-import queue
-import re
 import subprocess
 import sys
-import threading
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
-from typing import Any, TypeVar, cast
-
-import mujoco
+from typing import Any, cast
 
 from duobench.errors import RenderingError
-from duobench.machine import OPENGL_PACKAGES, OSMESA_PACKAGES, is_software_renderer
+from duobench.machine import (
+    OPENGL_PACKAGES,
+    OSMESA_PACKAGES,
+    is_software_renderer,
+    unsupported,
+)
 
-T = TypeVar("T")
-_Order = tuple[Future[Any], Callable[[], Any]]
-
-BACKENDS = ("egl", "osmesa")
-"""What renders without a display, best first."""
 ASKED = "MUJOCO_GL"
-"""Environment variable with which people choose a backend, for MuJoCo and for us."""
+"""Environment variable with which people choose what renders, for MuJoCo and for us."""
+BACKENDS = ("egl", "osmesa")
+"""What renders without a display, best first: what we take."""
 CHOSEN = "DUOBENCH_GL"
 """Environment variable that carries the choice to child processes, so that they need not probe."""
-FRAME_TIMEOUT_S = 60.0
-"""An image that has not come by then never comes."""
+DEVICE = "MUJOCO_EGL_DEVICE_ID"
+"""Environment variable with which people choose a graphics device for EGL."""
 PROBE_TIMEOUT_S = 30.0
 """A child that has not rendered by then hangs; it needs less than a second on an idle machine."""
 PARALLEL_PROBES = 8
@@ -57,10 +51,13 @@ Set MUJOCO_GL to egl or osmesa to choose without a probe."""
 _AUTOMATIC = ("", "enable", "enabled", "on", "true", "1")
 _OFF = ("disable", "disabled", "off", "false", "0")
 _log = logging.getLogger(__name__)
-_OPENING = threading.Lock()
-"""Held while a context is made: MuJoCo keeps one display for all of a process's."""
-_openers: list[int] = []
-"""Number of the process that first made a context here; a forked child inherits it."""
+_SUSPECTS = (
+    DEVICE,
+    *("__EGL_VENDOR_LIBRARY_FILENAMES", "__EGL_VENDOR_LIBRARY_DIRS", "EGL_PLATFORM"),
+    *("LIBGL_DRIVERS_PATH", "LIBGL_ALWAYS_SOFTWARE", "GALLIUM_DRIVER"),
+    *("MESA_LOADER_DRIVER_OVERRIDE", "MESA_GL_VERSION_OVERRIDE"),
+)
+"""Environment variables that may be why nothing renders; where they are set, it is said."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -76,6 +73,26 @@ class RenderingInfo:
     """Whether the processor renders instead of a graphics card."""
 
 
+def load_engine() -> None:
+    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names.
+
+    Raises:
+        RenderingError: It does not run on this platform, or that library cannot be opened.
+    """
+    if problem := unsupported():
+        raise RenderingError(problem)
+    try:
+        import_module("mujoco")
+    except Exception as error:
+        if not (asked := os.environ.get(ASKED)):
+            raise
+        raise RenderingError(
+            f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to "
+            f"{' or '.join(BACKENDS)}, whichever is installed, or unset it: then one that works is "
+            "found."
+        ) from error
+
+
 def choose(processes: int = 1) -> str:
     """Find a backend that renders (what `MUJOCO_GL` says, or the best), and tell child processes.
 
@@ -87,23 +104,12 @@ def choose(processes: int = 1) -> str:
     than one process will render at the same time, a graphics card has to serve several children at
     once before it is chosen. The first process that finds only software rendering logs it.
     """
-    name = os.environ.get(ASKED, "").lower().strip()
-    if name in _OFF:
-        raise RenderingError(
-            f"Rendering is switched off by {ASKED}={name}; unset it to get images."
-        )
-    if name not in _AUTOMATIC:
-        return name
+    if asked := _asked():
+        return asked
     if (inherited := os.environ.get(CHOSEN, "")) in BACKENDS:
         return inherited
-    bound = os.environ.get("PYOPENGL_PLATFORM", "").lower()
-    if bound not in ("", *BACKENDS):
-        raise RenderingError(
-            f"PYOPENGL_PLATFORM={bound} binds OpenGL to something that cannot render offscreen; "
-            f"unset it, or set it to one of: {', '.join(BACKENDS)}."
-        )
     failures = ""
-    for backend in (bound,) if bound else BACKENDS:
+    for backend in _candidates():
         outcome = probe(backend)
         if isinstance(outcome, RenderingInfo) and not outcome.software and processes > 1:
             parallel = min(processes, PARALLEL_PROBES)
@@ -119,8 +125,33 @@ def choose(processes: int = 1) -> str:
                     backend,
                 )
             return backend
+        if outcome.startswith(DEVICE):
+            raise RenderingError(outcome)
         failures += f"\n  {backend}: {outcome}"
-    raise RenderingError(f"No offscreen OpenGL works on this machine:{failures}\n{HELP}")
+    raise RenderingError(f"No offscreen OpenGL works on this machine:{failures}\n{_advice()}")
+
+
+def _asked() -> str:
+    """What people have chosen; empty where they leave it to us."""
+    name = os.environ.get(ASKED, "").lower().strip()
+    if name in _OFF:
+        raise RenderingError(
+            f"Rendering is switched off by {ASKED}={name}; unset it to get images."
+        )
+    if name not in (*_AUTOMATIC, *BACKENDS):
+        raise RenderingError(
+            f"{ASKED}={name} is nothing that renders without a display; try one of "
+            f"{', '.join(BACKENDS)}, or unset it."
+        )
+    return "" if name in _AUTOMATIC else name
+
+
+def _candidates() -> Sequence[str]:
+    """What is tried, where nobody has chosen."""
+    if DEVICE in os.environ:  # a device of EGL was asked for: nothing else takes its place
+        return BACKENDS[:1]
+    bound = os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    return (bound,) if bound in BACKENDS else BACKENDS
 
 
 def probe(backend: str, *, processes: int = 1, seconds: float = 0.0) -> RenderingInfo | str:
@@ -131,12 +162,19 @@ def probe(backend: str, *, processes: int = 1, seconds: float = 0.0) -> Renderin
     """
     call = f"import sys; sys.path[:] = {sys.path!r}; from duobench.sim import offscreen; "
     call += f"offscreen.answer({backend!r}, {seconds!r})"
-    # With rendering switched off, MuJoCo itself opens no library; `answer` opens the one to try.
-    environment = {**os.environ, ASKED: _OFF[0], "PYOPENGL_PLATFORM": backend}
+    environment = child_environment(backend)
     with ThreadPoolExecutor(processes) as pool:
         outcomes = list(pool.map(_outcome, [call] * processes, [environment] * processes))
     failures = [outcome for outcome in outcomes if isinstance(outcome, str)]
     return failures[0] if failures else outcomes[0]
+
+
+def child_environment(backend: str) -> dict[str, str]:
+    """Variables of a child process that renders with a backend.
+
+    With rendering switched off, MuJoCo itself opens no library.
+    """
+    return {**os.environ, ASKED: _OFF[0], "PYOPENGL_PLATFORM": backend}
 
 
 def _outcome(call: str, environment: dict[str, str]) -> RenderingInfo | str:
@@ -162,45 +200,51 @@ def _outcome(call: str, environment: dict[str, str]) -> RenderingInfo | str:
 
 
 def open_context(backend: str, height: int, width: int) -> Any:
-    """Make an OpenGL context and make it current on the calling thread."""
-    if _openers[:1] not in ([], [os.getpid()]):
-        # Drivers hang in such a process, while they hold the interpreter.
-        raise RenderingError(
-            "This process was forked from one that had already rendered, which graphics drivers do "
-            "not survive. Start processes with the method 'spawn', such as "
-            'AsyncVectorEnv(..., context="spawn").'
-        )
-    if backend not in BACKENDS:
-        raise RenderingError(
-            f"{ASKED}={backend} is nothing that renders without a display; try one of "
-            f"{', '.join(BACKENDS)}, or unset it."
-        )
+    """Make an OpenGL context and make it current; for child processes only.
+
+    Raises:
+        RenderingError: It does not work, whatever was raised.
+    """
+    library = None
     try:
-        with _OPENING:
-            # This binds PyOpenGL to a library: nothing of PyOpenGL may be imported before.
-            library = import_module(f"mujoco.{backend}")
-            _openers.append(os.getpid())
-            context = library.GLContext(width, height)
-            context.make_current()
-    except _failures() as error:  # evaluated only when something was raised
+        # This binds PyOpenGL to a library: nothing of PyOpenGL may be imported before.
+        library = import_module(f"mujoco.{backend}")
+        context = library.GLContext(width, height)
+        context.make_current()
+    except Exception as error:
+        if backend == "egl" and DEVICE in os.environ:
+            _check_device(library)
         raise RenderingError(
-            f"The OpenGL backend {backend!r} does not work here: {reason_of(error)}\n{HELP}"
+            f"The OpenGL backend {backend!r} does not work here: {in_words(error)}\n{_advice()}"
         ) from error
     return context
 
 
-def _failures() -> tuple[type[Exception], ...]:
-    """What MuJoCo and PyOpenGL raise where a library does not work."""
-    from OpenGL.error import GLError
+def _check_device(library: Any) -> None:
+    """Raise where EGL works, so that the device that people asked for is why nothing renders."""
+    try:
+        count = len(library.EGL.eglQueryDevicesEXT())
+    except Exception:  # noqa: BLE001 - what was raised before tells more
+        return
+    there = "there is 1, number 0" if count == 1 else f"there are {count}, from number 0"
+    raise RenderingError(
+        f"{DEVICE}={os.environ[DEVICE]!r} is no graphics device that renders: {there}. Set it to "
+        "another number, or unset it: then the first that works is taken."
+    )
 
-    return ImportError, AttributeError, OSError, RuntimeError, mujoco.FatalError, GLError
+
+def _advice() -> str:
+    """What to do where nothing renders."""
+    suspects = [f"{name}={os.environ[name]!r}" for name in _SUSPECTS if name in os.environ]
+    first = f"Perhaps because of {', '.join(suspects)}: unset it first.\n" if suspects else ""
+    return first + HELP
 
 
-def reason_of(error: BaseException) -> str:
+def in_words(error: BaseException) -> str:
     """An error in words; PyOpenGL has none of its own for a library that is not there."""
     if isinstance(error, AttributeError):
         return f"its library is missing or lacks a function ({error})"
-    return str(error)
+    return str(error) or type(error).__name__
 
 
 def info_of(backend: str) -> RenderingInfo:
@@ -217,92 +261,3 @@ def info_of(backend: str) -> RenderingInfo:
     return RenderingInfo(
         backend=backend, renderer=renderer, vendor=vendor, version=version, software=software
     )
-
-
-class RenderThread:
-    """A thread that runs jobs one after another; waiting for one has a time limit."""
-
-    def __init__(self) -> None:
-        self._lost = False
-        self._jobs: queue.SimpleQueue[_Order | None] = queue.SimpleQueue()
-        # A daemon, so that a driver that hangs does not keep the process from ending.
-        self._worker = threading.Thread(
-            target=_serve, args=(self._jobs,), name="duobench-opengl", daemon=True
-        )
-        self._worker.start()
-
-    def call(self, job: Callable[[], T]) -> T:
-        """Run a job on the thread, and return or raise what it returns or raises."""
-        future: Future[T] = Future()
-        if not self._lost:
-            self._jobs.put((future, job))
-            self._lost = not wait((future,), FRAME_TIMEOUT_S).done
-        if self._lost:
-            raise RenderingError(
-                f"No image came within {FRAME_TIMEOUT_S:g} s: the graphics driver hangs. Some "
-                "do when several processes render on one card at the same time. Render in fewer "
-                f"processes, or without the card: {ASKED}=osmesa."
-            )
-        return future.result()
-
-    def finish(self, *jobs: Callable[[], object]) -> None:
-        """Run last jobs on the thread and wait for its end, unless it is lost.
-
-        Without waiting, a process could end while its driver is still at work, and crash.
-        """
-        for job in jobs:
-            self._jobs.put((Future(), job))
-        self._jobs.put(None)
-        # The garbage collector may drop a renderer while it runs on this very thread.
-        if not self._lost and threading.current_thread() is not self._worker:
-            self._worker.join(FRAME_TIMEOUT_S)
-
-
-def _serve(jobs: queue.SimpleQueue[_Order | None]) -> None:
-    while (order := jobs.get()) is not None:
-        future, job = order
-        try:
-            future.set_result(job())
-        except BaseException as error:  # noqa: BLE001 - handed to the caller, who waits for it
-            future.set_exception(error)
-        # Until the next order comes, nothing of this one may be kept alive by this frame.
-        del order, future, job
-
-
-_MESA = re.compile(r"/(lib(LLVM|OSMesa|gallium)|\w+_dri\.so)")
-_MAPPED = Path("/proc/self/maps")
-"""What is loaded into this process, on Linux."""
-_OWN_SYMBOLS_FIRST = getattr(os, "RTLD_DEEPBIND", 0)  # a flag of glibc
-
-
-@cache
-def load_triton() -> str:
-    """Load Triton's library, where it is installed, once in a process; that takes 0.03 s.
-
-    PyTorch's default wheel brings Triton, and to make an optimizer already imports it. Triton's
-    library and Mesa's software renderer each have an LLVM, and Mesa's is visible to whatever is
-    loaded after it: Triton's library would call into it, and the process would end in a
-    segmentation fault.
-
-    None of its Python code runs, and whoever imports it later gets this library. Where Mesa came
-    first, the library looks for symbols in itself first, which breaks it only beside an allocator
-    that `LD_PRELOAD` names.
-
-    Returns:
-        What was done, in words.
-    """
-    try:
-        spec = find_spec("triton")
-    except ValueError:  # something that stands for it was put into `sys.modules`
-        spec = None
-    folders = (spec and spec.submodule_search_locations) or ()
-    libraries = [path for folder in folders for path in Path(folder, "_C").glob("libtriton*.so")]
-    if not libraries:
-        return "not installed, so PyTorch does not use it"
-    is_late = _MAPPED.exists() and _MESA.search(_MAPPED.read_text(encoding="utf-8"))
-    try:
-        for path in libraries:
-            ctypes.CDLL(str(path), mode=os.RTLD_NOW | (_OWN_SYMBOLS_FIRST if is_late else 0))
-    except OSError as error:
-        return f"cannot be loaded, and PyTorch may crash beside OpenGL: {error}"
-    return "loaded apart from OpenGL, so that PyTorch works beside it"

@@ -1,14 +1,13 @@
 """Images of a simulation, rendered offscreen.
 
-Importing this module touches no OpenGL, and neither does making a `Renderer`: the first image
-does. An image shows the whole field of view of its camera whatever its size, so a square image
-is the native one squeezed to a square.
+The first image starts a process that renders; OpenGL is never loaded into this one. An image shows
+the whole field of view of its camera whatever its size, so a square image is the native one
+squeezed to a square.
 """
 
-import os
 import weakref
-from collections.abc import Callable, Iterable
-from typing import Any, Self, TypeVar
+from collections.abc import Iterable
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -19,26 +18,23 @@ from duobench.errors import RenderingError, check_known
 from duobench.looks.look import Look
 from duobench.robot.cameras import check_image_size
 from duobench.sim.appearance import Appearance
-from duobench.sim.offscreen import OffscreenRenderer
-from duobench.sim.opengl import RenderingInfo, RenderThread, choose, load_triton
-
-T = TypeVar("T")
+from duobench.sim.opengl import RenderingInfo, choose
+from duobench.sim.rendering_process import Pictured, RenderingProcess, current
 
 MAX_SAMPLES = 64
 """Most images that are averaged into one."""
 
 
 def describe() -> RenderingInfo:
-    """Say what renders images in this process; makes an OpenGL context to find out."""
-    with Renderer(mujoco.MjSpec().compile(), height=1, width=1) as renderer:
-        return renderer.info
+    """Say what renders images for this process; starts what renders, to find out."""
+    return current(choose()).info
 
 
 class Renderer:
     """Renders images of one size from the cameras of one model.
 
-    May be used from any thread, one at a time. A process may hold several; a renderer cannot be
-    taken into another process.
+    May be used from any thread, one at a time. A process may hold several, whose images are
+    rendered one after the other, by the same child process.
 
     Args:
         model: The compiled model; `Simulation.model`.
@@ -65,9 +61,12 @@ class Renderer:
         self._model = model
         self._cameras = {model.camera(number).name: number for number in range(model.ncam)}
         self._shape = height, width, samples
-        self._pid = os.getpid()
+        self._pictured = Pictured(model)
         self._closed = False
-        self._open: tuple[RenderThread, OffscreenRenderer] | None = None
+        self._process: RenderingProcess | None = None
+        self._key = 0
+        self._shown: list[Any] = [None, None]
+        """What the process was told last: what the model shows, and the look."""
         self._free: weakref.finalize[Any, Any] | None = None
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())
@@ -89,7 +88,7 @@ class Renderer:
         kinematics are up to date, are new arrays (height, width, 3), red green blue, top row first.
         """
         numbers = {name: self._number(name) for name in cameras}
-        return self._run(lambda offscreen: offscreen.render(data, numbers))
+        return self._ask("render", data, numbers)
 
     def segment(self, data: mujoco.MjData, camera: str) -> NDArray[np.int32]:
         """Ids of the geoms (height, width) that the pixels show, -1 where there is nothing.
@@ -97,17 +96,17 @@ class Renderer:
         A look's furniture is no geom, and is not in the way.
         """
         number = self._number(camera)
-        return self._run(lambda offscreen: offscreen.segment(data, number))
+        return self._ask("segment", data, number)
 
     @property
     def info(self) -> RenderingInfo:
         """What renders the images."""
-        return self._run(lambda offscreen: offscreen.info)
+        return self._opened().info
 
     def close(self) -> None:
         """Free the renderer; closing twice is harmless."""
         self._closed = True
-        self._open = None
+        self._process = None
         if self._free is not None:
             self._free()
 
@@ -121,34 +120,33 @@ class Renderer:
         check_known("camera", camera, self._cameras)
         return self._cameras[camera]
 
-    def _run(self, job: Callable[[OffscreenRenderer], T]) -> T:
-        """Run a job with the offscreen, on its thread."""
+    def _ask(self, what: str, data: mujoco.MjData, cameras: Any) -> Any:
+        """Have the process do something with a state, of the model and in the look as they are."""
+        process = self._opened()
+        model = self._pictured.of_model()
+        if model != self._shown[0]:
+            process.ask("set_model", self._key, *model)
+            self._shown[0] = model
+        if self._appearance is not self._shown[1]:
+            process.ask("set_appearance", self._key, self._appearance)
+            self._shown[1] = self._appearance
+        return process.ask(what, self._key, *self._pictured.of_data(data), cameras)
+
+    def _opened(self) -> RenderingProcess:
+        """The process of this renderer, which is made there if it is not there yet, or no more."""
         if self._closed:
             raise RenderingError("This renderer was closed; make a new one.")
-        if os.getpid() != self._pid:
-            raise RenderingError(
-                "This renderer belongs to the process that made it; make a new one in this "
-                "process, and start processes with the method 'spawn'."
-            )
-        thread, offscreen = self._open = self._open or self._start()
-        appearance = self._appearance
-
-        def in_look() -> T:
-            offscreen.set_appearance(appearance)
-            return job(offscreen)
-
-        return thread.call(in_look)
-
-    def _start(self) -> tuple[RenderThread, OffscreenRenderer]:
-        model, shape, backend = self._model, self._shape, choose()
-        load_triton()
-        thread = RenderThread()
-        try:
-            offscreen = thread.call(lambda: OffscreenRenderer(model, *shape, backend))
-        except BaseException:
-            thread.finish()
-            raise
-        # The thread ends with the renderer; at exit that is not needed.
-        self._free = weakref.finalize(self, thread.finish, offscreen.free)
+        if self._process is not None and self._process is current():
+            return self._process
+        process = current(choose())
+        packed = np.empty(mujoco.mj_sizeModel(self._model), dtype=np.uint8)
+        mujoco.mj_saveModel(self._model, None, packed)
+        self._shown = [self._pictured.of_model(), None]
+        self._key = process.new_number()
+        process.ask("open", self._key, packed.tobytes(), *self._shape)
+        if self._free is not None:
+            self._free.detach()
+        self._free = weakref.finalize(self, process.free, self._key)
         self._free.atexit = False
-        return thread, offscreen
+        self._process = process
+        return process

@@ -9,31 +9,10 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from importlib import import_module
 from types import FrameType
 from typing import NoReturn
 
-from duobench.errors import RenderingError
-from duobench.machine import unsupported
-
-ASKED = "MUJOCO_GL"
-
-
-def load_engine() -> None:
-    """Import MuJoCo, which opens the OpenGL library that `MUJOCO_GL` names."""
-    if problem := unsupported():
-        raise RenderingError(problem)
-    try:
-        import_module("mujoco")
-    except (RuntimeError, AttributeError, ImportError, OSError) as error:
-        asked = os.environ.get(ASKED)
-        if not asked:
-            raise
-        raise RenderingError(
-            f"MuJoCo cannot load what {ASKED}={asked} stands for ({error}). Set {ASKED} to egl, "
-            "osmesa or glfw, whichever is installed, or unset it: then one that works is found."
-        ) from error
-
+from duobench.sim.opengl import load_engine  # noqa: F401 - with which a verb begins
 
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""

@@ -68,7 +68,6 @@ def _versions() -> dict[str, str]:
 def _graphics() -> dict[str, str]:
     load_engine()
     from duobench.envs.sim_env import SimEnv
-    from duobench.sim.opengl import load_triton
     from duobench.sim.rendering import Renderer
 
     base = SimEnv(catalog.get(catalog.names()[0]))
@@ -85,7 +84,6 @@ def _graphics() -> dict[str, str]:
         "vendor": info.vendor,
         "OpenGL": info.version,
         "rendered by": "the processor, as no card does" if info.software else "a graphics card",
-        "Triton": load_triton(),
         "one image": f"{one:.1f} ms at {width}x{height}, shadows included",
         "three cameras": f"{three:.1f} ms",
     }

@@ -1,16 +1,21 @@
 """Arms, grippers and cameras of a rehearsal: the drivers' protocols over one simulated world."""
 
+import copy
+import threading
 from collections.abc import Sequence
+from typing import Any
+
+import mujoco
 
 from duobench.backend import Image
-from duobench.errors import BackendError, check_known
+from duobench.errors import BackendError, RenderingError, check_known
 from duobench.hardware.clock import Clock, SystemClock, Ticker, VirtualClock
 from duobench.hardware.devices import ArmReading, Device
 from duobench.hardware.drivers.frames import TickedCamera
-from duobench.hardware.drivers.rendering_process import RenderingProcess
 from duobench.hardware.drivers.robotiq import RobotiqGripper
 from duobench.hardware.rehearsal import RELEASE, RehearsalWorld
 from duobench.hardware.rig import ArmConfig, CameraConfig, GripperConfig
+from duobench.sim.rendering import Renderer
 from duobench.types import SIDES, Array, Side
 
 RENDER_S = 0.1
@@ -120,12 +125,14 @@ class RehearsalPort:
 
 
 class RehearsalViews:
-    """What all cameras of the world see, rendered ten times a second in another process."""
+    """What all cameras of the world see, rendered ten times a second, by a process of its own."""
 
     def __init__(self, clock: Clock, world: RehearsalWorld) -> None:
         self._clock, self._world = clock, world
         self._shapes: dict[str, tuple[int, int]] = {}
-        self._process: RenderingProcess | None = None
+        self._lock = threading.Lock()
+        self._scene: tuple[Any, mujoco.MjModel, mujoco.MjData] | None = None
+        self._renderers: dict[tuple[int, int], Renderer] = {}
         self._ticker: Ticker | None = None
         self._newest: dict[str, Image] = {}
         self._trouble = ""
@@ -138,8 +145,6 @@ class RehearsalViews:
         """
         self._world.enter(self)
         self._shapes[name] = shape
-        if self._process is None:
-            self._process = RenderingProcess()
         self._render()
         self._world.look_again = self._tick
         if self._ticker is None:
@@ -149,14 +154,14 @@ class RehearsalViews:
             self._ticker = clock.every(RENDER_S, self._tick, "rendering")
 
     def remove(self, name: str) -> None:
-        """Render a camera no more; the process ends with the last one."""
+        """Render a camera no more."""
         self._shapes.pop(name, None)
-        if self._shapes or self._process is None:
+        if self._shapes or self._scene is None:
             return
         if self._ticker is not None:
             self._ticker.stop()
-        self._process.close()
-        self._process = self._ticker = None
+        self._forget()
+        self._ticker = None
         self._world.look_again = lambda: None
         self._world.leave(self)
 
@@ -177,9 +182,33 @@ class RehearsalViews:
             self._trouble = str(error)
 
     def _render(self) -> None:
-        assert self._process is not None  # it renders while there are cameras
-        self._newest = self._process.images(self._world, self._shapes)
+        original, moved = self._world.scene()
+        with self._lock:
+            if self._scene is None or original is not self._scene[0]:
+                self._forget()
+                model = copy.copy(original)
+                self._scene = original, model, mujoco.MjData(model)
+            _, model, data = self._scene
+            data.qpos[:], data.mocap_pos[:], data.mocap_quat[:], model.geom_rgba[:] = moved
+            for bring_up_to_date in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
+                bring_up_to_date(model, data)
+            newest: dict[str, Image] = {}
+            for shape in set(self._shapes.values()):
+                if shape not in self._renderers:
+                    self._renderers[shape] = Renderer(model, height=shape[0], width=shape[1])
+                names = [name for name, each in self._shapes.items() if each == shape]
+                try:
+                    newest |= self._renderers[shape].render_all(data, names)
+                except RenderingError as error:
+                    raise BackendError(f"Images cannot be rendered: {error}") from error
+            self._newest = newest
         self._trouble = ""
+
+    def _forget(self) -> None:
+        """Free what renders."""
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers, self._scene = {}, None
 
 
 class RehearsalCamera(TickedCamera):
