@@ -2,6 +2,7 @@
 
 import copy
 import random
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -224,16 +225,62 @@ class SessionPolicy:
         getattr(self._policy, "close", lambda: None)()
 
 
-Noise = tuple[Any, Any]
+def _torch() -> Any:
+    """The module torch if somebody has imported it, else None."""
+    torch = sys.modules.get("torch")
+    return torch if hasattr(torch, "manual_seed") else None
 
 
-def _noise() -> Noise:
-    return random.getstate(), np.random.get_state()  # noqa: NPY002 - which policies share
+def seed_generators(seed: int) -> None:
+    """Seed the global generators of this process: Python's, NumPy's and, where loaded, torch's.
+
+    Torch has one for the processor and one for each graphics card.
+    """
+    random.seed(seed)
+    np.random.seed(seed % 2**32)  # noqa: NPY002 - which policies share
+    if torch := _torch():
+        torch.manual_seed(seed % 2**63)
 
 
-def _go_on_with(noise: Noise) -> None:
-    random.setstate(noise[0])
-    np.random.set_state(noise[1])  # noqa: NPY002
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Noise:
+    """States of the global generators; None of those that are not there yet."""
+
+    python: Any
+    numpy: Any
+    torch: Any = None
+    cuda: Any = None
+    """One of each graphics card."""
+
+    @classmethod
+    def now(cls) -> "Noise":
+        """The states at this moment."""
+        torch = _torch()
+        return cls(
+            python=random.getstate(),
+            numpy=np.random.get_state(),  # noqa: NPY002
+            torch=torch.get_rng_state() if torch else None,
+            cuda=torch.cuda.get_rng_state_all() if torch and torch.cuda.is_initialized() else None,
+        )
+
+    def go_on(self) -> None:
+        """Bring the generators to these states."""
+        random.setstate(self.python)
+        np.random.set_state(self.numpy)  # noqa: NPY002
+        if self.torch is not None:
+            _torch().set_rng_state(self.torch)
+        if self.cuda is not None:
+            _torch().cuda.set_rng_state_all(self.cuda)
+
+    def is_same(self, other: "Noise") -> bool:
+        """Whether the generators would go on with the same numbers."""
+        return (
+            self.python == other.python
+            and all(map(np.array_equal, self.numpy, other.numpy))
+            and np.array_equal(self.torch, other.torch)
+            and len(self.cuda or ()) == len(other.cuda or ())
+            and all(map(np.array_equal, self.cuda or (), other.cuda or ()))
+        )
 
 
 @dataclass(kw_only=True, slots=True)
@@ -245,12 +292,41 @@ class _PlainSession(Session):
     """What the policy wanted its last action to be, if it has disturbed it."""
 
 
+def _reset(policy: Policy, instruction: str, seed: int) -> Noise:
+    seed_generators(seed)
+    policy.reset(instruction, seed)
+    return Noise.now()
+
+
+def _act(session: _PlainSession, observation: Observation) -> ArrayLike:
+    seed_generators(session.seed)  # also those that are new since the last answer
+    session.noise.go_on()
+    chunk = session.policy.act(observation)
+    session.noise = Noise.now()
+    return chunk
+
+
+def _first_act(session: _PlainSession, observation: Observation) -> ArrayLike:
+    """The first answer of an object, as it would be if it had answered before.
+
+    It may import torch, or make a model and take random numbers for that, which later ones do not.
+    Where the generators have moved, the episode is begun again, and that answer is what counts.
+    """
+    kept = copy.deepcopy(dict(observation))
+    chunk = _act(session, observation)
+    seed_generators(session.seed)
+    if session.noise.is_same(Noise.now()):
+        return chunk
+    session.noise = _reset(session.policy, session.instruction, session.seed)
+    return _act(session, kept)
+
+
 class PolicyPool:
     """Plain policies as a batch policy: each episode under way has an object for itself.
 
     Args:
-        first: A policy that plays no episode. For policies that use Python's and NumPy's global
-            generators, these get the seed of each episode, and go on in each where they were.
+        first: A policy that plays no episode. For policies that use global generators, these get
+            the seed of each episode, and go on in each where they were; see `seed_generators`.
         make: Makes another one, when more episodes are played side by side.
         size: Most objects at a time.
     """
@@ -260,6 +336,8 @@ class PolicyPool:
         self.size = size
         self._all = [first]
         self._idle = [first]
+        self._known: set[int] = set()
+        """Ids of the objects that have answered before."""
         self.metadata = first.metadata
 
     def begin(self, instruction: str, seed: int) -> Session:
@@ -269,12 +347,10 @@ class PolicyPool:
                 raise MachineryError(f"All {self.size} objects of this policy are playing.")
             self._idle.append(self._make())
             self._all.append(self._idle[-1])
-        random.seed(seed)
-        np.random.seed(seed % 2**32)  # noqa: NPY002
         policy = self._idle[-1]
-        policy.reset(instruction, seed)
+        noise = _reset(policy, instruction, seed)
         self._idle.pop()
-        return _PlainSession(instruction=instruction, seed=seed, policy=policy, noise=_noise())
+        return _PlainSession(instruction=instruction, seed=seed, policy=policy, noise=noise)
 
     def act_batch(
         self, sessions: Sequence[_PlainSession], observations: Sequence[Observation]
@@ -282,9 +358,11 @@ class PolicyPool:
         """Ask one object after the other."""
         chunks = []
         for session, observation in zip(sessions, observations, strict=True):
-            _go_on_with(session.noise)
-            chunks.append(session.policy.act(observation))
-            session.noise = _noise()
+            if id(session.policy) in self._known:
+                chunks.append(_act(session, observation))
+            else:
+                chunks.append(_first_act(session, observation))
+                self._known.add(id(session.policy))
             session.intended = getattr(session.policy, "intended_action", None)
         return chunks
 

@@ -12,7 +12,13 @@ from types import MappingProxyType
 from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
 from duobench.machine import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
-from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, SessionPolicy
+from duobench.policy.batch import (
+    Batching,
+    BatchPolicy,
+    PolicyPool,
+    SessionPolicy,
+    seed_generators,
+)
 from duobench.policy.policy import Policy, PolicyMetadata
 from duobench.references import load
 
@@ -51,6 +57,8 @@ SCRIPTED: Mapping[str, PolicyKind] = MappingProxyType(
 )
 """Words that name a policy which reads the simulation."""
 _FORMS = ("lerobot:PATH_OR_ID", "module:attribute")
+_MAKING_SEED = 0
+"""Seed of the global generators while a policy is made, so that it is the same in every process."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -180,6 +188,8 @@ def make_batched(
         The policy; its metadata, with the hash of its source where it has no version; and how many
         observations it answers together, None for a plain policy.
     """
+    _factory(name)  # which may import torch, whose generators are seeded then
+    seed_generators(_MAKING_SEED)
     policy = make_any(name)
     metadata = policy.metadata
     if metadata.version is None:
@@ -189,7 +199,12 @@ def make_batched(
         return policy, metadata, batching or Batching()
     if batching is not None and objects is None:
         raise no_batches(name)
-    return PolicyPool(policy, lambda: make(name.text), objects or 1), metadata, None
+    return PolicyPool(policy, partial(_make_again, name), objects or 1), metadata, None
+
+
+def _make_again(name: PolicyName) -> Policy:
+    seed_generators(_MAKING_SEED)
+    return make(name.text)
 
 
 def no_batches(name: PolicyName) -> PolicyError:

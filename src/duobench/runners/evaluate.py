@@ -109,21 +109,25 @@ def evaluate(  # noqa: PLR0913
         elif folder.gives_way(run):
             folder.clear(run, shard, keeps_attempts=True)
         episodes = run.episodes(shard, videos, salt)
-        if episodes and not folder.has_records:
-            executor.rehearse(episodes[0])
         folder.begin(run, shard)
         journal.start(command, workers)
         finished = _finished(folder, run, shard, retry_broken=retry_broken)
-        for observer in observers:
-            observer.on_run_start(run, finished)
         records = {record.key: record for record in finished}
         missing = [each for each in episodes if run.key(each) not in records]
+        first_answer = executor.rehearse(run.episodes(salt=salt)[0]) if missing else None
+        for observer in observers:
+            observer.on_run_start(run, finished)
         results = executor.play(missing, _NotedAttempts(run, journal))
         if unplayed_count_as_failures:
             results = chain(results, executor.failures())
         for result in results:
             earlier = journal.earlier(result.record.key)
-            record = replace(result.record, attempt=1 + len(earlier), earlier=earlier)
+            record = replace(
+                result.record,
+                attempt=1 + len(earlier),
+                earlier=earlier,
+                first_answer=first_answer,
+            )
             records[record.key] = record
             folder.write(record, result.video)
             journal.end(record, result.times)
