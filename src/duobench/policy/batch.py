@@ -100,8 +100,8 @@ class Batching:
     """How many observations are answered together."""
 
     mode: BatchMode = "fixed"
-    """ "fixed" fills every batch up to `size`, so that an answer does not depend on how many others
-    were waiting; "dynamic" takes what is there, which is faster."""
+    """ "fixed" fills every batch up to `size`, however many wait; "dynamic" takes what is there, which
+    is faster."""
     size: int = MAX_BATCH
     """Most observations in a batch."""
 

@@ -1,7 +1,6 @@
 """The record of one finished episode: everything that a table or a report is computed from.
 
-A record holds no clock time and no name of a machine's folder, so that the same episode gives the
-same bytes however it was run.
+A record holds no clock time and no name of a machine's folder: equal episodes give equal bytes.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ def verdict(pair: Pair) -> str:
         return f"{a} and {b} are not compared. {pair.obstacle}"
     if pair.is_same:
         return (
-            f"{a} and {b} have the same records: one run was given twice, or repeated to the bit."
+            f"{a} and {b} have the same records: one run, a copy of it, or the same played again."
         )
     tests = pair.of(RowKind.TASK)
     # Of another group, better is not the word: it knows what the other one has to see.
