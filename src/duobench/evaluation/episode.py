@@ -3,14 +3,13 @@
 import hashlib
 import logging
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 import gymnasium as gym
 import msgspec
-import numpy as np
 
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
@@ -36,6 +35,7 @@ from duobench.evaluation.video import Overview, Picture, VideoRecorder
 from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
+from duobench.policy.serving.codec import pack
 from duobench.randomness import EVAL, SALTED, episode_seed
 from duobench.results.journal import EpisodeTimes
 from duobench.results.records import NOT_REPEATABLE, EpisodeRecord, FirstAnswer
@@ -164,17 +164,9 @@ def _inference(source: PolicySource) -> str | None:
     return ", ".join(parts) or None
 
 
-def _digest(value: object) -> str:
-    """SHA-256 of arrays, numbers and texts, also in mappings and tuples."""
-    if isinstance(value, Mapping):
-        value = tuple(sorted(value.items()))
-    if isinstance(value, tuple):
-        content = "".join(map(_digest, value)).encode()
-    elif isinstance(value, np.ndarray):
-        content = f"{value.dtype} {value.shape} ".encode() + value.tobytes()
-    else:
-        content = repr(value).encode()
-    return hashlib.sha256(content).hexdigest()
+def _digest(**values: object) -> str:
+    """SHA-256 of arrays, numbers and texts."""
+    return hashlib.sha256(pack(values)).hexdigest()
 
 
 class EpisodeRunner:
@@ -321,14 +313,16 @@ class EpisodeRunner:
         (size,) = env.action_space.shape or (0,)
         check_fits(policy.metadata, env)
         observation, info = env.reset(seed=episode.seed)
-        question = _digest((info["instruction"], episode.policy_seed, observation))
+        question = _digest(
+            instruction=info["instruction"], seed=episode.policy_seed, observation=observation
+        )
         answers: list[str] = []
         try:
             while len(answers) < 2:  # noqa: PLR2004 - twice
                 with self._clock.playing(), self._clock.timed(self._limits):
                     policy.reset(info["instruction"], episode.policy_seed)
                     chunk = as_chunk(policy.act(observation), size)
-                answers.append(_digest(chunk))
+                answers.append(_digest(actions=chunk))
         except PolicyError as error:
             raise PolicyError(
                 f"The policy does not answer the first observation of {episode.task.id}, so that "

@@ -1,17 +1,17 @@
 """Policies that answer many episodes at a time: the state of an episode is not in the policy."""
 
 import copy
-import random
-import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import MachineryError, PolicyError
+from duobench.policy.generators import Noise, go_on_with, noise_now, seed_generators, tried
 from duobench.policy.policy import Policy, PolicyMetadata, as_chunk
 
 Observation = Mapping[str, Any]
@@ -100,8 +100,7 @@ class Batching:
     """How many observations are answered together."""
 
     mode: BatchMode = "fixed"
-    """ "fixed" fills every batch up to `size`, however many wait; "dynamic" takes what is there, which
-    is faster."""
+    """ "fixed" fills every batch up to `size`; "dynamic" takes what is there, which is faster."""
     size: int = MAX_BATCH
     """Most observations in a batch."""
 
@@ -225,64 +224,6 @@ class SessionPolicy:
         getattr(self._policy, "close", lambda: None)()
 
 
-def _torch() -> Any:
-    """The module torch if somebody has imported it, else None."""
-    torch = sys.modules.get("torch")
-    return torch if hasattr(torch, "manual_seed") else None
-
-
-def seed_generators(seed: int) -> None:
-    """Seed the global generators of this process: Python's, NumPy's and, where loaded, torch's.
-
-    Torch has one for the processor and one for each graphics card.
-    """
-    random.seed(seed)
-    np.random.seed(seed % 2**32)  # noqa: NPY002 - which policies share
-    if torch := _torch():
-        torch.manual_seed(seed % 2**63)
-
-
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class Noise:
-    """States of the global generators; None of those that are not there yet."""
-
-    python: Any
-    numpy: Any
-    torch: Any = None
-    cuda: Any = None
-    """One of each graphics card."""
-
-    @classmethod
-    def now(cls) -> "Noise":
-        """The states at this moment."""
-        torch = _torch()
-        return cls(
-            python=random.getstate(),
-            numpy=np.random.get_state(),  # noqa: NPY002
-            torch=torch.get_rng_state() if torch else None,
-            cuda=torch.cuda.get_rng_state_all() if torch and torch.cuda.is_initialized() else None,
-        )
-
-    def go_on(self) -> None:
-        """Bring the generators to these states."""
-        random.setstate(self.python)
-        np.random.set_state(self.numpy)  # noqa: NPY002
-        if self.torch is not None:
-            _torch().set_rng_state(self.torch)
-        if self.cuda is not None:
-            _torch().cuda.set_rng_state_all(self.cuda)
-
-    def is_same(self, other: "Noise") -> bool:
-        """Whether the generators would go on with the same numbers."""
-        return (
-            self.python == other.python
-            and all(map(np.array_equal, self.numpy, other.numpy))
-            and np.array_equal(self.torch, other.torch)
-            and len(self.cuda or ()) == len(other.cuda or ())
-            and all(map(np.array_equal, self.cuda or (), other.cuda or ()))
-        )
-
-
 @dataclass(kw_only=True, slots=True)
 class _PlainSession(Session):
     policy: Policy
@@ -295,30 +236,25 @@ class _PlainSession(Session):
 def _reset(policy: Policy, instruction: str, seed: int) -> Noise:
     seed_generators(seed)
     policy.reset(instruction, seed)
-    return Noise.now()
+    return noise_now()
 
 
 def _act(session: _PlainSession, observation: Observation) -> ArrayLike:
     seed_generators(session.seed)  # also those that are new since the last answer
-    session.noise.go_on()
+    go_on_with(session.noise)
     chunk = session.policy.act(observation)
-    session.noise = Noise.now()
+    session.noise = noise_now()
     return chunk
 
 
 def _first_act(session: _PlainSession, observation: Observation) -> ArrayLike:
-    """The first answer of an object, as it would be if it had answered before.
-
-    It may import torch, or make a model and take random numbers for that, which later ones do not.
-    Where the generators have moved, the episode is begun again, and that answer is what counts.
-    """
-    kept = copy.deepcopy(dict(observation))
-    chunk = _act(session, observation)
-    seed_generators(session.seed)
-    if session.noise.is_same(Noise.now()):
+    """The first answer of an object; one that moves generators is given again as a later one."""
+    policy = session.policy
+    chunk, has_moved = tried(partial(policy.act, copy.deepcopy(dict(observation))))
+    if not has_moved:
         return chunk
-    session.noise = _reset(session.policy, session.instruction, session.seed)
-    return _act(session, kept)
+    session.noise = _reset(policy, session.instruction, session.seed)
+    return _act(session, observation)
 
 
 class PolicyPool:
@@ -326,7 +262,7 @@ class PolicyPool:
 
     Args:
         first: A policy that plays no episode. For policies that use global generators, these get
-            the seed of each episode, and go on in each where they were; see `seed_generators`.
+            the seed of each episode, and go on in each where they were; see `generators`.
         make: Makes another one, when more episodes are played side by side.
         size: Most objects at a time.
     """
@@ -348,6 +284,8 @@ class PolicyPool:
             self._idle.append(self._make())
             self._all.append(self._idle[-1])
         policy = self._idle[-1]
+        if id(policy) not in self._known:
+            tried(partial(policy.reset, instruction, seed))
         noise = _reset(policy, instruction, seed)
         self._idle.pop()
         return _PlainSession(instruction=instruction, seed=seed, policy=policy, noise=noise)

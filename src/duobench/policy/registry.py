@@ -12,13 +12,8 @@ from types import MappingProxyType
 from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
 from duobench.machine import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
-from duobench.policy.batch import (
-    Batching,
-    BatchPolicy,
-    PolicyPool,
-    SessionPolicy,
-    seed_generators,
-)
+from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, SessionPolicy
+from duobench.policy.generators import MAKING_SEED, seed_generators
 from duobench.policy.policy import Policy, PolicyMetadata
 from duobench.references import load
 
@@ -57,8 +52,6 @@ SCRIPTED: Mapping[str, PolicyKind] = MappingProxyType(
 )
 """Words that name a policy which reads the simulation."""
 _FORMS = ("lerobot:PATH_OR_ID", "module:attribute")
-_MAKING_SEED = 0
-"""Seed of the global generators while a policy is made, so that it is the same in every process."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -188,8 +181,9 @@ def make_batched(
         The policy; its metadata, with the hash of its source where it has no version; and how many
         observations it answers together, None for a plain policy.
     """
-    _factory(name)  # which may import torch, whose generators are seeded then
-    seed_generators(_MAKING_SEED)
+    seed_generators(MAKING_SEED)
+    _factory(name)  # imports what may take random numbers for itself
+    seed_generators(MAKING_SEED)
     policy = make_any(name)
     metadata = policy.metadata
     if metadata.version is None:
@@ -203,7 +197,7 @@ def make_batched(
 
 
 def _make_again(name: PolicyName) -> Policy:
-    seed_generators(_MAKING_SEED)
+    seed_generators(MAKING_SEED)
     return make(name.text)
 
 

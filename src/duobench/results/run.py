@@ -173,10 +173,9 @@ class Candidate:
 
     @property
     def both_names(self) -> str:
-        """Its name for people, and the other one in brackets."""
-        names = dict.fromkeys((self.name, self.policy, self.metadata.name))
-        name, *others = filter(None, names)
-        return escaped(f"{name} ({others[0]})" if others else name)
+        """Its name for people, and in brackets another one that it has."""
+        others = {self.policy, self.metadata.name} - {self.name, ""}
+        return escaped(f"{self.name} ({others.pop()})" if others else self.name)
 
     @property
     def title(self) -> str:
