@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from duobench.cli.program import main
+from duobench.cli import main
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching, HoldPolicy, PolicyMetadata
-from duobench.policy.batch import PolicyPool
+from duobench.policy.batch import ONE_BY_ONE, PolicyPool
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.host import make_served
 from duobench.results.compare import compare, write_comparison
@@ -141,7 +141,7 @@ def test_served_policies_are_called_as_they_call_themselves(play: Play, tmp_path
     sources: list[str] = []
     for policy in (First, Second):
         with closing(Serve()) as serve:
-            port = serve(PolicyPool(policy(), policy))
+            port = serve(PolicyPool(policy(), policy), batching=ONE_BY_ONE)
             server = RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=0.0)
             name = policy.__name__
             folder, _ = play(PolicyChoice.parse("openpi", server=server), name, episodes=1)
