@@ -148,7 +148,7 @@ def test_served_policies_are_called_as_they_call_themselves(play: Play, tmp_path
         sources.append(str(folder.path))
         page, own = folder.page.read_text(), policy.metadata.name
         assert f"<h1>{own}</h1>" in page
-        assert f"{own} (openpi)" in page
+        assert f"openpi ({own})" in page
     comparison = compare(sources)
     assert [one.name for one in comparison.entrants] == ["pi05 step 20k", "pi05 step 40k"]
     page = write_comparison(comparison, tmp_path / "compared")

@@ -318,7 +318,7 @@ class EpisodeRunner:
         )
         answers: list[str] = []
         try:
-            while len(answers) < 2:  # noqa: PLR2004 - twice
+            for _ in range(2):
                 with self._clock.playing(), self._clock.timed(self._limits):
                     policy.reset(info["instruction"], episode.policy_seed)
                     chunk = as_chunk(policy.act(observation), size)

@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import MachineryError, PolicyError
-from duobench.policy.generators import Noise, go_on_with, noise_now, seed_generators, tried
+from duobench.policy.generators import (
+    MAKING_SEED,
+    Noise,
+    go_on_with,
+    noise_now,
+    seed_generators,
+    tried,
+)
 from duobench.policy.policy import Policy, PolicyMetadata, as_chunk
 
 Observation = Mapping[str, Any]
@@ -281,6 +288,7 @@ class PolicyPool:
         if not self._idle:
             if len(self._all) == self.size:
                 raise MachineryError(f"All {self.size} objects of this policy are playing.")
+            seed_generators(MAKING_SEED)
             self._idle.append(self._make())
             self._all.append(self._idle[-1])
         policy = self._idle[-1]
@@ -296,11 +304,9 @@ class PolicyPool:
         """Ask one object after the other."""
         chunks = []
         for session, observation in zip(sessions, observations, strict=True):
-            if id(session.policy) in self._known:
-                chunks.append(_act(session, observation))
-            else:
-                chunks.append(_first_act(session, observation))
-                self._known.add(id(session.policy))
+            act = _act if id(session.policy) in self._known else _first_act
+            chunks.append(act(session, observation))
+            self._known.add(id(session.policy))
             session.intended = getattr(session.policy, "intended_action", None)
         return chunks
 

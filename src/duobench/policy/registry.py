@@ -193,12 +193,7 @@ def make_batched(
         return policy, metadata, batching or Batching()
     if batching is not None and objects is None:
         raise no_batches(name)
-    return PolicyPool(policy, partial(_make_again, name), objects or 1), metadata, None
-
-
-def _make_again(name: PolicyName) -> Policy:
-    seed_generators(MAKING_SEED)
-    return make(name.text)
+    return PolicyPool(policy, lambda: make(name.text), objects or 1), metadata, None
 
 
 def no_batches(name: PolicyName) -> PolicyError:

@@ -114,7 +114,9 @@ def identity(part: RunPart) -> Facts:
     batches = batching and f"{batching.mode} batches of {batching.size}"
     actions = f"{policy.horizon} action{'s' if policy.horizon and policy.horizon > 1 else ''}"
     facts = {
-        "Policy": candidate.both_names,
+        "Policy": candidate.policy
+        if policy.name == candidate.policy
+        else f"{candidate.policy} ({policy.name})",
         "Its version": policy.version or UNKNOWN,
         "Trained on": candidate.trained_on,
         "Rig": rig_text(part.records) if run.is_real else "",

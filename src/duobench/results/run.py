@@ -172,12 +172,6 @@ class Candidate:
         return escaped(self.metadata.name if is_served else self.policy)
 
     @property
-    def both_names(self) -> str:
-        """Its name for people, and in brackets another one that it has."""
-        others = {self.policy, self.metadata.name} - {self.name, ""}
-        return escaped(f"{self.name} ({others.pop()})" if others else self.name)
-
-    @property
     def title(self) -> str:
         """Its name for people, with a word if it is privileged."""
         return f"{self.name} (privileged)" if self.privileged else self.name
