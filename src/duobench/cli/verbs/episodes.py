@@ -391,8 +391,8 @@ def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
     run, overall = parts[0].run, results.overall
     if shard.is_whole and len(parts) == 1:
         say(results_table(parts[0]))
-    else:
-        say("\n".join(filter(None, dict.fromkeys(part.repeatability for part in parts))))
+    elif said := dict.fromkeys(part.repeatability for part in parts if part.repeatability):
+        say("\n".join(said))
     if shard.is_whole or sum(part.results.overall.episodes for part in parts) == run.size:
         say(f"Report: {relative(folder.page)}")
     else:
