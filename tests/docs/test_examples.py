@@ -296,7 +296,7 @@ def test_shown_format_is_one(tmp_path: Path) -> None:
     path = tmp_path / "shown.toml"
     path.write_text(*blocks(SERVING, "toml"))
     message_format = read_format(str(path))
-    assert message_format.metadata("", "", seeded=False).cameras == ("head", "left_wrist")
+    assert message_format.metadata("", "").cameras == ("head", "left_wrist")
 
 
 def test_table_of_parameters_names_those_of_the_benchmark() -> None:

@@ -72,8 +72,8 @@ def assert_secret(records: list[EpisodeRecord], messages: list[Any]) -> None:
 
 
 def seeds(records: list[EpisodeRecord]) -> list[int | None]:
-    """What a policy is told: the first observation is also shown in advance."""
-    return [record.policy_seed for record in (records[0], *records)]
+    """What a policy is told: the first observation is also shown in advance, twice."""
+    return [record.policy_seed for record in (records[0], records[0], *records)]
 
 
 class Notes(toy_batches.Wanders):

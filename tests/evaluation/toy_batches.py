@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from duobench.policy import HoldPolicy, PolicyMetadata, Session, noise
+from duobench.policy import PolicyMetadata, Session, noise
 from duobench.robot.joints import JOINT_RANGES
 from tests.evaluation import toy_tasks
 from tests.evaluation.toy_tasks import HORIZON, dies, mark, raises, seed_of
@@ -107,9 +107,3 @@ class Reads(Wanders):
         observations: Sequence[dict[str, Any]],
     ) -> list[np.ndarray]:
         return [toy_tasks.Reads().act(observation) for observation in observations]
-
-
-class Unseeded(HoldPolicy):
-    """Says that its noise cannot be controlled."""
-
-    metadata = PolicyMetadata(name="unseeded", cameras=(), seeded=False)

@@ -242,10 +242,10 @@ class SpoilsClock(Acts, HoldPolicy):
 
 
 class ThinksTwice(HoldPolicy):
-    """Thinks for two seconds before the second answer of a run, and says when it begins to."""
+    """Thinks for two seconds before the first answer that is played, and says when it begins to."""
 
     def act(self, observation: Mapping[str, Any]) -> np.ndarray:
-        if not mark("rehearsed") and mark("thinking"):
+        if not mark("rehearsed") and not mark("rehearsed again") and mark("thinking"):
             time.sleep(2.0)
         return super().act(observation)
 

@@ -19,8 +19,9 @@ from duobench.envs.action_labels import POSE_LABELS
 from duobench.envs.state_labels import StatePart, names_of
 from duobench.errors import DuoBenchError
 from duobench.lerobot_keys import FEATURE_NAMES, LAST
-from duobench.policy.batch import Batching, SessionPolicy
+from duobench.policy.batch import Batching, PolicyPool, SessionPolicy
 from duobench.policy.lerobot_model import EpisodeNoise, LeRobotPolicy
+from duobench.policy.policy import PolicyMetadata
 from duobench.policy.registry import PolicyName, make_any
 from duobench.results.bundle import read_source
 from duobench.robot.joints import HOME_JOINTS
@@ -99,6 +100,29 @@ class Loop:
         with torch.inference_mode():
             action = self._policy.select_action(self._before({**batch, "task": [INSTRUCTION]}))
         return self._after(action)[0].numpy()
+
+
+class Samples:
+    """Samples with torch whatever its seed is, as careless policies do."""
+
+    metadata = PolicyMetadata(name="samples", cameras=())
+
+    def reset(self, instruction: str, seed: int) -> None:
+        """There is nothing to forget."""
+
+    def act(self, observation: Any) -> np.ndarray:  # noqa: ARG002 - the protocol
+        return torch.randn(1, 16).numpy()
+
+
+def test_global_noise_of_torch_is_that_of_the_seed_whoever_plays_beside_it() -> None:
+    alone, pool = PolicyPool(Samples(), Samples), PolicyPool(Samples(), Samples, size=2)
+    session = alone.begin(INSTRUCTION, SEED)
+    wanted = [alone.act_batch([session], [observation(0)])[0] for _ in range(3)]
+    assert len({one.tobytes() for one in wanted}) == len(wanted)
+    first, second = pool.begin(INSTRUCTION, SEED), pool.begin(INSTRUCTION, 2**64 - 1)
+    for chunk in wanted:
+        _, found = pool.act_batch([second, first], [observation(0)] * 2)
+        np.testing.assert_array_equal(found, chunk)
 
 
 def test_a_chunk_of_act_is_what_lerobots_loop_executes(folders: dict[str, Path]) -> None:

@@ -20,7 +20,7 @@ FRAMES = [np.full((96, 128, 3), shade, np.uint8) for shade in (20, 80, 140)]
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Report of a privileged, unfinished run with everything that a report can show."""
-    metadata = PolicyMetadata(name="mine", version="1", object_state=True, seeded=False)
+    metadata = PolicyMetadata(name="mine", version="1", object_state=True)
     run = sample_run(episodes=9, metadata=metadata)
     records = [
         sample_record(SORT, 0, clipped=3),

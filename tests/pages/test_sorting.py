@@ -29,7 +29,7 @@ BOTTOM = "[...document.querySelectorAll('.results tr')].at(-1).getBoundingClient
 def played(folder: Path, name: str, share: float, *, privileged: bool) -> RunFolder:
     """A run of all tasks by a policy with noise, which succeeds in more episodes task by task."""
     tasks = find_tasks(())
-    metadata = PolicyMetadata(name=name, version="1", object_state=privileged, seeded=False)
+    metadata = PolicyMetadata(name=name, version="1", object_state=privileged)
     run = sample_run(tasks=tasks, episodes=4, policy=name, metadata=metadata)
     records: list[EpisodeRecord] = []
     for task, episode in product(tasks, range(4)):

@@ -93,7 +93,7 @@ def test_metadata_that_no_environment_meets_is_refused(field: str, values: list[
         ({"control_rate_hz": np.float32(30)}, {"control_rate_hz": 30.0}),
         ({"horizon": np.int64(3)}, {"horizon": 3}),
         ({"object_state": np.True_}, {"object_state": True}),
-        ({"seeded": np.False_}, {"seeded": False}),
+        ({"batch_invariant": np.False_}, {"batch_invariant": False}),
     ],
 )
 def test_metadata_of_numpy_and_one_for_all_can_be_written_down(

@@ -150,7 +150,7 @@ def test_page_is_whole_and_its_links_lead_somewhere(whole: tuple[RunFolder, Page
 
 def test_page_tells_policy_stages_seeds_and_command(whole: tuple[RunFolder, Page]) -> None:
     run, words = whole[0].read_run(), whole[1].words
-    assert f"come from: {COMMAND}" in words
+    assert f"started by: {COMMAND}" in words
     for fact in ("Policy mine", "Its version 1", "Look default", "Action mode joint", "split eval"):
         assert fact in words
     for task in run.suite.tasks:

@@ -114,12 +114,6 @@ def test_plain_policy_has_no_batches(play, workers):
         play(PolicyChoice.parse("random", batching=FIXED), episodes=1, workers=workers)
 
 
-def test_noise_that_nothing_controls_is_told(play):
-    folder, results = play(named(toy_batches.Unseeded, batching=None), episodes=1)
-    assert results.tasks[0].records[0].versions["inference"] == "noise not controlled"
-    assert "Noise not controlled" in folder.page.read_text()
-
-
 def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play):
     plain, results = play("Reads", "plain", workers=2, episodes=2)
     batched, _ = play(named(toy_batches.Reads), "batched", workers=2, episodes=2)

@@ -13,6 +13,7 @@ from duobench.cli import main
 from duobench.cli.shared.options import command_line
 from duobench.errors import EvaluationError
 from duobench.results.folder import RunFolder
+from duobench.results.records import FirstAnswer
 from duobench.runners import ray_cluster as cluster, ray_process as host
 from duobench.runners.evaluate import evaluate
 from duobench.runners.ray_cluster import check_environment
@@ -108,8 +109,10 @@ def chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
 def test_only_how_far_an_episode_is_waits_for_other_messages():
     tag = EpisodeProgress.__struct_config__.tag
     assert host._may_wait(msgspec.json.encode({"type": tag, "record": {}}))
-    assert msgspec.json.encode(Rehearsed()).startswith(b'{"type":"')  # the tag comes first
-    assert not host._may_wait(msgspec.json.encode(Rehearsed()))
+    assert msgspec.json.encode(Rehearsed(FirstAnswer(question="q", answer="a"))).startswith(
+        b'{"type":"'
+    )  # the tag comes first
+    assert not host._may_wait(msgspec.json.encode(Rehearsed(FirstAnswer(question="q", answer="a"))))
 
 
 def test_rendering_is_chosen_once_a_node(chosen):

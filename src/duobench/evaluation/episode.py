@@ -1,5 +1,6 @@
 """Playing episodes: one environment, one policy, one task at a time; nothing is written here."""
 
+import hashlib
 import logging
 import math
 from collections.abc import Callable, Iterator
@@ -34,9 +35,10 @@ from duobench.evaluation.video import Overview, Picture, VideoRecorder
 from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
+from duobench.policy.serving.codec import pack
 from duobench.randomness import EVAL, SALTED, episode_seed
 from duobench.results.journal import EpisodeTimes
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import NOT_REPEATABLE, EpisodeRecord, FirstAnswer
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
 from duobench.sim.rendering import describe
@@ -159,8 +161,12 @@ def _inference(source: PolicySource) -> str | None:
     metadata, batching = source.metadata, source.batching
     parts = [f"{batching.mode} batches of {batching.size}"] if batching else []
     parts += [part for part in (metadata.dtype, metadata.device) if part]
-    parts += [] if metadata.seeded else ["noise not controlled"]
     return ", ".join(parts) or None
+
+
+def _digest(**values: object) -> str:
+    """SHA-256 of arrays, numbers and texts."""
+    return hashlib.sha256(pack(values)).hexdigest()
 
 
 class EpisodeRunner:
@@ -300,22 +306,30 @@ class EpisodeRunner:
         optional_method(env, "set_rendering")(True)
         return last.number if last.info["success"] else None
 
-    def rehearse(self, episode: Episode) -> None:
-        """Have the policy answer the first observation of an episode, which is not played."""
+    def rehearse(self, episode: Episode) -> FirstAnswer:
+        """Have the policy answer the first observation of an episode twice; it is not played."""
         setting = self._prepare(episode)
         env, policy = setting.env, setting.policy
         (size,) = env.action_space.shape or (0,)
         check_fits(policy.metadata, env)
         observation, info = env.reset(seed=episode.seed)
+        question = _digest(
+            instruction=info["instruction"], seed=episode.policy_seed, observation=observation
+        )
+        answers: list[str] = []
         try:
-            with self._clock.playing(), self._clock.timed(self._limits):
-                policy.reset(info["instruction"], episode.policy_seed)
-                as_chunk(policy.act(observation), size)
+            for _ in range(2):
+                with self._clock.playing(), self._clock.timed(self._limits):
+                    policy.reset(info["instruction"], episode.policy_seed)
+                    chunk = as_chunk(policy.act(observation), size)
+                answers.append(_digest(actions=chunk))
         except PolicyError as error:
             raise PolicyError(
                 f"The policy does not answer the first observation of {episode.task.id}, so that "
                 f"nothing was played:\n{error}"
             ) from error
+        is_same = answers[0] == answers[1]
+        return FirstAnswer(question=question, answer=answers[0] if is_same else NOT_REPEATABLE)
 
     def close(self) -> None:
         """Free environment and policy, which are not used again."""

@@ -39,7 +39,7 @@ class Episodes:
     """
 
     def __init__(self, message_format: MessageFormat, **options: Any) -> None:
-        metadata = message_format.metadata("", "", seeded=False)
+        metadata = message_format.metadata("", "")
         self._options = {**needed_options(metadata), **options}
         EnvConfig.from_options(self._options)
         self.message_format = message_format

@@ -65,9 +65,7 @@ class VLAgentsPolicy:
             )
         name = self._address[0]
         digest = hashlib.sha256(repr(self._format).encode()).hexdigest()[:16]
-        self.metadata = self._format.metadata(
-            f"vlagents {name}", f"{name}, format {digest}", seeded=False
-        )
+        self.metadata = self._format.metadata(f"vlagents {name}", f"{name}, format {digest}")
         """What the format says that the agent expects."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - it takes none

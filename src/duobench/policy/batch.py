@@ -1,16 +1,24 @@
 """Policies that answer many episodes at a time: the state of an episode is not in the policy."""
 
 import copy
-import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import MachineryError, PolicyError
+from duobench.policy.generators import (
+    MAKING_SEED,
+    Noise,
+    go_on_with,
+    noise_now,
+    seed_generators,
+    tried,
+)
 from duobench.policy.policy import Policy, PolicyMetadata, as_chunk
 
 Observation = Mapping[str, Any]
@@ -99,8 +107,7 @@ class Batching:
     """How many observations are answered together."""
 
     mode: BatchMode = "fixed"
-    """ "fixed" fills every batch up to `size`, so that an answer does not depend on how many others
-    were waiting; "dynamic" takes what is there, which is faster."""
+    """ "fixed" fills every batch up to `size`; "dynamic" takes what is there, which is faster."""
     size: int = MAX_BATCH
     """Most observations in a batch."""
 
@@ -224,18 +231,6 @@ class SessionPolicy:
         getattr(self._policy, "close", lambda: None)()
 
 
-Noise = tuple[Any, Any]
-
-
-def _noise() -> Noise:
-    return random.getstate(), np.random.get_state()  # noqa: NPY002 - which policies share
-
-
-def _go_on_with(noise: Noise) -> None:
-    random.setstate(noise[0])
-    np.random.set_state(noise[1])  # noqa: NPY002
-
-
 @dataclass(kw_only=True, slots=True)
 class _PlainSession(Session):
     policy: Policy
@@ -245,12 +240,36 @@ class _PlainSession(Session):
     """What the policy wanted its last action to be, if it has disturbed it."""
 
 
+def _reset(policy: Policy, instruction: str, seed: int) -> Noise:
+    seed_generators(seed)
+    policy.reset(instruction, seed)
+    return noise_now()
+
+
+def _act(session: _PlainSession, observation: Observation) -> ArrayLike:
+    seed_generators(session.seed)  # also those that are new since the last answer
+    go_on_with(session.noise)
+    chunk = session.policy.act(observation)
+    session.noise = noise_now()
+    return chunk
+
+
+def _first_act(session: _PlainSession, observation: Observation) -> ArrayLike:
+    """The first answer of an object; one that moves generators is given again as a later one."""
+    policy = session.policy
+    chunk, has_moved = tried(partial(policy.act, copy.deepcopy(dict(observation))))
+    if not has_moved:
+        return chunk
+    session.noise = _reset(policy, session.instruction, session.seed)
+    return _act(session, observation)
+
+
 class PolicyPool:
     """Plain policies as a batch policy: each episode under way has an object for itself.
 
     Args:
-        first: A policy that plays no episode. For policies that use Python's and NumPy's global
-            generators, these get the seed of each episode, and go on in each where they were.
+        first: A policy that plays no episode. For policies that use global generators, these get
+            the seed of each episode, and go on in each where they were; see `generators`.
         make: Makes another one, when more episodes are played side by side.
         size: Most objects at a time.
     """
@@ -260,6 +279,8 @@ class PolicyPool:
         self.size = size
         self._all = [first]
         self._idle = [first]
+        self._known: set[int] = set()
+        """Ids of the objects that have answered before."""
         self.metadata = first.metadata
 
     def begin(self, instruction: str, seed: int) -> Session:
@@ -267,14 +288,15 @@ class PolicyPool:
         if not self._idle:
             if len(self._all) == self.size:
                 raise MachineryError(f"All {self.size} objects of this policy are playing.")
+            seed_generators(MAKING_SEED)
             self._idle.append(self._make())
             self._all.append(self._idle[-1])
-        random.seed(seed)
-        np.random.seed(seed % 2**32)  # noqa: NPY002
         policy = self._idle[-1]
-        policy.reset(instruction, seed)
+        if id(policy) not in self._known:
+            tried(partial(policy.reset, instruction, seed))
+        noise = _reset(policy, instruction, seed)
         self._idle.pop()
-        return _PlainSession(instruction=instruction, seed=seed, policy=policy, noise=_noise())
+        return _PlainSession(instruction=instruction, seed=seed, policy=policy, noise=noise)
 
     def act_batch(
         self, sessions: Sequence[_PlainSession], observations: Sequence[Observation]
@@ -282,9 +304,9 @@ class PolicyPool:
         """Ask one object after the other."""
         chunks = []
         for session, observation in zip(sessions, observations, strict=True):
-            _go_on_with(session.noise)
-            chunks.append(session.policy.act(observation))
-            session.noise = _noise()
+            act = _act if id(session.policy) in self._known else _first_act
+            chunks.append(act(session, observation))
+            self._known.add(id(session.policy))
             session.intended = getattr(session.policy, "intended_action", None)
         return chunks
 

@@ -47,8 +47,6 @@ class PolicyMetadata:
     with the version it began with. An evaluation takes the hash of the module's source for None."""
     horizon: int | None = None
     """Actions of one chunk; None if that varies or is unknown."""
-    seeded: bool = True
-    """Whether everything that the policy samples follows from the seed that it is reset with."""
     batch_invariant: bool = False
     """Whether an answer has the same bits however many observations are answered with it."""
     dtype: str | None = None
@@ -98,7 +96,6 @@ _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     "control_rate_hz": float,
     "horizon": _or_none(as_count, "it is at least 1 action"),
     "object_state": bool,
-    "seeded": bool,
     "batch_invariant": bool,
 }
 """What makes plain values of what is given, which records and messages hold."""

@@ -13,6 +13,7 @@ from duobench.errors import DuoBenchError, PolicyError, UnknownNameError, traceb
 from duobench.machine import install_extra
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
 from duobench.policy.batch import Batching, BatchPolicy, PolicyPool, SessionPolicy
+from duobench.policy.generators import MAKING_SEED, seed_generators
 from duobench.policy.policy import Policy, PolicyMetadata
 from duobench.references import load
 
@@ -180,6 +181,9 @@ def make_batched(
         The policy; its metadata, with the hash of its source where it has no version; and how many
         observations it answers together, None for a plain policy.
     """
+    seed_generators(MAKING_SEED)
+    _factory(name)  # imports what may take random numbers for itself
+    seed_generators(MAKING_SEED)
     policy = make_any(name)
     metadata = policy.metadata
     if metadata.version is None:

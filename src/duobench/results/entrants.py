@@ -249,7 +249,7 @@ def entrant_of(part: RunPart, name: str = "") -> Entrant:
         raise EvaluationError(f"{part.condition.name} has no finished episode to compare.")
     shift = "" if part.condition.shift == NO_SHIFT else f", {part.condition.shift}"
     return Entrant(
-        title=name or f"{part.condition.policy}{shift}",
+        title=name or f"{part.candidate.name}{shift}",
         group=Group.PRIVILEGED if part.candidate.privileged else Group.UNPRIVILEGED,
         part=part,
     )

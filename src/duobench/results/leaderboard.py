@@ -11,10 +11,8 @@ from typing import Any
 import msgspec
 
 from duobench.envs.config import EnvConfig
-from duobench.errors import escaped
 from duobench.files import make_folder, remove
 from duobench.looks.look import Look
-from duobench.policy.serving.address import SERVED
 from duobench.randomness import EVAL, SALTED
 from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
@@ -75,6 +73,8 @@ class BoardEntry:
     """How many episodes have which verdict, by the verdict."""
     repeats: str
     """How many of its episodes were begun more than once, and why, in words; empty if none was."""
+    repeatability: str
+    """Whether its first answers were the same, in words; empty if that is not known."""
     lacks: tuple[str, ...]
     """Why it is not ranked, one phrase each; none if it is."""
     hosted: Round | None = None
@@ -93,8 +93,7 @@ class BoardEntry:
     @property
     def name(self) -> str:
         """Name of the policy, as its author gave it; of a served one its own."""
-        one = self.part.candidate
-        return escaped(one.metadata.name if one.policy in SERVED else one.policy)[:LONGEST_NAME]
+        return self.part.candidate.name[:LONGEST_NAME]
 
     @property
     def privileged(self) -> bool:
@@ -209,6 +208,7 @@ def make_entry(  # noqa: PLR0913 - what is known of a bundle
         commands=tuple(commands),
         verdicts=dict(verdicts),
         repeats=repeats,
+        repeatability=part.repeatability,
         lacks=lacks,
         hosted=hosted,
     )
@@ -331,6 +331,7 @@ def _entry(entry: BoardEntry) -> dict[str, Any]:
         "sha256": entry.digest,
         "verdicts": dict(entry.verdicts),
         "attempts": entry.repeats,
+        "repeatability": entry.repeatability,
         "round": entry.hosted and entry.hosted.name,
         "overall": entry.results.overall.numbers(),
         "categories": {one.label: one.numbers() for one in entry.results.categories},

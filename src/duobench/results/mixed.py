@@ -164,7 +164,7 @@ def _joined(parts: Sequence[RunPart]) -> RunPart:
     first = parts[0]
     if len(versions := {part.suite.version for part in parts}) > 1:
         raise EvaluationError(
-            f"{first.candidate.policy} played different suites ({', '.join(sorted(versions))}), "
+            f"{first.candidate.name} played different suites ({', '.join(sorted(versions))}), "
             "whose scores cannot be added up; take runs of one of them."
         )
     tasks = tuple(one.task for part in parts for one in part.results.tasks)

@@ -110,6 +110,8 @@ class Pair:
     left_out: int
     """Finished episodes of common tasks that only one run has, where the tests are paired."""
     tests: tuple[Test, ...]
+    is_same: bool = False
+    """Whether the records of all episodes that both have are equal: it is one run, or a copy."""
 
     @property
     def crosses_groups(self) -> bool:
@@ -163,6 +165,7 @@ def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | Non
         paired=paired,
         obstacle=objection,
         conditions=tuple(_differing_conditions(a.part, b.part)),
+        is_same=paired and all(one == other for pairs in shared.values() for one, other in pairs),
         left_out=played - 2 * sum(map(len, shared.values())) if paired else 0,
         tests=_adjusted([test for test in tests if test], _planned(a, b)),
     )

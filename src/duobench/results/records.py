@@ -1,7 +1,6 @@
 """The record of one finished episode: everything that a table or a report is computed from.
 
-A record holds no clock time and no name of a machine's folder, so that the same episode gives the
-same bytes however it was run.
+A record holds no clock time and no name of a machine's folder: equal episodes give equal bytes.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from duobench.results.excess import Excess
 from duobench.shifts.shift import Shift
 from duobench.types import FLAT_SIZE, Array
 
-RECORD_SCHEMA = 10
+RECORD_SCHEMA = 11
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 SIM, REAL, MIXED = "sim", "real", "mixed"
 """Where something was played or recorded: in simulation, on real arms, or both."""
@@ -149,6 +148,22 @@ class Software:
     """SHA-256 of all files of the package."""
 
 
+NOT_REPEATABLE = "not repeatable"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FirstAnswer:
+    """How a policy answers the first observation of a run, before anything is played.
+
+    It is reset and asked, and once more with the same seed and observation.
+    """
+
+    question: str
+    """SHA-256 of instruction, seed and observation."""
+    answer: str
+    """SHA-256 of the answer, or `NOT_REPEATABLE` where the second one has other bits."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EpisodeRecord:
     """One episode of one task under one condition, from its seed to its last stage."""
@@ -172,6 +187,8 @@ class EpisodeRecord:
     """The how-manyeth it was, over all commands."""
     earlier: tuple[str, ...] = ()
     """How each earlier attempt ended, one of `duobench.results.attempts.ENDS`."""
+    first_answer: FirstAnswer | None = None
+    """Of the policy to the command that played it; None where it was not asked."""
     policy: str
     policy_version: str | None
     """None if unknown."""

@@ -37,7 +37,7 @@ from duobench.results.run import Run, Shard
 from duobench.results.scores import Results, RunPart, group_by_condition
 from duobench.results.suite import deviations
 
-SUMMARY_SCHEMA = 6
+SUMMARY_SCHEMA = 7
 SUMMARY = "summary.json"
 """The results of a condition for programs."""
 _NAMED = 6  # shards that a sentence names
@@ -114,7 +114,8 @@ def summary_json(part: RunPart) -> str:
     """The results as JSON text: per task, per category and overall."""
     document = {
         "schema": SUMMARY_SCHEMA,
-        **part.facts("policy", "policy_version", "privileged", "domain", "rig", "trained_on"),
+        **part.facts("policy", "policy_name", "policy_version", "privileged", "repeatable"),
+        **part.facts("domain", "rig", "trained_on"),
         **part.facts("suite_version", "suite"),
         "suite_deviations": deviations(part.suite),
         **part.facts("execute", "latency", "overtime", "look", "shift", "versions"),

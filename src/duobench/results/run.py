@@ -17,7 +17,7 @@ from duobench.errors import EvaluationError, escaped
 from duobench.files import checksum, differences
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
-from duobench.policy.serving.address import MAX_S
+from duobench.policy.serving.address import MAX_S, SERVED
 from duobench.randomness import SALTED, SUITE_VERSION
 from duobench.results.records import (
     DOMAINS,
@@ -121,7 +121,7 @@ class TimeLimits:
         return min(self.act_timeout, MAX_S)
 
 
-RUN_SCHEMA = 9
+RUN_SCHEMA = 10
 _SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
 """What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
@@ -166,9 +166,15 @@ class Candidate:
         return self.metadata.object_state or reads_simulation(self.policy)
 
     @property
+    def name(self) -> str:
+        """Its name for people: as the user gave it, and of a served one its own, if it has one."""
+        is_served = self.policy in SERVED and self.metadata.name
+        return escaped(self.metadata.name if is_served else self.policy)
+
+    @property
     def title(self) -> str:
         """Its name for people, with a word if it is privileged."""
-        return escaped(f"{self.policy} (privileged)" if self.privileged else self.policy)
+        return f"{self.name} (privileged)" if self.privileged else self.name
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

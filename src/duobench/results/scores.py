@@ -6,14 +6,14 @@ The quantities are those of the paper, computed from records alone, in whatever 
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
 from duobench.results.attempts import MARK, MARKED, repeats_text
 from duobench.results.excess import MOST, NOTABLE
-from duobench.results.records import Condition, EpisodeRecord
+from duobench.results.records import NOT_REPEATABLE, Condition, EpisodeRecord
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite, TaskInfo
 
@@ -21,6 +21,11 @@ CONFIDENCE = 0.95
 """Confidence of the intervals in tables and reports."""
 TIME_POINTS = 101
 """Samples of the progress curve: 0 %, 1 %, ..., 100 % of the horizon."""
+REPEATABILITY: Mapping[bool | None, str] = {
+    True: "With one seed, its first answer was the same twice.",
+    False: f"This policy is {NOT_REPEATABLE}: with one seed, its first answers were not the same.",
+}
+"""What a run says of its policy after it was asked the same twice, or again by a later command."""
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
 """A number that is a word of its own, not a part of a name."""
 
@@ -216,6 +221,19 @@ class RunPart:
         return [record for one in self.results.tasks for record in one.records]
 
     @property
+    def is_repeatable(self) -> bool | None:
+        """Whether first answers with one seed were always the same; None if none was asked for."""
+        asked = {one.first_answer for one in self.records if one.first_answer}
+        questions = {one.question for one in asked}
+        is_same = len(asked) == len(questions)
+        return all(one.answer != NOT_REPEATABLE for one in asked) and is_same if asked else None
+
+    @property
+    def repeatability(self) -> str:
+        """The same in a sentence; empty if it was not asked."""
+        return REPEATABILITY.get(self.is_repeatable, "")
+
+    @property
     def repeats(self) -> str:
         """How many episodes were begun more than once, why, and the worst case; or nothing."""
         said = repeats_text(record.earlier for record in self.records)
@@ -248,8 +266,10 @@ class RunPart:
         candidate, suite = self.candidate, self.run.suite
         facts: dict[str, Any] = {
             "policy": candidate.policy,
+            "policy_name": candidate.metadata.name,
             "policy_version": candidate.metadata.version,
             "privileged": candidate.privileged,
+            "repeatable": self.is_repeatable,
             "domain": self.condition.domain,
             "rig": self.run.rig,
             "trained_on": candidate.trained_on,

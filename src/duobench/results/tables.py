@@ -18,7 +18,7 @@ from duobench.results.pages import json_text
 from duobench.results.pairs import Pair, RunComparison, Test
 from duobench.results.statistics import LEVEL
 
-COMPARISON_SCHEMA = 2
+COMPARISON_SCHEMA = 3
 MINUS = "\N{MINUS SIGN}"
 _SMALLEST = 0.001  # p-values below are not told apart
 _LATEX = str.maketrans(
@@ -97,6 +97,10 @@ def verdict(pair: Pair) -> str:
     a, b = pair.a.name, pair.b.name
     if pair.obstacle:
         return f"{a} and {b} are not compared. {pair.obstacle}"
+    if pair.is_same:
+        return (
+            f"{a} and {b} have the same records: one run, a copy of it, or the same played again."
+        )
     tests = pair.of(RowKind.TASK)
     # Of another group, better is not the word: it knows what the other one has to see.
     beats = "solves more than" if pair.crosses_groups else "is better than"
@@ -118,6 +122,8 @@ def wins(pair: Pair) -> str:
     """In how many tasks either run of a pair solves more, by their letters; or nothing."""
     if pair.obstacle:
         return "not compared"
+    if pair.is_same:
+        return "the same records"
     tests = pair.of(RowKind.TASK)
     won = {pair.a.key: 1, pair.b.key: -1}
     counts = {key: sum(test.better == better for test in tests) for key, better in won.items()}
@@ -302,7 +308,8 @@ def comparison_json(comparison: RunComparison) -> str:
 
 
 _FACTS = (
-    *("policy", "policy_version", "privileged", "domain", "trained_on"),
+    *("policy", "policy_name", "policy_version", "privileged", "repeatable", "domain"),
+    "trained_on",
     *("suite_version", "look", "shift", "first_episode"),
     *("expected_episodes", "suite", "execute", "latency", "versions"),
 )
@@ -337,6 +344,7 @@ def pair_json(pair: Pair) -> dict[str, Any]:
         "crosses_groups": pair.crosses_groups,
         "not_tested_because": pair.obstacle,
         "episodes_left_out": pair.left_out,
+        "same_records": pair.is_same,
         "conditions_that_differ": list(pair.conditions),
         "verdict": verdict(pair),
         "tests": [_test(test, pair.paired) for test in pair.tests],

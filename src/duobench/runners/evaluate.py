@@ -1,13 +1,14 @@
 """Playing what is missing in a folder: episodes of an evaluation, or demonstrations.
 
 Whatever plays, this process alone writes what it plays. Other processes may write other shards of
-the same evaluation into the same folder. Which episodes become demonstrations does not depend on
-the number of workers or on interruptions: the first ones, by index, that succeed.
+the same evaluation into the same folder. Demonstrations are the first episodes, by index, that
+succeed, with any number of workers and after interruptions.
 """
 
 from collections.abc import Sequence, Set
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -56,8 +57,8 @@ def evaluate(  # noqa: PLR0913
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
-    The results do not depend on the number of workers, on the order in which episodes finish, on
-    how often the run was stopped and started again, or on how many processes play its shards.
+    The policy is asked its first answer twice, with one seed: records and report say whether both
+    were the same.
 
     Args:
         policy: `expert`, a baseline's name, `module:attribute`, or a choice that also says
@@ -109,21 +110,29 @@ def evaluate(  # noqa: PLR0913
         elif folder.gives_way(run):
             folder.clear(run, shard, keeps_attempts=True)
         episodes = run.episodes(shard, videos, salt)
-        if episodes and not folder.has_records:
-            executor.rehearse(episodes[0])
+        rehearse = partial(executor.rehearse, run.episodes(salt=salt)[0])
+        # Of a policy that gives no first answer, nothing is written.
+        first_answer = rehearse() if episodes and not folder.has_records else None
         folder.begin(run, shard)
         journal.start(command, workers)
         finished = _finished(folder, run, shard, retry_broken=retry_broken)
-        for observer in observers:
-            observer.on_run_start(run, finished)
         records = {record.key: record for record in finished}
         missing = [each for each in episodes if run.key(each) not in records]
+        if missing:
+            first_answer = first_answer or rehearse()
+        for observer in observers:
+            observer.on_run_start(run, finished)
         results = executor.play(missing, _NotedAttempts(run, journal))
         if unplayed_count_as_failures:
             results = chain(results, executor.failures())
         for result in results:
             earlier = journal.earlier(result.record.key)
-            record = replace(result.record, attempt=1 + len(earlier), earlier=earlier)
+            record = replace(
+                result.record,
+                attempt=1 + len(earlier),
+                earlier=earlier,
+                first_answer=first_answer,
+            )
             records[record.key] = record
             folder.write(record, result.video)
             journal.end(record, result.times)

@@ -34,7 +34,7 @@ from duobench.results.attempts import (
     SHARED,
     WORKER,
 )
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import EpisodeRecord, FirstAnswer
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.runners.policy_process import Answering
@@ -84,10 +84,9 @@ class LocalExecutor:
         """Make the policy, and say what is played by what."""
         return self._runner.run
 
-    def rehearse(self, episode: Episode) -> None:
-        """Have the policy answer a first observation; see `ProcessExecutor`."""
-        if not self._job.policy.is_scripted:
-            self._runner.rehearse(episode)
+    def rehearse(self, episode: Episode) -> FirstAnswer:
+        """Have the policy answer a first observation twice; see `ProcessExecutor`."""
+        return self._runner.rehearse(episode)
 
     def play(
         self, episodes: Sequence[Episode], log: AttemptLog | None = None
@@ -135,6 +134,7 @@ class ProcessExecutor:
         self._failed_starts = 0
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
+        self._first_answer: FirstAnswer | None = None
         self._at_horizon: dict[Episode, EpisodeRecord] = {}
         self._log = AttemptLog()
         self.unplayed = self._schedule.abandoned
@@ -149,21 +149,18 @@ class ProcessExecutor:
                 pass
         return self._ready.run
 
-    def rehearse(self, episode: Episode) -> None:
-        """Have the policy answer the first observation of an episode, after `prepare`.
-
-        A scripted policy is not asked: it answers whatever it sees.
+    def rehearse(self, episode: Episode) -> FirstAnswer:
+        """Have the policy answer the first observation of an episode twice, after `prepare`.
 
         Raises:
             PolicyError: It fails, or its answer is no chunk of actions.
         """
-        if self._job.policy.is_scripted:
-            return
         (self._rehearsing,) = self._pool.workers
         self._rehearsing.rehearse(episode)
-        while self._rehearsing is not None:
+        while self._first_answer is None:
             for _ in self._poll():
                 pass
+        return self._first_answer
 
     def play(
         self, episodes: Sequence[Episode], log: AttemptLog | None = None
@@ -253,8 +250,9 @@ class ProcessExecutor:
                 self._ready = report
                 self._failed_starts = 0
                 member.is_ready = True
-            case Worker(), Rehearsed():
+            case Worker(), Rehearsed(answer=answer):
                 self._rehearsing = member.episode = None
+                self._first_answer = answer
             case Worker(), EpisodeProgress(record=record):
                 self._note_progress(member, record)
             case Worker(), EpisodeResult():

@@ -8,7 +8,7 @@ from duobench.errors import MachineryError, escaped
 from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import EpisodeRecord, FirstAnswer
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.runners.process import Parent, ProcessFailed, Requests, Stop, run_child
@@ -21,7 +21,7 @@ class PlayEpisode(msgspec.Struct, tag=True, frozen=True):
 
 
 class Rehearse(msgspec.Struct, tag=True, frozen=True):
-    """To a worker: have the policy answer the first observation of an episode."""
+    """To a worker: have the policy answer the first observation of an episode twice."""
 
     episode: Episode
 
@@ -36,6 +36,8 @@ class Ready(msgspec.Struct, tag=True, frozen=True):
 
 class Rehearsed(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the policy has answered."""
+
+    answer: FirstAnswer
 
 
 class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
@@ -73,8 +75,7 @@ def _play(job: Job, parent: Parent, requests: Requests, *, clock: EpisodeClock) 
     while not isinstance(request := requests.get(), Stop):
         try:
             if isinstance(request, Rehearse):
-                runner.rehearse(request.episode)
-                report = Rehearsed()
+                report = Rehearsed(runner.rehearse(request.episode))
             else:
                 report = runner.play(request.episode)
         except MachineryError as fault:

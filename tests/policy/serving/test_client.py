@@ -230,7 +230,6 @@ def test_plain_openpi_gets_a_connection_for_each_episode_and_its_own_keys(
     chunk = {"actions": CHUNK, "state": np.zeros(16)}
     options = {"message_format": read_format("aloha"), "execute": 3}
     with foreign(remote, {}, lambda _request: chunk, **options) as (policy, seen):
-        assert not policy.metadata.seeded
         assert policy.metadata.cameras == ("head", "left_wrist", "right_wrist")
         policy.reset("Do it.", 5)
         first = policy._connection
@@ -265,7 +264,6 @@ def test_vllm_gives_bare_arrays_and_takes_seeds(remote: Connect) -> None:
     answers = iter([{"status": "reset successful"}, bare, bare, error])
     options = {"path": VLLM_PATH, "message_format": MessageFormat()}
     with foreign(remote, {}, lambda _request: next(answers), **options) as (policy, seen):
-        assert policy.metadata.seeded
         policy.reset("Do it.", 9)
         for _ in range(2):
             np.testing.assert_array_equal(policy.act(observation()), CHUNK)

@@ -29,7 +29,7 @@ def written(folder: Path, text: str) -> str:
 @pytest.mark.parametrize("name", FORMATS)
 def test_message_format_of_the_package_asks_and_understands(name: str) -> None:
     message_format = read_format(name)
-    metadata = message_format.metadata(name, "1", seeded=False)
+    metadata = message_format.metadata(name, "1")
     assert metadata.image_size == (224, 224)
     assert "head" in metadata.cameras
     request = message_format.request(observation(), "Do it.")
@@ -73,7 +73,7 @@ def test_gripper_polarity_is_turned_in_states_and_actions(tmp_path: Path) -> Non
 def test_letterbox_keeps_the_ratio_between_black_bars(tmp_path: Path) -> None:
     text = 'resize = "letterbox"\n[images]\nfront = "head"'
     message_format = read_format(written(tmp_path, text))
-    assert message_format.metadata("", "", seeded=True).image_size == (126, 224)
+    assert message_format.metadata("", "").image_size == (126, 224)
     seen = observation((126, 224))
     expected = np.zeros((224, 224, 3))
     expected[49:175] = seen["pixels"]["head"]

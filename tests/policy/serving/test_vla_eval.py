@@ -77,7 +77,7 @@ def test_metadata_is_that_of_the_format_and_what_the_server_tells(remote: Connec
     with ModelServer(acting(CHUNK), hello).running() as port:
         metadata = remote(port, execute=30).metadata
         version = metadata.version or ""
-        expected = {"cameras": POLICY_CAMERAS, "image_size": (224, 224), "seeded": False}
+        expected = {"cameras": POLICY_CAMERAS, "image_size": (224, 224)}
         assert metadata == PolicyMetadata(name="Pi0ModelServer", version=version, **expected)
         assert version.startswith("vla-eval 0.8.0, Pi0ModelServer, format ")
         assert version.endswith("first 30 actions of a chunk")

@@ -74,7 +74,7 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             only they know how to.
         tasks: Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named.
         episodes: Episodes of each task.
-        workers: Processes that play side by side; the data set does not depend on it.
+        workers: Processes that play side by side.
         split: Layouts to begin with. Those of eval are the ones that policies are evaluated on:
             whatever learns from them cannot be evaluated any more.
         instructions: What the policy is told and the data set says: the task's own instruction, or
@@ -254,8 +254,8 @@ class PolicyOptions:
     zero, lerobot:PATH_OR_ID for a checkpoint of LeRobot, module:attribute for a policy of your own,
     or openpi or vla-eval for one that is served, whichever it speaks."""
     batch: Literal["fixed", "dynamic"] | None = None
-    """For a policy of your own that answers many episodes at a time: fixed fills every batch up, so
-    that results do not depend on the workers; dynamic takes what waits, which is faster."""
+    """For a policy of your own that answers many episodes at a time: fixed fills every batch up;
+    dynamic takes what waits, which is faster."""
     max_batch: int | None = None
     """Observations that such a policy answers together, at most. Default: 8."""
     server: str | None = None
@@ -324,8 +324,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             without a suite all, and 30 of a served policy.
         limits: How long the policy may take.
         workers: Simulators that play side by side, in processes of their own; the policy has
-            another one. The results do not depend on it. With 0 this process does everything, for a
-            debugger: the policy can see the simulator, hang, and end the run.
+            another one. With 0 this process does everything, for a debugger: the policy can see the
+            simulator, hang, and end the run.
         shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1.
             All parts go into one --out, or into several whose contents are copied into one
             afterwards; see duobench docs scale.
@@ -391,6 +391,8 @@ def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
     run, overall = parts[0].run, results.overall
     if shard.is_whole and len(parts) == 1:
         say(results_table(parts[0]))
+    elif said := dict.fromkeys(part.repeatability for part in parts if part.repeatability):
+        say("\n".join(said))
     if shard.is_whole or sum(part.results.overall.episodes for part in parts) == run.size:
         say(f"Report: {relative(folder.page)}")
     else:

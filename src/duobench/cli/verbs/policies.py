@@ -157,8 +157,7 @@ def serve(
         port: Port to listen at; 0 takes a free one.
         max_batch: Observations that are answered together, at most. A policy that plays one episode
             at a time is made as often as that.
-        batch: fixed fills every batch up, so that an answer does not depend on how many were
-            waiting; dynamic takes what waits, which is faster.
+        batch: fixed fills every batch up to --max-batch; dynamic takes what waits, which is faster.
         key_file: File with the key that clients must have, in place of DUOBENCH_API_KEY.
     """
     if reads_simulation(policy):

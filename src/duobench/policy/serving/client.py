@@ -133,9 +133,7 @@ class OpenpiPolicy(ConnectedPolicy):
                     "place. A server of DuoBench needs no format."
                 )
             return metadata, batching
-        name, is_seeded = dialect.name, "seed" in (dialect.reset or ())
-        facts = server.message_format
-        return self._metadata_from_format(name, name, facts, seeded=is_seeded), None
+        return self._metadata_from_format(dialect.name, dialect.name, server.message_format), None
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:

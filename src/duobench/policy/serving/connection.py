@@ -116,13 +116,11 @@ class ConnectedPolicy(ABC):
     def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
         """The server's chunk for an observation, after whose errors the connection can be used."""
 
-    def _metadata_from_format(
-        self, name: str, version: str, facts: object, *, seeded: bool = False
-    ) -> PolicyMetadata:
+    def _metadata_from_format(self, name: str, version: str, facts: object) -> PolicyMetadata:
         """What a policy of others expects; its version also says in which format."""
         digest = hashlib.sha256(repr(facts).encode(errors="replace")).hexdigest()[:16]
         version = f"{version}, format {digest}, {self._server.executed}"
-        return self._format.metadata(name, version, seeded=seeded)
+        return self._format.metadata(name, version)
 
     def _allow(self, seconds: float) -> None:
         self._asked, self._most_s = time.monotonic(), seconds

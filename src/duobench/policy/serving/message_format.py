@@ -98,7 +98,7 @@ class MessageFormat:
         """Rows that are added to a rendered image."""
         return self.image_size[0] - self.rendered_size[0]
 
-    def metadata(self, name: str, version: str, *, seeded: bool) -> PolicyMetadata:
+    def metadata(self, name: str, version: str) -> PolicyMetadata:
         """What a policy with this format expects of the environment."""
         return PolicyMetadata(
             name=name,
@@ -106,7 +106,6 @@ class MessageFormat:
             cameras=tuple(dict.fromkeys(self.images.values())),
             image_size=self.rendered_size if self.images else None,
             action_mode=self.actions.mode,
-            seeded=seeded,
         )
 
     def request(self, observation: Observation, instruction: str) -> dict[str, Any]:
