@@ -6,7 +6,7 @@ the number of workers or on interruptions: the first ones, by index, that succee
 """
 
 from collections.abc import Sequence, Set
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -16,7 +16,12 @@ from duobench.data.attempts import ATTEMPTS, ATTEMPTS_SCHEMA, Attempt, Attempts
 from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
-from duobench.errors import EvaluationError, OtherRunError, TooFewSuccessesError
+from duobench.errors import (
+    EvaluationError,
+    OtherRunError,
+    TaskFailedError,
+    TooFewSuccessesError,
+)
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
@@ -74,7 +79,7 @@ def evaluate(  # noqa: PLR0913
             the same run, what this shard has left. A run of which every finished episode failed
             with an error gives way to another one anyway; attempts at its episodes stay on record.
         unplayed_count_as_failures: Write records with an error for episodes that cannot be played
-            because a process dies in them each time.
+            because a process dies in them each time; never where their task fails.
         command: The command that starts it, for the report.
         shard: Which part of the episodes is played. All parts may be played into one folder, or
             into several that are copied into one. What finishes the run writes the report.
@@ -109,8 +114,10 @@ def evaluate(  # noqa: PLR0913
         elif folder.gives_way(run):
             folder.clear(run, shard, keeps_attempts=True)
         episodes = run.episodes(shard, videos, salt)
-        if episodes and not folder.has_records:
-            executor.rehearse(episodes[0])
+        for episode in () if folder.has_records else episodes:
+            with suppress(TaskFailedError):  # which is told when the episode is to be played
+                executor.rehearse(episode)
+                break
         folder.begin(run, shard)
         journal.start(command, workers)
         finished = _finished(folder, run, shard, retry_broken=retry_broken)

@@ -3,8 +3,13 @@
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 
-from duobench.errors import MachineryError, UnplayedError
-from duobench.results.attempts import POLICY
+from duobench.errors import (
+    ConnectionLostError,
+    MachineryError,
+    TaskFailedError,
+    UnplayedError,
+)
+from duobench.results.attempts import MACHINERY, POLICY, TASK
 from duobench.results.suite import Episode, TaskInfo
 
 MAX_PLAYS = 3
@@ -25,8 +30,19 @@ class AttemptLog:
         self._policy_ends[episode] += how == POLICY
 
     def policy_ends(self, episode: Episode) -> int:
-        """In how many attempts the policy's process has ended by itself."""
+        """In how many attempts the policy has ended by itself, or was lost."""
         return self._policy_ends[episode]
+
+
+def end_of(fault: MachineryError) -> str:
+    """How an attempt ended that a fault has ended, one of `duobench.results.attempts.ENDS`."""
+    match fault:
+        case TaskFailedError():
+            return TASK
+        case ConnectionLostError():
+            return POLICY
+        case _:
+            return MACHINERY
 
 
 class Schedule:
@@ -37,7 +53,9 @@ class Schedule:
         self._quarantined: deque[Episode] = deque()
         self._faults: Counter[Episode] = Counter()
         self.abandoned: dict[Episode, str] = {}
-        """Episodes that are not played any more, and how their processes ended, in words."""
+        """Episodes that are not played any more, and why, in words."""
+        self.failed_tasks: set[Episode] = set()
+        """Those of them whose task has failed."""
 
     @property
     def left(self) -> int:
@@ -87,6 +105,11 @@ class Schedule:
                 )
             else:
                 self._waiting[episode.task.id].appendleft(episode)
+
+    def set_aside(self, episode: Episode, fault: str) -> None:
+        """Play an episode no more whose task has failed."""
+        self.abandoned[episode] = fault
+        self.failed_tasks.add(episode)
 
     def retry(self, episode: Episode, fault: str) -> None:
         """Let an episode wait again that could not be played where it was."""
