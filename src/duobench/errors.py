@@ -199,10 +199,6 @@ class MachineryError(EvaluationError):
     """An episode could not be played, through no fault of the policy."""
 
 
-class TaskFailedError(MachineryError):
-    """A task's own code raised an error; the text holds its traceback."""
-
-
 class ConnectionLostError(MachineryError):
     """The connection to a policy was lost within an episode, and its server is back."""
 
@@ -219,6 +215,10 @@ class UnplayedError(MachineryError):
         return cls(
             f"{what} could not be played{which}. All others are finished, and kept. {name}: {why}"
         )
+
+
+class TaskFailedError(UnplayedError):
+    """A task's own code raised an error; the text holds its traceback."""
 
 
 def error_class(name: str) -> type[DuoBenchError]:

@@ -75,8 +75,8 @@ class Case:
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     says: str = ""
     """A part of the message."""
-    spoils: Callable[[Path], None] = lambda _folder: None
-    """Done to the folder before it is played."""
+    meanwhile: Callable[[Path], None] = lambda _folder: None
+    """Done to the folder once an episode is finished."""
 
 
 # --- servers ------------------------------------------------------------------------------------
@@ -206,6 +206,10 @@ def first(_seed: int, _acts: int) -> bool:
     return True
 
 
+def at_no_time(_seed: int, _acts: int) -> bool:
+    return False
+
+
 @contextmanager
 def supervised(*, again: bool = True) -> Iterator[int]:
     """A `duobench serve` in a process of its own, started again whenever it has ended."""
@@ -287,10 +291,15 @@ SLIP = "a slip in my task"
 
 
 def spoil(folder: Path) -> None:
-    """Leave no room for the records."""
-    folder.mkdir()
-    (folder / "records").mkdir()
-    (folder / "records" / "wave").touch()
+    """Leave no place for more records."""
+    records = folder / "records" / "wave"
+    records.rename(folder / "elsewhere")
+    records.touch()
+
+
+def interrupt(_folder: Path) -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(1.0)
 
 
 CASES: Mapping[str, Case] = {
@@ -373,7 +382,7 @@ CASES: Mapping[str, Case] = {
     "task: stage raises": task("STAGE", says=SLIP),
     "task: stage raises here": task("STAGE", workers=0),
     "task: words raise": task("WORDS", says=SLIP),
-    "task: stage raises, served": task("STAGE", serving=evil("raises")),
+    "task: stage raises, served": task("STAGE", serving=evil("raises", when=at_no_time)),
     "simulator: dies": Case(
         policy="hold",
         tasks=(toy_tasks.NOD_NAME,),
@@ -388,8 +397,8 @@ CASES: Mapping[str, Case] = {
     "video: no such library": unrenderable(MUJOCO_GL="none"),
     "images: device is empty": unrenderable(policy=LOOKS, **EMPTY),
     "images: no such library": unrenderable(policy=LOOKS, MUJOCO_GL="none"),
-    "disk: cannot be written": Case(policy="hold", bad=(), spoils=spoil),
-    "person: interrupts": Case(policy="hold", bad=()),
+    "disk: cannot be written": Case(policy="hold", bad=(), meanwhile=spoil),
+    "person: interrupts": Case(policy="hold", bad=(), meanwhile=interrupt),
 }
 QUICK = {
     "local: raises first", "here: raises", "served: bfloat16", "served: two answers",
@@ -414,15 +423,17 @@ def test_every_cell_is_raised_and_served_policies_are_treated_as_local_ones() ->
             assert where not in ("local", "served") or other not in CASES or other in row.cells
 
 
-class Interrupts:
-    """Does what Ctrl-C does, once an episode is finished."""
+@dataclass(frozen=True)
+class Meanwhile:
+    """Does something whenever an episode is finished."""
+
+    do: Callable[[], None]
 
     def on_run_start(self, run: Any, finished: Any) -> None:
         """Wait for an episode."""
 
     def on_episode(self, played: Any) -> None:  # noqa: ARG002 - any
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(1.0)
+        self.do()
 
 
 @pytest.mark.parametrize(("row", "cell"), CELLS)
@@ -432,10 +443,8 @@ def test_failure_is_of_whom_the_page_says(
     case, folder = CASES[cell], RunFolder(tmp_path / "run")
     for name, value in case.environment.items():
         monkeypatch.setenv(name, value)
-    case.spoils(folder.path)
     options = {"episodes": 3, "tasks": find_tasks(case.tasks), "workers": case.workers}
-    if cell.startswith("person"):
-        options["observers"] = (Interrupts(),)
+    options["observers"] = [Meanwhile(lambda: case.meanwhile(folder.path))]
     raised: BaseException | None = None
     with ExitStack() as serving:
         policy: Any = case.policy

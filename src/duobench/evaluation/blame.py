@@ -60,28 +60,21 @@ def place_of(error: BaseException) -> tuple[Place | None, TracebackType | None]:
     return None, None
 
 
-def task_fault(error: BaseException, task: str) -> TaskFailedError | None:
-    """The error of a task whose own code has raised one; None if it was raised elsewhere."""
-    place, trace = place_of(error)
-    if place is not Place.TASK:
-        return None
-    text = foreign_traceback(error.with_traceback(trace))
-    return TaskFailedError(f"The task {task!r} itself failed, not the policy.\n{text}")
-
-
 def fault_of(error: BaseException, task: str) -> MachineryError | None:
     """What an error outside the policy's own code stands for; None if an action led to it."""
     if isinstance(error, MachineryError):
         return error
-    place, _ = place_of(error)
+    place, trace = place_of(error)
     if place is Place.ACTION:
         return None
-    if isinstance(error, DuoBenchError) and place is not Place.TASK:
+    if place is Place.TASK:
+        text = foreign_traceback(error.with_traceback(trace))
+        return TaskFailedError(f"The task {task!r} itself failed, not the policy.\n{text}")
+    if isinstance(error, DuoBenchError):
         return MachineryError(str(error))
     if place is Place.RENDERING:
-        return MachineryError(str(_rendering(error)))
-    fault = task_fault(error, task)
-    return fault or MachineryError(f"The evaluation itself failed.\n{traceback_text(error)}")
+        return MachineryError(str(_unrendered(error)))
+    return MachineryError(f"The evaluation itself failed.\n{traceback_text(error)}")
 
 
 @contextmanager
@@ -103,10 +96,10 @@ def rendering() -> Iterator[None]:
     except (DuoBenchError, KeyboardInterrupt):
         raise
     except BaseException as error:
-        raise _rendering(error) from error
+        raise _unrendered(error) from error
 
 
-def _rendering(error: BaseException) -> RenderingError:
+def _unrendered(error: BaseException) -> RenderingError:
     return RenderingError(escaped(f"Nothing can be rendered: {type(error).__name__}: {error}."))
 
 

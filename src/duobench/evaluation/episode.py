@@ -24,7 +24,7 @@ from duobench.errors import (
     escaped,
     traceback_text,
 )
-from duobench.evaluation.blame import Asking, before_policy, rendering, task_fault
+from duobench.evaluation.blame import Asking, before_policy, fault_of, rendering
 from duobench.evaluation.clock import EpisodeClock, Stopwatch
 from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
@@ -338,7 +338,8 @@ class EpisodeRunner:
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            if (fault := task_fault(error, episode.task.id)) is not None:
+            fault = fault_of(error, episode.task.id)
+            if isinstance(fault, TaskFailedError):
                 raise fault from error
             if isinstance(error, DuoBenchError):
                 raise

@@ -74,7 +74,7 @@ class LocalExecutor:
         self._schedule = Schedule()
         self._ending = ExitStack()
         self._progress: EpisodeRecord | None = None
-        self.unplayed: Mapping[Episode, str] = self._schedule.abandoned
+        self.unplayed: Mapping[Episode, UnplayedError] = self._schedule.abandoned
         """Those whose task has failed, and why; a death ends this process too."""
 
     @cached_property
@@ -115,13 +115,17 @@ class LocalExecutor:
         self, episode: Episode, fault: MachineryError, log: AttemptLog
     ) -> EpisodeResult | None:
         """What a fault makes of an episode; None if it is played again, or not any more."""
-        how, run, versions = end_of(fault), self._runner.run, self._runner.versions
+        record, how = self._progress, end_of(fault)
+        if how == POLICY and record is not None and record.end is not None:
+            return EpisodeResult(record=record)  # it was played on after its horizon
         if how == POLICY and log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS:
-            record = self._progress or EpisodeRecorder(episode).record(run, versions)
+            record = record or EpisodeRecorder(episode).record(
+                self._runner.run, self._runner.versions
+            )
             return EpisodeResult(record=record.broken(_twice(_LOST, str(fault)), record.steps))
         log.lose(episode, how)
-        if how == TASK:
-            self._schedule.set_aside(episode, str(fault))
+        if isinstance(fault, TaskFailedError):
+            self._schedule.abandoned[episode] = fault
         elif how == MACHINERY:
             self._schedule.note_fault(episode, str(fault))
         return None
@@ -215,10 +219,9 @@ class ProcessExecutor:
     def failures(self) -> Iterator[EpisodeResult]:
         """What is unplayed, as episodes that failed with an error, but not where the task did."""
         for episode, why in self.unplayed.items():
-            if episode in self._schedule.failed_tasks:
-                continue
-            record = self._unknown(episode)
-            yield EpisodeResult(record=record.broken(UnplayedError(f"It was not played: {why}"), 0))
+            if not isinstance(why, TaskFailedError):
+                error = UnplayedError(f"It was not played: {why}")
+                yield EpisodeResult(record=self._unknown(episode).broken(error, 0))
 
     def close(self) -> None:
         """Let processes free what they hold, then end them and all that they have started."""
@@ -343,11 +346,12 @@ class ProcessExecutor:
             yield from self._end(worker, episode, report.fault, _LOST)
         elif how == POLICY:
             self._share([episode])
+        elif how == TASK:
+            self._log.lose(episode, how)
+            self._schedule.abandoned[episode] = TaskFailedError(report.fault)
         else:
             self._log.lose(episode, how)
-            (self._schedule.set_aside if how == TASK else self._schedule.retry)(
-                episode, report.fault
-            )
+            self._schedule.retry(episode, report.fault)
 
     def _rehearse_again(self, worker: Worker, episode: Episode, report: EpisodeError) -> None:
         """Have a policy answer once more, unless that cannot help."""

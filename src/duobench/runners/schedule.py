@@ -52,10 +52,8 @@ class Schedule:
         self._waiting: dict[str, deque[Episode]] = {}
         self._quarantined: deque[Episode] = deque()
         self._faults: Counter[Episode] = Counter()
-        self.abandoned: dict[Episode, str] = {}
-        """Episodes that are not played any more, and why, in words."""
-        self.failed_tasks: set[Episode] = set()
-        """Those of them whose task has failed."""
+        self.abandoned: dict[Episode, UnplayedError] = {}
+        """Episodes that are not played any more, and why."""
 
     @property
     def left(self) -> int:
@@ -100,16 +98,11 @@ class Schedule:
         for episode in episodes:
             self._faults[episode] += 1
             if self._faults[episode] == MAX_PLAYS:
-                self.abandoned[episode] = (
+                self.abandoned[episode] = UnplayedError(
                     f"in each of {MAX_PLAYS} attempts something failed, the last time: {death}"
                 )
             else:
                 self._waiting[episode.task.id].appendleft(episode)
-
-    def set_aside(self, episode: Episode, fault: str) -> None:
-        """Play an episode no more whose task has failed."""
-        self.abandoned[episode] = fault
-        self.failed_tasks.add(episode)
 
     def retry(self, episode: Episode, fault: str) -> None:
         """Let an episode wait again that could not be played where it was."""
@@ -127,12 +120,16 @@ class Schedule:
             )
 
 
-def check_played(unplayed: Mapping[Episode, str], *, has_shifts: bool = False) -> None:
-    """Raise an `UnplayedError` that names episodes which could not be played, if there are any."""
+def check_played(unplayed: Mapping[Episode, UnplayedError], *, has_shifts: bool = False) -> None:
+    """Raise an error that names episodes which could not be played, if there are any.
+
+    It is a `TaskFailedError` if that is true of all of them, else an `UnplayedError`.
+    """
     if unplayed:
-        raise UnplayedError.of(
+        is_of_tasks = all(isinstance(why, TaskFailedError) for why in unplayed.values())
+        raise (TaskFailedError if is_of_tasks else UnplayedError).of(
             {
-                f"{each.task.id}, episode {each.index}" + f", {each.shift}" * has_shifts: why
+                f"{each.task.id}, episode {each.index}" + f", {each.shift}" * has_shifts: str(why)
                 for each, why in unplayed.items()
             }
         )

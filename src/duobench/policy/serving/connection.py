@@ -168,10 +168,10 @@ class ConnectedPolicy(ABC):
             raise
         except BaseException as error:
             self._drop()  # an answer that comes late would be taken for the next one
-            closed_with = _closed_with(error, sent=True)
-            if isinstance(error, MessageError) or closed_with in _UNREADABLE:
+            code = _refused_with(error)
+            if isinstance(error, MessageError) or code in _UNREADABLE:
                 words = escaped(str(error))
-                if closed_with == CloseCode.MESSAGE_TOO_BIG:
+                if code == CloseCode.MESSAGE_TOO_BIG:
                     words = f"more than {self._most_bytes} bytes, which its largest chunk takes."
                 raise PolicyError(
                     f"The policy's server sends what cannot be read: {words}"
@@ -190,7 +190,7 @@ class ConnectedPolicy(ABC):
             fault = (
                 f"The policy's server {late}, nor does it say at {self.health_path} that it lives."
             )
-        if may_be_old or _closed_with(error) == CloseCode.TRY_AGAIN_LATER:
+        if may_be_old or _is_busy(error):
             return MachineryError(fault)
         self._allow(self._server.wait_s + self._server.answer_s)
         try:
@@ -270,13 +270,16 @@ class ConnectedPolicy(ABC):
         connection.protocol.max_message_size = self._most_bytes
 
 
-def _closed_with(error: BaseException, *, sent: bool = False) -> int | None:
-    """The code with which the other side closed a connection, or with which this side did."""
-    if not isinstance(error, ConnectionClosed):
-        return None
-    close = error.sent if sent else error.rcvd
-    is_first = sent != bool(error.rcvd_then_sent)
-    return close.code if close is not None and is_first else None
+def _refused_with(error: BaseException) -> int | None:
+    """The code with which this side has closed a connection; None if the other one has."""
+    closed = isinstance(error, ConnectionClosed) and not error.rcvd_then_sent and error.sent
+    return closed.code if closed else None
+
+
+def _is_busy(error: BaseException) -> bool:
+    """Whether a server asks to come again later, as ours does where nothing is wrong with it."""
+    closed = isinstance(error, ConnectionClosed) and error.rcvd
+    return bool(closed) and closed.code == CloseCode.TRY_AGAIN_LATER
 
 
 def reported(words: str) -> PolicyError:
