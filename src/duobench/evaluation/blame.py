@@ -10,7 +10,6 @@ from typing import Any
 from duobench.errors import (
     DuoBenchError,
     MachineryError,
-    RenderingError,
     TaskFailedError,
     escaped,
     foreign_traceback,
@@ -60,20 +59,19 @@ def place_of(error: BaseException) -> tuple[Place | None, TracebackType | None]:
     return None, None
 
 
-def fault_of(error: BaseException, task: str) -> MachineryError | None:
-    """What an error outside the policy's own code stands for; None if an action led to it."""
+def fault_of(error: BaseException, task: str) -> MachineryError:
+    """What an error stands for that is not the policy's."""
     if isinstance(error, MachineryError):
         return error
     place, trace = place_of(error)
-    if place is Place.ACTION:
-        return None
     if place is Place.TASK:
         text = foreign_traceback(error.with_traceback(trace))
         return TaskFailedError(f"The task {task!r} itself failed, not the policy.\n{text}")
     if isinstance(error, DuoBenchError):
         return MachineryError(str(error))
     if place is Place.RENDERING:
-        return MachineryError(str(_unrendered(error)))
+        words = f"{type(error).__name__}: {error}"
+        return MachineryError(escaped(f"Nothing can be rendered: {words}."))
     return MachineryError(f"The evaluation itself failed.\n{traceback_text(error)}")
 
 
@@ -85,22 +83,10 @@ def before_policy(task: str) -> Iterator[None]:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise fault_of(error, task) or MachineryError(traceback_text(error)) from error
-
-
-@contextmanager
-def rendering() -> Iterator[None]:
-    """All that a block raises is a `RenderingError`: drivers raise errors of any class."""
-    try:
-        yield
-    except (DuoBenchError, KeyboardInterrupt):
-        raise
-    except BaseException as error:
-        raise _unrendered(error) from error
-
-
-def _unrendered(error: BaseException) -> RenderingError:
-    return RenderingError(escaped(f"Nothing can be rendered: {type(error).__name__}: {error}."))
+        fault = fault_of(error, task)
+        if isinstance(error, DuoBenchError) and not isinstance(fault, TaskFailedError):
+            raise  # it says what is wrong, such as that nothing can be rendered
+        raise fault from error
 
 
 class Asking:
@@ -121,5 +107,5 @@ class Asking:
 
     def fault_of(self, error: BaseException, task: str) -> MachineryError | None:
         """What an error stands for that ended an episode; None if it is the policy's."""
-        is_own = error is self._raised and not isinstance(error, MachineryError)
-        return None if is_own else fault_of(error, task)
+        is_own = error is self._raised or place_of(error)[0] is Place.ACTION
+        return None if is_own and not isinstance(error, MachineryError) else fault_of(error, task)

@@ -17,14 +17,11 @@ from duobench.envs.execution import Step, optional_method
 from duobench.envs.registration import make
 from duobench.errors import (
     DataError,
-    DuoBenchError,
-    EvaluationError,
     PolicyError,
     TaskFailedError,
     escaped,
-    traceback_text,
 )
-from duobench.evaluation.blame import Asking, before_policy, fault_of, rendering
+from duobench.evaluation.blame import Asking, before_policy
 from duobench.evaluation.clock import EpisodeClock, Stopwatch
 from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
@@ -198,7 +195,7 @@ class EpisodeRunner:
             split=job.recording.split if job.recording else SALTED if job.suite.salt else EVAL,
             look=job.suite.look,
         )
-        with rendering():
+        with before_policy(""):
             renderer = describe().renderer if config.cameras else None
         name = job.policy.name
         candidate = Candidate(
@@ -333,20 +330,8 @@ class EpisodeRunner:
 
     def _prepare(self, episode: Episode) -> _Setting:
         """What a task and a shift are played in; that of others is closed first."""
-        try:
+        with before_policy(episode.task.id):
             return self._latest.get((episode.task, episode.shift), lambda: self._make(episode))
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:
-            fault = fault_of(error, episode.task.id)
-            if isinstance(fault, TaskFailedError):
-                raise fault from error
-            if isinstance(error, DuoBenchError):
-                raise
-            raise EvaluationError(
-                f"The environment of task {episode.task.id!r} cannot be made.\n"
-                f"{traceback_text(error)}"
-            ) from error
 
     def _make(self, episode: Episode) -> _Setting:
         config = replace(self.run.candidate.config, shift=episode.shift)

@@ -76,7 +76,7 @@ Advice = Mapping[type[DuoBenchError], str | Callable[[], str]]
 FOREIGN: Advice = {ForeignTaskError: _IMPORT}
 OTHER_RUN: Advice = {OtherRunError: "Give --out another folder."}
 OTHER_OUT: Advice = {**OTHER_RUN, LockedError: "Give --out another folder."}
-_MEND = "A task that was changed needs another --out."
+_MEND = "\nA task that was changed needs another --out."
 FOR_RECORDING: Advice = {
     **OTHER_OUT,
     TaskFailedError: _MEND,
