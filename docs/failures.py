@@ -79,7 +79,7 @@ ROWS = (
     ),
     Row(
         moment="`reset` or `act`",
-        what="its server lives and sends what cannot be read, too much, or two answers",
+        what="it lives and sends what cannot be read, more than its largest chunk, or two answers",
         owner=POLICY,
         effect=FAILED,
         cells=(
@@ -91,7 +91,7 @@ ROWS = (
             "served: nested",
             "served: noise",
             "served: empty",
-            "served: bad frame",
+            *both("bad frame"),
             "served: bad text",
             "served: too large",
             "served: two answers",

@@ -348,6 +348,7 @@ CASES: Mapping[str, Case] = {
             "two answers",
         )
     },
+    "local: bad frame": local("bad frame", says="sends what cannot be read"),
     "local: late": local("late", options={"limits": LATE}, says="did not answer within"),
     "served: late": served("late", options={"limits": LATE}, says="did not answer within"),
     "local: dies": local("dies", says="In 2 attempts the policy's process ended"),

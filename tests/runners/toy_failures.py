@@ -3,10 +3,13 @@
 import gc
 import os
 import signal
+import stat
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,6 +45,14 @@ def late() -> None:
     time.sleep(4.0)
 
 
+def bad_frame() -> None:
+    """Write nonsense into every socket of this process."""
+    for path in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            if stat.S_ISSOCK(os.fstat(int(path.name)).st_mode):
+                os.write(int(path.name), b"\0\0\0\0\0\0\0\5hello")
+
+
 def diverges() -> None:
     """Do to the simulator, which shares this process, what no finite action should."""
     for each in gc.get_objects():
@@ -55,6 +66,7 @@ DOES: Mapping[str, Callable[[], None]] = {
     "dies": dies,
     "dies once": lambda: dies() if mark("died") else None,
     "late": late,
+    "bad frame": bad_frame,
     "diverges": diverges,
 }
 

@@ -26,6 +26,7 @@ from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import MAX_REPLY, reply_bytes
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.results.run import TimeLimits
+from tests.evaluation.processes import wait_until
 from tests.policy.serving.serving import (
     BATCHING,
     TIMEOUT_S,
@@ -235,22 +236,22 @@ def of_ours(horizon: int | None = None) -> dict[str, Any]:
 
 
 def test_second_answer_to_a_request_is_never_taken_for_the_next_one(remote: Connect) -> None:
-    answers = threading.Event()
-
     def serve_client(connection: ServerConnection) -> None:
         connection.send(pack(of_ours()))
         for number, _ in enumerate(connection):
             for _ in range(2 if number % 2 else 1):
                 connection.send(pack({"actions": CHUNK + number}))
-            answers.set()
+
+    def is_there() -> bool:
+        connection = policy._connection
+        return connection is not None and connection.recv_messages.frames.qsize() == 1
 
     with listening(serve_client) as port:
         policy = remote(port)
         for _ in range(2):  # the next episode is not the one to pay for it
             policy.reset("Do it.", 0)
-            answers.clear()
             np.testing.assert_array_equal(policy.act({}), CHUNK + 1)
-            assert answers.wait(TIMEOUT_S)
+            wait_until(is_there, "a second answer")
         with pytest.raises(PolicyError, match="more than one answer to a request"):
             policy.act({})
 
