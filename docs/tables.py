@@ -36,8 +36,9 @@ from duobench.tasks.task import Task
 from duobench.types import POLICY_CAMERAS, SIDES
 
 DOCS = Path(__file__).parent
-sys.path.append(str(DOCS.parent / "examples" / "object_states"))
+sys.path += [str(DOCS.parent / "examples" / "object_states"), str(DOCS)]
 baselines = import_module("table")  # of the example
+failures = import_module("failures")  # beside this one
 PLACE = re.compile(
     r"(<!-- (?P<name>[\w ]+): written by make docs -->\n)(?P<now>.*?)(<!-- end of (?P=name) -->\n)",
     flags=re.DOTALL,
@@ -198,6 +199,12 @@ def suites() -> str:
     return table(("suite", "version", "episodes of each task", chunk, "for"), rows)
 
 
+def owners() -> str:
+    """Whose each failure is, and what comes of it."""
+    rows = [(row.moment, row.what, row.owner, row.effect) for row in failures.ROWS]
+    return table(("when", "what happens", "whose", "effect"), rows)
+
+
 def serving_modes() -> str:
     """Action modes by the words of vla-eval."""
     rows = [(*(f"`{word}`" for word in key), f"`{mode}`") for key, mode in MODES.items()]
@@ -264,7 +271,7 @@ TABLES: Mapping[str, Places] = {
         "POSE_LABELS": names(action_labels.POSE_LABELS),
         "SHIFT_LABELS": names(action_labels.SHIFT_LABELS),
     },
-    "evaluation": {"suites": suites},
+    "evaluation": {"suites": suites, "failures": owners},
     "baselines": {
         "learned from 50": learned("50"),
         "learned from 200": learned("200"),

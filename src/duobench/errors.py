@@ -199,18 +199,26 @@ class MachineryError(EvaluationError):
     """An episode could not be played, through no fault of the policy."""
 
 
+class ConnectionLostError(MachineryError):
+    """The connection to a policy was lost within an episode, and its server is back."""
+
+
 class UnplayedError(MachineryError):
-    """Episodes could not be played because a process died in them, each time."""
+    """Episodes could not be played: a process died in them each time, or their task failed."""
 
     @classmethod
     def of(cls, episodes: Mapping[str, str]) -> Self:
-        """The error of episodes by their names, with how their processes ended."""
+        """The error of episodes by their names, with why they could not be played."""
         (name, *others), why = episodes, next(iter(episodes.values()))
         what = f"{len(episodes)} episodes" if others else "1 episode"
-        also = f" Also: {'; '.join(others)}." if others else ""
+        which = f": {'; '.join(episodes)}" if others else ""
         return cls(
-            f"{what} could not be played. {name}: {why}{also} All others are finished, and kept."
+            f"{what} could not be played{which}. All others are finished, and kept. {name}: {why}"
         )
+
+
+class TaskFailedError(UnplayedError):
+    """A task's own code raised an error; the text holds its traceback."""
 
 
 def error_class(name: str) -> type[DuoBenchError]:

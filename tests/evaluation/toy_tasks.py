@@ -8,7 +8,6 @@ import os
 import random
 import re
 import signal
-import stat
 import struct
 import subprocess
 import sys
@@ -184,16 +183,6 @@ class DiesInOne(Acts, HoldPolicy):
     def before(self) -> None:
         if self.seed == seed_of("nod", 1):
             dies()
-
-
-class SpoilsOnce(Acts, RandomPolicy):
-    """Random, but once writes nonsense into every socket that it inherited."""
-
-    def before(self) -> None:
-        for path in Path("/proc/self/fd").iterdir() if mark("nonsense") else ():
-            with suppress(OSError):
-                if stat.S_ISSOCK(os.fstat(int(path.name)).st_mode):
-                    os.write(int(path.name), b"\0\0\0\0\0\0\0\5hello")
 
 
 FLOOD = "DUOBENCH_TEST_FLOOD"

@@ -89,7 +89,8 @@ def test_what_is_not_the_whole_suite_is_not_ranked(
 def test_episodes_that_were_begun_again_are_told_with_the_worst_case(tmp_path: Path) -> None:
     one = entry("one", 0.5, repeated=40)
     said = (
-        "40 of 1100 episodes were begun more than once: the policy's process ended by itself (40)."
+        "40 of 1100 episodes were begun more than once: the policy's process ended by itself, or "
+        "the connection to it was lost (40)."
     )
     assert (
         one.repeats

@@ -18,15 +18,11 @@ from duobench.envs.execution import Step, optional_method
 from duobench.envs.registration import make
 from duobench.errors import (
     DataError,
-    DuoBenchError,
-    EvaluationError,
-    MachineryError,
     PolicyError,
-    RenderingError,
-    VideoError,
+    TaskFailedError,
     escaped,
-    traceback_text,
 )
+from duobench.evaluation.blame import Asking, before_policy
 from duobench.evaluation.clock import EpisodeClock, Stopwatch
 from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
@@ -205,7 +201,8 @@ class EpisodeRunner:
             split=job.recording.split if job.recording else SALTED if job.suite.salt else EVAL,
             look=job.suite.look,
         )
-        renderer = describe().renderer if config.cameras else None
+        with before_policy(""):
+            renderer = describe().renderer if config.cameras else None
         name = job.policy.name
         candidate = Candidate(
             policy=name.text, metadata=metadata, config=config, batching=source.batching
@@ -227,9 +224,9 @@ class EpisodeRunner:
     def play(self, episode: Episode) -> EpisodeResult:
         """Play one episode.
 
-        Whatever the policy raises, `sys.exit` included, and whatever its actions make the
-        environment raise, makes the episode a failed one; after its horizon, it ends the overtime.
-        A `MachineryError` is no fault of the policy, and other errors mean that it does not fit.
+        Whatever the policy raises, `sys.exit` included, and whatever its actions do to the physics,
+        makes the episode a failed one; after its horizon, it ends the overtime. A `MachineryError`
+        is no fault of the policy, and other errors mean that it does not fit; see `blame`.
         """
         watch = Stopwatch()
         setting = self._prepare(episode)
@@ -243,9 +240,10 @@ class EpisodeRunner:
         if episode.has_video:
             video = VideoRecorder(setting.overview.image, Picture(episode.task))
         watchers: list[Watcher] = [recorder] if video is None else [recorder, video]
+        asking = Asking()
 
         def busy() -> AbstractContextManager[None]:
-            return watch.policy(self._clock.timed(self._limits, recorder.steps))
+            return asking.within(watch.policy(self._clock.timed(self._limits, recorder.steps)))
 
         error = late = None
         before = getattr(policy, "busy_s", None)
@@ -260,20 +258,21 @@ class EpisodeRunner:
                     busy=busy,
                     execution=self.run.suite.execution_of(episode.task.id, episode.shift),
                 )
-                late = self._play_on(env, following, recorder.record(self.run, self.versions))
-        except (RenderingError, MachineryError, VideoError) as fault:
-            if recording is not None:
-                recording.discard()
-            self._latest.close()
-            raise MachineryError(str(fault)) from fault
+                so_far = recorder.record(self.run, self.versions)
+                late = self._play_on(env, following, so_far, asking)
         except self._let_through:
             raise
-        except BaseException as caught:  # noqa: BLE001 - kept in the record
-            error = caught
-            if recording is not None:
-                reason = escaped(f"{type(error).__name__}: {error}")
+        except BaseException as caught:
+            fault = asking.fault_of(caught, episode.task.id)
+            if recording is not None and fault is not None:
+                recording.discard()
+            elif recording is not None:
+                reason = escaped(f"{type(caught).__name__}: {caught}")
                 recording.finish(kept=False, reason=reason)
             self._latest.close()  # whatever broke may have left it in any state
+            if fault is not None:
+                raise fault from caught
+            error = caught
         record = recorder.record(self.run, self.versions)
         return EpisodeResult(
             record=replace(record, late_success=late)
@@ -288,7 +287,7 @@ class EpisodeRunner:
         )
 
     def _play_on(
-        self, env: gym.Env, following: Iterator[Step], record: EpisodeRecord
+        self, env: gym.Env, following: Iterator[Step], record: EpisodeRecord, asking: Asking
     ) -> int | None:
         """Play on after the horizon, if asked to; the step that reached the last stage, if any."""
         limit = round(self.run.suite.overtime * record.horizon)
@@ -298,10 +297,13 @@ class EpisodeRunner:
         env.get_wrapper_attr("play_on")(limit)
         try:
             last = next(step for step in following if step.is_last)
-        except (RenderingError, MachineryError, *self._let_through):
+        except self._let_through:
             raise
-        except BaseException:  # noqa: BLE001 - no part of the result
-            self._latest.close()
+        except BaseException as error:
+            fault = asking.fault_of(error, record.task)
+            if fault is not None and not isinstance(fault, TaskFailedError):
+                raise
+            self._latest.close()  # the result is that of the horizon
             return None
         optional_method(env, "set_rendering")(True)
         return last.number if last.info["success"] else None
@@ -312,7 +314,8 @@ class EpisodeRunner:
         env, policy = setting.env, setting.policy
         (size,) = env.action_space.shape or (0,)
         check_fits(policy.metadata, env)
-        observation, info = env.reset(seed=episode.seed)
+        with before_policy(episode.task.id):
+            observation, info = env.reset(seed=episode.seed)
         question = _digest(
             instruction=info["instruction"], seed=episode.policy_seed, observation=observation
         )
@@ -341,15 +344,8 @@ class EpisodeRunner:
 
     def _prepare(self, episode: Episode) -> _Setting:
         """What a task and a shift are played in; that of others is closed first."""
-        try:
+        with before_policy(episode.task.id):
             return self._latest.get((episode.task, episode.shift), lambda: self._make(episode))
-        except (DuoBenchError, KeyboardInterrupt):
-            raise
-        except BaseException as error:
-            raise EvaluationError(
-                f"The environment of task {episode.task.id!r} cannot be made.\n"
-                f"{traceback_text(error)}"
-            ) from error
 
     def _make(self, episode: Episode) -> _Setting:
         config = replace(self.run.candidate.config, shift=episode.shift)

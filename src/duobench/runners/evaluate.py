@@ -6,7 +6,7 @@ succeed, with any number of workers and after interruptions.
 """
 
 from collections.abc import Sequence, Set
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -17,7 +17,12 @@ from duobench.data.attempts import ATTEMPTS, ATTEMPTS_SCHEMA, Attempt, Attempts
 from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
-from duobench.errors import EvaluationError, OtherRunError, TooFewSuccessesError
+from duobench.errors import (
+    EvaluationError,
+    OtherRunError,
+    TaskFailedError,
+    TooFewSuccessesError,
+)
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.rollout import Observer
@@ -26,7 +31,7 @@ from duobench.randomness import TRAIN
 from duobench.results.attempts import POLICY
 from duobench.results.folder import RunFolder
 from duobench.results.journal import Journal
-from duobench.results.records import EpisodeRecord, Key
+from duobench.results.records import EpisodeRecord, FirstAnswer, Key
 from duobench.results.report import write_report
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard, TimeLimits
 from duobench.results.salt import Salt
@@ -75,7 +80,7 @@ def evaluate(  # noqa: PLR0913
             the same run, what this shard has left. A run of which every finished episode failed
             with an error gives way to another one anyway; attempts at its episodes stay on record.
         unplayed_count_as_failures: Write records with an error for episodes that cannot be played
-            because a process dies in them each time.
+            because a process dies in them each time; never where their task fails.
         command: The command that starts it, for the report.
         shard: Which part of the episodes is played. All parts may be played into one folder, or
             into several that are copied into one. What finishes the run writes the report.
@@ -110,16 +115,16 @@ def evaluate(  # noqa: PLR0913
         elif folder.gives_way(run):
             folder.clear(run, shard, keeps_attempts=True)
         episodes = run.episodes(shard, videos, salt)
-        rehearse = partial(executor.rehearse, run.episodes(salt=salt)[0])
         # Of a policy that gives no first answer, nothing is written.
-        first_answer = rehearse() if episodes and not folder.has_records else None
+        ask = partial(_first_answer, executor, run.episodes(salt=salt))
+        first_answer = ask() if episodes and not folder.has_records else None
         folder.begin(run, shard)
         journal.start(command, workers)
         finished = _finished(folder, run, shard, retry_broken=retry_broken)
         records = {record.key: record for record in finished}
         missing = [each for each in episodes if run.key(each) not in records]
-        if missing:
-            first_answer = first_answer or rehearse()
+        if missing and first_answer is None:
+            first_answer = ask()
         for observer in observers:
             observer.on_run_start(run, finished)
         results = executor.play(missing, _NotedAttempts(run, journal))
@@ -145,6 +150,14 @@ def evaluate(  # noqa: PLR0913
         check_played(given_up, has_shifts=len(suite.shifts) > 1)
         _check_complete(folder, set(run.episode_keys(shard)), there)
     return summarize(suite.tasks, list(records.values()))
+
+
+def _first_answer(executor: Executor, episodes: Sequence[Episode]) -> FirstAnswer | None:
+    """Answer of the policy to the first observation that a task gives; None if all tasks fail."""
+    for episode in episodes:
+        with suppress(TaskFailedError):  # which is told when the episode is to be played
+            return executor.rehearse(episode)
+    return None
 
 
 class _NotedAttempts(AttemptLog):

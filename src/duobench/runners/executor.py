@@ -17,6 +17,7 @@ from duobench.errors import (
     PolicyError,
     PolicyTimeoutError,
     RenderingError,
+    TaskFailedError,
     UnplayedError,
     error_class,
     escaped,
@@ -26,12 +27,12 @@ from duobench.evaluation.policies import find_source
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.files import differences
 from duobench.results.attempts import (
-    ENDS,
     MACHINERY,
     MOST_POLICY_ENDS,
     NODE,
     POLICY,
     SHARED,
+    TASK,
     WORKER,
 )
 from duobench.results.records import EpisodeRecord, FirstAnswer
@@ -42,7 +43,7 @@ from duobench.runners.pool import Launcher, LocalLauncher, RunningPolicy, Worker
 from duobench.runners.process import DEATH_SEEN_S, ProcessFailed, death_within
 from duobench.runners.ray_cluster import RayLauncher, check_environment
 from duobench.runners.ray_process import Cluster
-from duobench.runners.schedule import AttemptLog, Schedule
+from duobench.runners.schedule import AttemptLog, Schedule, end_of
 from duobench.runners.worker import EpisodeError, EpisodeProgress, Ready, Rehearsed, Report
 from duobench.sim import rendering
 
@@ -55,6 +56,8 @@ TICK_S = 0.1
 """How often deaths and time limits are looked after, in seconds."""
 GRACE_S = 60.0
 """How long an episode may be over its time limit without its policy being busy, in seconds."""
+_ENDED = "the policy's process ended by itself"
+_LOST = "the connection to the policy was lost"
 
 
 class LocalExecutor:
@@ -70,13 +73,15 @@ class LocalExecutor:
         self._job = job
         self._schedule = Schedule()
         self._ending = ExitStack()
-        self.unplayed: Mapping[Episode, str] = {}
-        """None: a death ends this process too."""
+        self._progress: EpisodeRecord | None = None
+        self.unplayed: Mapping[Episode, UnplayedError] = self._schedule.abandoned
+        """Those whose task has failed, and why; a death ends this process too."""
 
     @cached_property
     def _runner(self) -> EpisodeRunner:
         job = self._job
-        runner = EpisodeRunner(find_source(job.policy, job.suite.tasks, job.limits), job)
+        source = find_source(job.policy, job.suite.tasks, job.limits)
+        runner = EpisodeRunner(source, job, tell=self._note_progress)
         self._ending.callback(runner.close)
         return runner
 
@@ -95,14 +100,37 @@ class LocalExecutor:
         log = log or AttemptLog()
         for episode in episodes:
             result = None
-            while result is None:
+            while result is None and episode not in self.unplayed:
                 log.begin(episode)
+                self._progress = None
                 try:
                     result = self._runner.play(episode)
                 except MachineryError as fault:
-                    log.lose(episode, MACHINERY)
-                    self._schedule.note_fault(episode, str(fault))
-            yield result
+                    result = self._after(episode, fault, log)
+            if result is not None:
+                yield result
+
+    def _after(
+        self, episode: Episode, fault: MachineryError, log: AttemptLog
+    ) -> EpisodeResult | None:
+        """What a fault makes of an episode; None if it is played again, or not any more."""
+        record, how = self._progress, end_of(fault)
+        if how == POLICY and record is not None and record.end is not None:
+            return EpisodeResult(record=record)  # it was played on after its horizon
+        if how == POLICY and log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS:
+            record = record or EpisodeRecorder(episode).record(
+                self._runner.run, self._runner.versions
+            )
+            return EpisodeResult(record=record.broken(_twice(_LOST, str(fault)), record.steps))
+        log.lose(episode, how)
+        if isinstance(fault, TaskFailedError):
+            self._schedule.abandoned[episode] = fault
+        elif how == MACHINERY:
+            self._schedule.note_fault(episode, str(fault))
+        return None
+
+    def _note_progress(self, record: EpisodeRecord) -> None:
+        self._progress = record
 
     def failures(self) -> Iterator[EpisodeResult]:
         """Nothing."""
@@ -138,7 +166,8 @@ class ProcessExecutor:
         self._at_horizon: dict[Episode, EpisodeRecord] = {}
         self._log = AttemptLog()
         self.unplayed = self._schedule.abandoned
-        """Episodes that could not be played because a process died in them each time, and why."""
+        """Episodes that could not be played, because a process died in them each time or because
+        their task failed, and why."""
 
     def prepare(self) -> Run:
         """Start a first worker, and say what is played by what."""
@@ -154,6 +183,7 @@ class ProcessExecutor:
 
         Raises:
             PolicyError: It fails, or its answer is no chunk of actions.
+            TaskFailedError: The task has failed before the policy was asked.
         """
         (self._rehearsing,) = self._pool.workers
         self._rehearsing.rehearse(episode)
@@ -184,10 +214,11 @@ class ProcessExecutor:
             yield EpisodeResult(record=self._at_horizon.pop(episode))
 
     def failures(self) -> Iterator[EpisodeResult]:
-        """What is unplayed, as episodes that failed with an error."""
+        """What is unplayed, as episodes that failed with an error, but not where the task did."""
         for episode, why in self.unplayed.items():
-            record = self._unknown(episode)
-            yield EpisodeResult(record=record.broken(UnplayedError(f"It was not played: {why}"), 0))
+            if not isinstance(why, TaskFailedError):
+                error = UnplayedError(f"It was not played: {why}")
+                yield EpisodeResult(record=self._unknown(episode).broken(error, 0))
 
     def close(self) -> None:
         """Let processes free what they hold, then end them and all that they have started."""
@@ -213,6 +244,7 @@ class ProcessExecutor:
                 worker.play(episode)
                 if isolated:
                     return
+        self._pool.note_company()
 
     # --- what processes say, and how they end --------------------------------------------------
 
@@ -257,8 +289,8 @@ class ProcessExecutor:
                 self._note_progress(member, record)
             case Worker(), EpisodeResult():
                 yield from self._accept(member, report)
-            case Worker(), EpisodeError(fault=fault):
-                yield from self._note_fault(member, fault)
+            case Worker(), EpisodeError():
+                yield from self._note_fault(member, report)
             case _:
                 _log.warning("A message that nobody asked for was dropped.")
 
@@ -296,18 +328,38 @@ class ProcessExecutor:
         else:
             yield from self._lose(worker, f"its result was dropped: {objection}")
 
-    def _note_fault(self, worker: Worker, fault: str) -> Iterator[EpisodeResult]:
+    def _note_fault(self, worker: Worker, report: EpisodeError) -> Iterator[EpisodeResult]:
         """Act on an episode that its worker could not play, most often for the policy's death."""
-        policy = worker.policy
-        if policy is not None and (death := death_within(policy.process, DEATH_SEEN_S)):
+        policy, episode, how = worker.policy, worker.episode, report.how
+        if how != TASK and policy and (death := death_within(policy.process, DEATH_SEEN_S)):
             yield from self._lose(policy, death)
-        elif worker.episode is not None and worker is self._rehearsing:
-            self._schedule.note_fault(worker.episode, fault)
-            worker.rehearse(worker.episode)
-        elif worker.episode is not None:
-            self._log.lose(worker.episode, MACHINERY)
-            self._schedule.retry(worker.episode, fault)
-            worker.episode = None
+            return
+        if episode is None:
+            return
+        if worker is self._rehearsing:
+            self._rehearse_again(worker, episode, report)
+            return
+        worker.episode = None
+        if how == POLICY and worker.is_alone:
+            yield from self._end(worker, episode, report.fault, _LOST)
+        elif how == POLICY:
+            self._share([episode])
+        elif how == TASK:
+            self._log.lose(episode, how)
+            self._schedule.abandoned[episode] = TaskFailedError(report.fault)
+        else:
+            self._log.lose(episode, how)
+            self._schedule.retry(episode, report.fault)
+
+    def _rehearse_again(self, worker: Worker, episode: Episode, report: EpisodeError) -> None:
+        """Have a policy answer once more, unless that cannot help."""
+        if report.how == TASK:
+            self._rehearsing = worker.episode = None
+            raise TaskFailedError(report.fault)
+        if report.how == POLICY:
+            raise PolicyError(f"The policy does not answer a first observation: {report.fault}")
+        self._schedule.note_fault(episode, report.fault)
+        worker.rehearse(episode)
 
     def _lose(self, member: Worker | RunningPolicy, fault: str) -> Iterator[EpisodeResult]:
         """Let go of a process that is of no more use, and have what it played be played again."""
@@ -346,11 +398,12 @@ class ProcessExecutor:
             self._log.lose(episode, how)
         self._schedule.quarantine(episodes)
 
-    def _end(self, worker: Worker, episode: Episode, fault: str) -> Iterator[EpisodeResult]:
+    def _end(
+        self, worker: Worker, episode: Episode, fault: str, what: str = _ENDED
+    ) -> Iterator[EpisodeResult]:
         """Fail an episode whose policy has ended by itself again, or after its horizon."""
         if self._log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS or episode in self._at_horizon:
-            text = f"In {MOST_POLICY_ENDS} attempts {ENDS[POLICY]}, the last time: {fault}"
-            yield self._failed(worker, episode, PolicyEndedError(text))
+            yield self._failed(worker, episode, _twice(what, fault))
         else:
             self._log.lose(episode, POLICY)
             self._schedule.quarantine([episode])
@@ -404,6 +457,10 @@ class ProcessExecutor:
     def _unknown(self, episode: Episode) -> EpisodeRecord:
         ready = self._prepared
         return EpisodeRecorder(episode).record(ready.run, ready.versions)
+
+
+def _twice(what: str, fault: str) -> PolicyEndedError:
+    return PolicyEndedError(f"In {MOST_POLICY_ENDS} attempts {what}, the last time: {fault}")
 
 
 def _read(

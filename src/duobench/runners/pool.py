@@ -95,6 +95,8 @@ class Worker:
     def __init__(self, process: Transport, policy: RunningPolicy | None) -> None:
         self.process, self.policy, self.is_ready = process, policy, False
         self.episode: Episode | None = None
+        self.is_alone = True
+        """Whether nothing else was asked of its policy since that began."""
         self.progress: EpisodeRecord | None = None
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
@@ -114,6 +116,7 @@ class Worker:
     def play(self, episode: Episode) -> None:
         """Have it play an episode."""
         self.episode, self.task, self.progress = episode, episode.task, None
+        self.is_alone = True
         self.process.send(PlayEpisode(episode=episode))
 
 
@@ -135,6 +138,13 @@ class WorkerPool:
     def playing(self) -> list[Worker]:
         """The workers that play an episode."""
         return [worker for worker in self.workers if worker.episode is not None]
+
+    def note_company(self) -> None:
+        """Note who shares a policy, in a process or at a server, with somebody who plays now."""
+        playing = self.playing
+        for worker in playing:
+            mates = [each for each in playing if each.policy is worker.policy]
+            worker.is_alone = worker.is_alone and mates == [worker]
 
     def start(self, wanted: int) -> None:
         """Start processes until so many workers are there, or will be."""

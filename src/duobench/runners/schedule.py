@@ -3,8 +3,13 @@
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping
 
-from duobench.errors import MachineryError, UnplayedError
-from duobench.results.attempts import POLICY
+from duobench.errors import (
+    ConnectionLostError,
+    MachineryError,
+    TaskFailedError,
+    UnplayedError,
+)
+from duobench.results.attempts import MACHINERY, POLICY, TASK
 from duobench.results.suite import Episode, TaskInfo
 
 MAX_PLAYS = 3
@@ -25,8 +30,19 @@ class AttemptLog:
         self._policy_ends[episode] += how == POLICY
 
     def policy_ends(self, episode: Episode) -> int:
-        """In how many attempts the policy's process has ended by itself."""
+        """In how many attempts the policy has ended by itself, or was lost."""
         return self._policy_ends[episode]
+
+
+def end_of(fault: MachineryError) -> str:
+    """How an attempt ended that a fault has ended, one of `duobench.results.attempts.ENDS`."""
+    match fault:
+        case TaskFailedError():
+            return TASK
+        case ConnectionLostError():
+            return POLICY
+        case _:
+            return MACHINERY
 
 
 class Schedule:
@@ -36,8 +52,8 @@ class Schedule:
         self._waiting: dict[str, deque[Episode]] = {}
         self._quarantined: deque[Episode] = deque()
         self._faults: Counter[Episode] = Counter()
-        self.abandoned: dict[Episode, str] = {}
-        """Episodes that are not played any more, and how their processes ended, in words."""
+        self.abandoned: dict[Episode, UnplayedError] = {}
+        """Episodes that are not played any more, and why."""
 
     @property
     def left(self) -> int:
@@ -82,7 +98,7 @@ class Schedule:
         for episode in episodes:
             self._faults[episode] += 1
             if self._faults[episode] == MAX_PLAYS:
-                self.abandoned[episode] = (
+                self.abandoned[episode] = UnplayedError(
                     f"in each of {MAX_PLAYS} attempts something failed, the last time: {death}"
                 )
             else:
@@ -104,12 +120,16 @@ class Schedule:
             )
 
 
-def check_played(unplayed: Mapping[Episode, str], *, has_shifts: bool = False) -> None:
-    """Raise an `UnplayedError` that names episodes which could not be played, if there are any."""
+def check_played(unplayed: Mapping[Episode, UnplayedError], *, has_shifts: bool = False) -> None:
+    """Raise an error that names episodes which could not be played, if there are any.
+
+    It is a `TaskFailedError` if that is true of all of them, else an `UnplayedError`.
+    """
     if unplayed:
-        raise UnplayedError.of(
+        is_of_tasks = all(isinstance(why, TaskFailedError) for why in unplayed.values())
+        raise (TaskFailedError if is_of_tasks else UnplayedError).of(
             {
-                f"{each.task.id}, episode {each.index}" + f", {each.shift}" * has_shifts: why
+                f"{each.task.id}, episode {each.index}" + f", {each.shift}" * has_shifts: str(why)
                 for each, why in unplayed.items()
             }
         )

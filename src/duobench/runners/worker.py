@@ -8,10 +8,12 @@ from duobench.errors import MachineryError, escaped
 from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
+from duobench.results.attempts import MACHINERY
 from duobench.results.records import EpisodeRecord, FirstAnswer
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.runners.process import Parent, ProcessFailed, Requests, Stop, run_child
+from duobench.runners.schedule import end_of
 
 
 class PlayEpisode(msgspec.Struct, tag=True, frozen=True):
@@ -47,9 +49,11 @@ class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
 
 
 class EpisodeError(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the machinery failed, and the episode is unplayed; play it again."""
+    """From a worker: the episode is unplayed, through no fault of the policy that is known yet."""
 
     fault: str
+    how: str = MACHINERY
+    """How the attempt ended, one of `duobench.results.attempts.ENDS`."""
 
 
 Request = Job | PlayEpisode | Rehearse | Stop
@@ -79,6 +83,6 @@ def _play(job: Job, parent: Parent, requests: Requests, *, clock: EpisodeClock) 
             else:
                 report = runner.play(request.episode)
         except MachineryError as fault:
-            report = EpisodeError(fault=escaped(str(fault)))
+            report = EpisodeError(fault=escaped(str(fault)), how=end_of(fault))
         parent.report(report)
     runner.close()

@@ -10,15 +10,31 @@ from typing import Any
 
 import numpy as np
 import pytest
+from websockets.sync.server import ServerConnection
 
-from duobench.errors import MachineryError, PolicyError, PolicyTimeoutError, ServingError
+from duobench.errors import (
+    ConnectionLostError,
+    MachineryError,
+    PolicyError,
+    PolicyTimeoutError,
+    ServingError,
+)
 from duobench.policy import Policy, PolicyMetadata, SessionPolicy, as_chunk
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import VLLM_PATH, OpenpiPolicy
 from duobench.policy.serving.codec import pack, unpack
+from duobench.policy.serving.limits import MAX_REPLY, reply_bytes
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.results.run import TimeLimits
-from tests.policy.serving.serving import BATCHING, TIMEOUT_S, Serve, foreign_server, free_port
+from tests.evaluation.processes import wait_until
+from tests.policy.serving.serving import (
+    BATCHING,
+    TIMEOUT_S,
+    Serve,
+    foreign_server,
+    free_port,
+    listening,
+)
 from tests.policy.serving.test_message_format import observation
 from tests.policy.serving.test_server import Gated
 from tests.policy.test_batch import Network, Refuses, observations
@@ -97,10 +113,18 @@ def test_connection_that_is_lost_within_an_episode_is_no_fault_of_the_policy(
 ) -> None:
     port, policy, expected = lost
     serve(Network(), port=port)
-    for _ in range(2):  # it does not go on in the middle of an episode that the server forgot
-        with pytest.raises(MachineryError, match="is lost"):
-            policy.act(observations(3)[0])
+    with pytest.raises(ConnectionLostError, match="is lost"):
+        policy.act(observations(3)[0])
+    with pytest.raises(MachineryError, match="is lost"):  # of an episode that the server forgot
+        policy.act(observations(3)[0])
     assert played(policy, 3) == expected
+
+
+def test_server_that_is_not_back_is_told_from_one_that_is(lost: Any) -> None:
+    _, policy, _ = lost
+    with pytest.raises(MachineryError, match=r"is lost: .* cannot be reached") as told:
+        policy.act(observations(3)[0])
+    assert not isinstance(told.value, ConnectionLostError)
 
 
 def test_other_policy_at_the_same_address_does_not_go_on(serve: Serve, lost: Any) -> None:
@@ -143,7 +167,7 @@ def test_server_that_is_stuck_is_no_fault_of_the_policy(remote: Connect) -> None
     with foreign_server({}, lambda _message: held.wait(TIMEOUT_S) and None) as port:
         policy = remote(port, answer_s=0.5)
         policy.reset("Do it.", 0)
-        with pytest.raises(MachineryError, match="nor does it say"):
+        with pytest.raises(ConnectionLostError, match="nor does it say"):  # it takes another one
             policy.act(observations(0)[0])
         held.set()
     with socket.create_server(("127.0.0.1", 0)) as silent:
@@ -203,6 +227,48 @@ def test_server_that_describes_itself_wrongly_is_refused_and_left(
     with foreign_server({"duobench": told}, lambda _message: None) as port, refused:
         remote(port)
     assert len(left) == 1
+
+
+def of_ours(horizon: int | None = None) -> dict[str, Any]:
+    """The first message of a server of ours."""
+    facts = {"protocol": 1, "name": "toy", "cameras": [], "batch": "fixed", "max_batch": 1}
+    return {"duobench": {**facts, "horizon": horizon}}
+
+
+def test_second_answer_to_a_request_is_never_taken_for_the_next_one(remote: Connect) -> None:
+    def serve_client(connection: ServerConnection) -> None:
+        connection.send(pack(of_ours()))
+        for number, _ in enumerate(connection):
+            for _ in range(2 if number % 2 else 1):
+                connection.send(pack({"actions": CHUNK + number}))
+
+    def is_there() -> bool:
+        connection = policy._connection
+        return connection is not None and connection.recv_messages.frames.qsize() == 1
+
+    with listening(serve_client) as port:
+        policy = remote(port)
+        for _ in range(2):  # the next episode is not the one to pay for it
+            policy.reset("Do it.", 0)
+            np.testing.assert_array_equal(policy.act({}), CHUNK + 1)
+            wait_until(is_there, "a second answer")
+        with pytest.raises(PolicyError, match="more than one answer to a request"):
+            policy.act({})
+
+
+@pytest.mark.parametrize("horizon", [None, 3])
+def test_answer_beyond_the_largest_chunk_is_refused_before_it_is_decoded(
+    remote: Connect, horizon: int | None
+) -> None:
+    most = reply_bytes(horizon)
+    answers = iter([pack({}), pack({"actions": CHUNK, "x": bytes(most - 1000)}), bytes(most + 1)])
+    with foreign_server(of_ours(horizon), lambda _message: next(answers)) as port:
+        policy = remote(port)
+        policy.reset("Do it.", 0)
+        np.testing.assert_array_equal(policy.act({}), CHUNK)
+        with pytest.raises(PolicyError, match=f"more than {most} bytes"):
+            policy.act({})
+    assert reply_bytes(3) < reply_bytes(None) < reply_bytes(10**9) == MAX_REPLY
 
 
 Answering = Callable[[dict[str, Any]], Any]

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from duobench.errors import MachineryError, PolicyError, escaped
+from duobench.errors import PolicyError, escaped
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.vla_eval import VlaEvalPolicy
@@ -105,7 +105,7 @@ def peak_mib() -> float:
 
 
 @pytest.mark.parametrize(("client", "served"), [(OpenpiPolicy, openpi), (VlaEvalPolicy, vla_eval)])
-def test_hostile_replies_are_the_fault_of_somebody(
+def test_hostile_replies_are_the_fault_of_the_policy(
     client: Callable[[RemoteServer], Any], served: Callable[..., AbstractContextManager[int]]
 ) -> None:
     before, outcomes = peak_mib(), Counter[str]()
@@ -116,14 +116,12 @@ def test_hostile_replies_are_the_fault_of_somebody(
             try:
                 policy.act(observation((24, 32)))
                 outcomes["taken"] += 1
-            except (PolicyError, MachineryError) as error:
+            except PolicyError as error:
                 text = str(error)
                 assert 0 < len(text) < LONGEST_MESSAGE
                 assert text == escaped(text)
                 outcomes[type(error).__name__] += 1
         policy.close()
     assert peak_mib() - before < MOST_MIB
-    assert outcomes.keys() <= {"PolicyError", "MachineryError", "taken"}
-    assert outcomes["PolicyError"] > COUNT / 20
-    assert outcomes["MachineryError"] > COUNT / 4
+    assert outcomes.keys() <= {"PolicyError", "taken"}  # all of it comes from a server that lives
     assert outcomes["taken"] < COUNT / 20

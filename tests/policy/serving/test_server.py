@@ -329,6 +329,31 @@ def test_clients_that_never_read_give_their_places_too(serve: Serve, places: Pla
             assert count(client) == 1
 
 
+def asks_on(peer: socket.socket, is_over: threading.Event) -> None:
+    """Ask again and again over a plain socket, and read nothing at all."""
+    peer.sendall(
+        b"GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    )
+    request = pack(OBSERVATION)
+    frame = b"\x82\xfe" + len(request).to_bytes(2, "big") + bytes(4) + request  # masked with zeros
+    with suppress(OSError):
+        while not is_over.wait(0.02):
+            peer.sendall(frame)
+
+
+def test_clients_that_go_on_asking_without_reading_give_their_places(places: Places) -> None:
+    port, is_over = places(Counts), threading.Event()
+    with ExitStack() as peers:
+        peers.callback(is_over.set)
+        for _ in range(2):
+            deaf = peers.enter_context(socket.create_connection(("127.0.0.1", port)))
+            threading.Thread(target=asks_on, args=(deaf, is_over), daemon=True).start()
+        time.sleep(2 * limits.SILENT_S)
+        (client,) = peers.enter_context(joined(port))
+        assert [count(client) for _ in range(3)] == [1, 2, 3]
+
+
 def test_slow_client_keeps_its_episode_while_there_are_places(places: Places) -> None:
     with joined(places(Counts), 2) as (slow, quick):
         assert count(slow) == 1

@@ -183,8 +183,8 @@ def test_answer_to_another_question_throws_the_connection_away(remote: Connect, 
         lambda message: frame("action", {"actions": CHUNK}, message["seq"] + next(answers))
     )
     with playing(remote, server) as policy:
-        for reason in ("the answer is to", "is lost"):
-            with pytest.raises(MachineryError, match=reason):
+        for error, reason in ((PolicyError, "the answer is to"), (MachineryError, "is lost")):
+            with pytest.raises(error, match=reason):
                 policy.act(observation())
         policy.reset("Do it.", 0)
         np.testing.assert_array_equal(policy.act(observation())[0], OURS)
@@ -205,11 +205,9 @@ def test_answer_to_another_question_throws_the_connection_away(remote: Connect, 
     ],
     ids=range(8),  # some hold the time, which no name may
 )
-def test_reply_that_is_no_message_is_the_machinerys_fault(
-    remote: Connect, reply: bytes | str
-) -> None:
+def test_reply_that_is_no_message_is_the_policys_fault(remote: Connect, reply: bytes | str) -> None:
     server = ModelServer(lambda _message: reply)
-    told = pytest.raises(MachineryError, match="cannot be understood")
+    told = pytest.raises(PolicyError, match="sends what cannot be read")
     with playing(remote, server) as policy, told:
         policy.act(observation())
 
@@ -238,10 +236,10 @@ def test_server_that_speaks_openpi_is_told_apart(remote: Connect, serve: Serve) 
 
 
 def test_too_large_a_reply_is_refused_unread(
-    remote: Connect, monkeypatch: pytest.MonkeyPatch
+    remote: Connect,
 ) -> None:
-    monkeypatch.setattr(limits, "MAX_REPLY", 10_000)
-    server = ModelServer(acting(np.zeros((1000, 16))))
-    told = pytest.raises(MachineryError, match=r"is lost: .*1009")
+    most = limits.reply_bytes(None)
+    server = ModelServer(acting(np.zeros((most // 128 + 1, 16))))
+    told = pytest.raises(PolicyError, match=f"more than {most} bytes")
     with playing(remote, server) as policy, told:
         policy.act(observation())

@@ -13,6 +13,7 @@ from duobench.errors import (
     OtherRunError,
     OutputError,
     RenderingError,
+    TaskFailedError,
     TooFewSuccessesError,
 )
 from duobench.results.folder import RunFolder
@@ -75,8 +76,10 @@ Advice = Mapping[type[DuoBenchError], str | Callable[[], str]]
 FOREIGN: Advice = {ForeignTaskError: _IMPORT}
 OTHER_RUN: Advice = {OtherRunError: "Give --out another folder."}
 OTHER_OUT: Advice = {**OTHER_RUN, LockedError: "Give --out another folder."}
+_MEND = "\nA task that was changed needs another --out."
 FOR_RECORDING: Advice = {
     **OTHER_OUT,
+    TaskFailedError: _MEND,
     **dict.fromkeys(
         (OutputError, MachineryError), "The same command goes on with what is missing."
     ),
@@ -113,6 +116,7 @@ def for_evaluation(folder: RunFolder, policy: str) -> Advice:
         OtherRunError: other_run,
         OutputError: "Make room, or give --out another folder; the same command goes on.",
         RenderingError: "A policy without cameras needs no images: try --videos 0.",
+        TaskFailedError: _MEND,
         MachineryError: "The same command goes on with what is missing; with --workers 0 "
         "everything happens in one process, which shows more.",
     }

@@ -3,11 +3,13 @@
 import math
 import uuid
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
 import msgspec
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from duobench.errors import (
@@ -21,7 +23,7 @@ from duobench.errors import (
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, as_chunk
 from duobench.policy.serving.address import RemoteServer
-from duobench.policy.serving.codec import pack, read, unpack
+from duobench.policy.serving.codec import read, unpack
 from duobench.policy.serving.connection import ConnectedPolicy, actions_of, reported
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 
@@ -82,8 +84,15 @@ class OpenpiPolicy(ConnectedPolicy):
     """What every observation of the episode also holds."""
 
     def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode, with a connection of its own where the server knows no other way."""
-        if self._dialect.reset is None:
+        """Begin an episode, with a connection of its own where the server knows no other way.
+
+        So does one on whose connection more has come than was asked for.
+        """
+        has_more = True
+        if self._connection is not None and self._dialect.reset is not None:
+            with suppress(ConnectionClosed):
+                has_more = self._has_more(self._connection)
+        if has_more:
             self._drop()
         super().reset(instruction, seed)
 
@@ -105,7 +114,9 @@ class OpenpiPolicy(ConnectedPolicy):
     def _request(
         self, connection: ClientConnection, message: dict[str, Any], *, is_text: bool = False
     ) -> Any:
-        connection.send(pack(message))
+        if self._has_more(connection):
+            raise MessageError("it has given more than one answer to a request.")
+        self._tell(connection, message)
         reply = self._heard(connection)
         if not isinstance(reply, str):
             return read(reply)

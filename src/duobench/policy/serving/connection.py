@@ -1,7 +1,8 @@
 """A policy at a server, at the other end of a WebSocket, in any protocol.
 
-What the server's policy does wrong is a `PolicyError`, which fails an episode. What happens to the
-connection is a `MachineryError`, after which an episode can be played again from its start.
+What the server's policy does wrong is a `PolicyError`, which fails an episode, and so is an answer
+that cannot be read. What happens to the connection is a `MachineryError`, after which an episode
+can be played again from its start; where the server is back, a `ConnectionLostError`.
 """
 
 import hashlib
@@ -17,11 +18,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
+from websockets.frames import CloseCode
 from websockets.sync.client import ClientConnection, connect
 
 from duobench.errors import (
     LONGEST_TEXT,
-    DuoBenchError,
+    ConnectionLostError,
     MachineryError,
     MessageError,
     PolicyError,
@@ -34,6 +36,7 @@ from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.codec import pack
 from duobench.policy.serving.message_format import MessageFormat, read_format
 
 _RETRY_S = 0.2
@@ -43,8 +46,10 @@ _SHORTEST_S = 0.2
 _NOT_ALLOWED = (401, 403)
 _LONGEST_LIST = 1000
 """Characters of a list of names that are kept."""
-_LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
+LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
 """What is raised where there is no connection, or no more."""
+_UNREADABLE = (CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA, CloseCode.MESSAGE_TOO_BIG)
+"""With what this side closes a connection on which it cannot read what comes."""
 
 
 class ConnectedPolicy(ABC):
@@ -69,16 +74,17 @@ class ConnectedPolicy(ABC):
         self._connection: ClientConnection | None = None
         self._served: tuple[PolicyMetadata, Batching | None] | None = None
         self._instruction = ""
+        self._most_bytes = limits.MAX_EXTRA
         self._allow(server.wait_s + server.answer_s)
         self._connect()
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode, once more if the connection was lost since the last request."""
-        self._allow(self._server.answer_s)
         self._instruction = instruction
         for is_last in (self._connection is None, True):
+            self._allow(self._server.answer_s)
             try:
-                with self._exchange() as connection:
+                with self._exchange(may_be_old=not is_last) as connection:
                     self._begin(connection, seed)
                 return
             except MachineryError:
@@ -129,6 +135,16 @@ class ConnectedPolicy(ABC):
         """Seconds that the answer may still take."""
         return max(self._most_s - HERE.seconds_since(self._asked), 0.0)
 
+    def _tell(
+        self, connection: ClientConnection, message: dict[str, Any], *, is_text_keyed: bool = False
+    ) -> None:
+        """Send a message; one that cannot be written is no fault of the server."""
+        try:
+            data = pack(message, is_text_keyed=is_text_keyed)
+        except MessageError as error:
+            raise MachineryError(str(error)) from error
+        connection.send(data)
+
     def _heard(self, connection: ClientConnection) -> str | bytes:
         """What the server says next; time in which this process is stopped does not count."""
         while True:
@@ -138,34 +154,57 @@ class ConnectedPolicy(ABC):
                 if not self._left():
                     raise
 
-    def _late(self) -> DuoBenchError:
-        """Whose fault it is that there was no answer: a server that still lives has waited too."""
-        late = f"did not answer within {self._server.answer_s:g} s"
-        if is_healthy(self._server, self.health_path):
-            return PolicyTimeoutError(f"The policy's server lives, but {late}.")
-        return MachineryError(
-            f"The policy's server {late}, nor does it say at {self.health_path} that it lives."
-        )
-
     @contextmanager
-    def _exchange(self) -> Iterator[ClientConnection]:
-        """The connection, made if there is none; all but a policy's own errors end it."""
+    def _exchange(self, *, may_be_old: bool = False) -> Iterator[ClientConnection]:
+        """The connection, made if there is none; all but a policy's own errors end it.
+
+        One that is old may have been lost before anything was asked.
+        """
         try:
             yield self._connection or self._connect()
         except PolicyError:
             raise
         except BaseException as error:
             self._drop()  # an answer that comes late would be taken for the next one
-            if isinstance(error, TimeoutError):
-                raise self._late() from error
-            if isinstance(error, _LOST):
-                fault = f"is lost: {escaped(str(error))}."
-                raise MachineryError(f"The connection to the policy's server {fault}") from error
-            if isinstance(error, MessageError):
-                raise MachineryError(
-                    f"The policy's server cannot be understood: {error}"
+            code = _refused_with(error)
+            if isinstance(error, MessageError) or code in _UNREADABLE:
+                words = escaped(str(error))
+                if code == CloseCode.MESSAGE_TOO_BIG:
+                    words = f"more than {self._most_bytes} bytes, which its largest chunk takes."
+                raise PolicyError(
+                    f"The policy's server sends what cannot be read: {words}"
                 ) from error
+            if isinstance(error, LOST):
+                raise self._lost(error, may_be_old=may_be_old) from error
             raise
+
+    def _lost(self, error: BaseException, *, may_be_old: bool) -> PolicyError | MachineryError:
+        """Whose fault it is that there was no answer, which takes as long as the server does."""
+        fault = f"The connection to the policy's server is lost: {escaped(str(error))}."
+        if isinstance(error, TimeoutError):
+            late = f"did not answer within {self._server.answer_s:g} s"
+            if is_healthy(self._server, self.health_path):
+                return PolicyTimeoutError(f"The policy's server lives, but {late}.")
+            fault = (
+                f"The policy's server {late}, nor does it say at {self.health_path} that it lives."
+            )
+        if may_be_old or _is_busy(error):
+            return MachineryError(fault)
+        self._allow(self._server.wait_s + self._server.answer_s)
+        try:
+            self._connect()
+        except MachineryError as gone:
+            return MachineryError(f"{fault} {gone}")
+        self._drop()  # the episode begins anew
+        return ConnectionLostError(fault)
+
+    def _has_more(self, connection: ClientConnection) -> bool:
+        """Whether the server has said something that nobody asked for."""
+        try:
+            connection.recv(0)
+        except TimeoutError:
+            return False
+        return True
 
     def _connect(self) -> ClientConnection:
         """Connect, and wait for a server that is not there."""
@@ -176,7 +215,7 @@ class ConnectedPolicy(ABC):
                 self._recognize(connection)
             except BaseException as error:
                 self._drop()
-                if not isinstance(error, _LOST):
+                if not isinstance(error, LOST):
                     raise
                 if time.monotonic() + _RETRY_S >= give_up:
                     fault = escaped(str(error) or type(error).__name__)
@@ -189,7 +228,7 @@ class ConnectedPolicy(ABC):
                 return connection
 
     def _opened(self) -> ClientConnection:
-        """A connection that is new; what cannot be opened is one of `_LOST`."""
+        """A connection that is new; what cannot be opened is one of `LOST`."""
         try:
             connection = connect(
                 self._server.url,
@@ -197,7 +236,7 @@ class ConnectedPolicy(ABC):
                 open_timeout=max(min(limits.HANDSHAKE_S, self._left()), _SHORTEST_S),
                 close_timeout=limits.CLOSE_S,
                 ping_interval=None,  # some servers answer nothing at all while they infer
-                max_size=limits.MAX_REPLY,
+                max_size=limits.MAX_EXTRA,
                 compression=None,
                 proxy=None,
             )
@@ -225,6 +264,20 @@ class ConnectedPolicy(ABC):
             raise MachineryError("The server has another policy now than when the run began.")
         self._served = served
         self.metadata, self.batching = served
+        self._most_bytes = limits.reply_bytes(self.metadata.horizon)
+        connection.protocol.max_message_size = self._most_bytes
+
+
+def _refused_with(error: BaseException) -> int | None:
+    """The code with which this side has closed a connection; None if the other one has."""
+    closed = isinstance(error, ConnectionClosed) and not error.rcvd_then_sent and error.sent
+    return closed.code if closed else None
+
+
+def _is_busy(error: BaseException) -> bool:
+    """Whether a server asks to come again later, as ours does where nothing is wrong with it."""
+    closed = isinstance(error, ConnectionClosed) and error.rcvd
+    return bool(closed) and closed.code == CloseCode.TRY_AGAIN_LATER
 
 
 def reported(words: str) -> PolicyError:

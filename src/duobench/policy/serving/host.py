@@ -154,13 +154,12 @@ class PolicyHost:
                     frame = await connection.recv()
                 if connection not in self._clients:
                     return  # it was dismissed meanwhile
-                session.silent_since = math.inf
+                session.note_silence(math.inf)
                 reply = await _unless_gone(connection, self._reply(session, frame))
-                session.silent_since = time.monotonic()
+                session.note_silence(time.monotonic())
                 if reply is None:
                     return
-                await _send(connection, reply)
-                session.note_sent()
+                session.note_sent(await _send(connection, reply))
         except websockets.ConnectionClosed:
             pass
         except TimeoutError:
@@ -212,7 +211,9 @@ class ClientSession:
         self.is_playing = False
         """Whether an episode is under way, or begins."""
         self.silent_since = time.monotonic()
-        """Since when its client is waited for; infinity while that waits for an answer."""
+        """Since when its client is waited for, to ask, or to read before it asks more; infinity
+        while that waits for an answer."""
+        self._read: asyncio.Future[Any] | None = None
         self._episode = _RequestedEpisode()
         self._received = 0.0
         self._timing: dict[str, float] = {}
@@ -233,8 +234,17 @@ class ClientSession:
             return pack({"status": _RESET_STATUS})
         return await self._infer(request)
 
-    def note_sent(self) -> None:
-        """Note that an answer was sent; the next one says how long it took."""
+    def note_silence(self, since: float) -> None:
+        """Note since when its client is waited for, unless that asks and does not read."""
+        if self._read is None or self._read.done():
+            self.silent_since = since
+
+    def note_sent(self, read: "asyncio.Future[Any]") -> None:
+        """Note that an answer was sent, and what is done once it is read.
+
+        The next answer says how long it took.
+        """
+        self._read = read
         self._timing = {"prev_total_ms": (time.monotonic() - self._received) * _MILLI}
 
     def close(self) -> None:
@@ -311,9 +321,12 @@ async def _close(connection: ServerConnection, code: int, reason: str) -> None:
     connection.transport.abort()
 
 
-async def _send(connection: ServerConnection, message: str | bytes) -> None:
+async def _send(connection: ServerConnection, message: str | bytes) -> "asyncio.Future[Any]":
+    """Send a message; the future is done once the other side reads it."""
     async with asyncio.timeout(limits.SEND_S):
+        read = asyncio.ensure_future(await connection.ping())
         await connection.send(message)
+        return read
 
 
 def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetadata, Batching]:

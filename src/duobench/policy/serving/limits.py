@@ -3,6 +3,8 @@
 A peer that sends more, or takes longer, is refused; that costs little memory and time.
 """
 
+from duobench.types import FLAT_SIZE
+
 PROTOCOL = 1
 """Version of what our server adds to openpi's protocol."""
 HEALTH_PATH = "/healthz"
@@ -13,7 +15,13 @@ VLA_EVAL_PROTOCOL = 1
 MAX_REQUEST = 16 << 20
 """Bytes of a message to a server: three images of 720 x 1280 take 8.3 MB."""
 MAX_REPLY = 64 << 20
-"""Bytes of a message to a client."""
+"""Bytes of a message to a client, at most; see `reply_bytes`."""
+MAX_EXTRA = 1 << 20
+"""Bytes of a message to a client beside the actions in it: a handshake, a state, times."""
+MAX_CHUNK = 4096
+"""Actions of a chunk where nobody says how many it has: more than two minutes."""
+NUMBER_BYTES = 9
+"""Bytes of a number in MessagePack."""
 MAX_ARRAY_ITEMS = 4096
 """Items of one MessagePack array."""
 MAX_MAP_ITEMS = 1024
@@ -52,3 +60,8 @@ HEALTH_S = 3.0
 """Seconds that a server may take to say that it lives."""
 CLOSE_S = 1.0
 """Seconds that the other side may take to say goodbye."""
+
+
+def reply_bytes(horizon: int | None) -> int:
+    """Most bytes of an answer that holds a chunk of so many actions, if that is known."""
+    return min((horizon or MAX_CHUNK) * FLAT_SIZE * NUMBER_BYTES + MAX_EXTRA, MAX_REPLY)

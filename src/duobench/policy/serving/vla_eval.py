@@ -15,11 +15,11 @@ import msgspec
 from websockets.sync.client import ClientConnection
 
 from duobench.envs import action_modes
-from duobench.errors import DuoBenchError, MachineryError, MessageError, ServingError, escaped
+from duobench.errors import MachineryError, MessageError, ServingError, escaped
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, dimensions
-from duobench.policy.serving.codec import pack, unpack
-from duobench.policy.serving.connection import ConnectedPolicy, actions_of, reported
+from duobench.policy.serving.codec import unpack
+from duobench.policy.serving.connection import LOST, ConnectedPolicy, actions_of, reported
 from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.versions import __version__
@@ -93,8 +93,8 @@ class VlaEvalPolicy(ConnectedPolicy):
     def close(self) -> None:
         """End the episode, and close the connection."""
         if self._connection is not None:
-            with suppress(DuoBenchError), self._exchange() as connection:
-                self._end_episode(connection)
+            with suppress(MachineryError, *LOST):
+                self._end_episode(self._connection)
         self._drop()
 
     def _begin(self, connection: ClientConnection, seed: int) -> None:
@@ -127,7 +127,7 @@ class VlaEvalPolicy(ConnectedPolicy):
     def _send(self, connection: ClientConnection, kind: str, payload: dict[str, Any]) -> int:
         self._seq += 1
         message = {"type": kind, "payload": payload, "seq": self._seq, "timestamp": time.time()}
-        connection.send(pack(message, is_text_keyed=True))
+        self._tell(connection, message, is_text_keyed=True)
         return self._seq
 
     def _receive(self, connection: ClientConnection) -> tuple[str, dict[str, Any], int]:

@@ -1,0 +1,111 @@
+"""Whose failure an error is: that of the place where it was raised, whatever its class."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from enum import Enum, auto
+from fnmatch import fnmatchcase
+from types import TracebackType
+from typing import Any
+
+from duobench.errors import (
+    DuoBenchError,
+    MachineryError,
+    TaskFailedError,
+    escaped,
+    foreign_traceback,
+    traceback_text,
+)
+
+
+class Place(Enum):
+    """Where errors are raised while an episode is played."""
+
+    RENDERING = auto()
+    """Images of the policy, and videos."""
+    TASK = auto()
+    """A task's layouts, objects and stages."""
+    ACTION = auto()
+    """What an action does to the physics, which follows from nothing but the action."""
+
+
+_PLACES: Mapping[str, Place] = {
+    "duobench.sim.rendering:*": Place.RENDERING,
+    "duobench.evaluation.video:*": Place.RENDERING,
+    "duobench.video:*": Place.RENDERING,
+    "duobench.objects.*:*": Place.TASK,
+    "duobench.scene.*:*": Place.TASK,
+    "duobench.sim.simulation:Simulation.__init__": Place.TASK,
+    "duobench.envs.sim_env:SimEnv._begin": Place.TASK,
+    "duobench.envs.sim_env:SimJudge.*": Place.TASK,
+    "duobench.tasks.*:*": Place.TASK,
+    "duobench.stages.*:*": Place.TASK,
+    "duobench.envs.*:*.check_action": Place.ACTION,
+    "duobench.kinematics.*:*": Place.ACTION,
+    "duobench.sim.backend:SimBackend.command": Place.ACTION,
+}
+"""Places by the module and the function that lead to them: the outermost one counts."""
+
+
+def place_of(error: BaseException) -> tuple[Place | None, TracebackType | None]:
+    """Where an error was raised, and its traceback from there on; None for any other place."""
+    trace = error.__traceback__
+    while trace is not None:
+        frame = trace.tb_frame
+        name = f"{frame.f_globals.get('__name__')}:{frame.f_code.co_qualname}"
+        for pattern, place in _PLACES.items():
+            if fnmatchcase(name, pattern):
+                return place, trace
+        trace = trace.tb_next
+    return None, None
+
+
+def fault_of(error: BaseException, task: str) -> MachineryError:
+    """What an error stands for that is not the policy's."""
+    if isinstance(error, MachineryError):
+        return error
+    place, trace = place_of(error)
+    if place is Place.TASK:
+        text = foreign_traceback(error.with_traceback(trace))
+        return TaskFailedError(f"The task {task!r} itself failed, not the policy.\n{text}")
+    if isinstance(error, DuoBenchError):
+        return MachineryError(str(error))
+    if place is Place.RENDERING:
+        words = f"{type(error).__name__}: {error}"
+        return MachineryError(escaped(f"Nothing can be rendered: {words}."))
+    return MachineryError(f"The evaluation itself failed.\n{traceback_text(error)}")
+
+
+@contextmanager
+def before_policy(task: str) -> Iterator[None]:
+    """Nothing that a block raises is the policy's, which was not asked yet."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        fault = fault_of(error, task)
+        if isinstance(error, DuoBenchError) and not isinstance(fault, TaskFailedError):
+            raise  # it says what is wrong, such as that nothing can be rendered
+        raise fault from error
+
+
+class Asking:
+    """What a policy has raised while it was asked."""
+
+    def __init__(self) -> None:
+        self._raised: BaseException | None = None
+
+    @contextmanager
+    def within(self, busy: AbstractContextManager[Any]) -> Iterator[None]:
+        """The policy is asked in the block, inside another context."""
+        try:
+            with busy:
+                yield
+        except BaseException as error:
+            self._raised = error
+            raise
+
+    def fault_of(self, error: BaseException, task: str) -> MachineryError | None:
+        """What an error stands for that ended an episode; None if it is the policy's."""
+        is_own = error is self._raised or place_of(error)[0] is Place.ACTION
+        return None if is_own and not isinstance(error, MachineryError) else fault_of(error, task)
