@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import fcntl
 import hashlib
@@ -204,14 +205,38 @@ def zipped(parts: Mapping[str, bytes], method: int = zipfile.ZIP_STORED) -> byte
     return file.getvalue()
 
 
+@contextmanager
+def reading(what: object, error: type[DuoBenchError]) -> Iterator[None]:
+    """Say in a sentence why a file that people write, or what it holds, cannot be read."""
+    try:
+        yield
+    except (OSError, ValueError, RecursionError) as unread:
+        is_deep = isinstance(unread, RecursionError)
+        reason = "it is nested too deeply" if is_deep else getattr(unread, "strerror", None)
+        reason = str(reason or unread).rstrip(".")
+        raise error(f"Cannot read {what}: {reason}.") from unread
+
+
+def read_text(path: Readable) -> str:
+    """The text of a file that people write: UTF-8, with or without a byte order mark before it.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: It is no UTF-8.
+    """
+    data = path.read_bytes()
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise ValueError("it is UTF-16, as its byte order mark says; save it as UTF-8")
+    return data.decode("utf-8-sig")
+
+
 def read_object(path: Path, error: type[DuoBenchError]) -> dict[str, Any] | None:
     """A JSON object from a file of others, which may be anything; None where there is none."""
-    try:
-        content = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, RecursionError) as unread:
-        raise error(f"Cannot read {path}: {unread}") from unread
+    with reading(path, error):
+        try:
+            content = json.loads(path.read_bytes())
+        except FileNotFoundError:
+            return None
     if not isinstance(content, dict):
         raise error(f"Cannot read {path}: it holds a {type(content).__name__}, no object.")
     return content
@@ -263,8 +288,15 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
     `schema` is the version of its fields, the one that is read.
     """
     try:
+        return _decoded(text, kind, schema)
+    except RecursionError as error:
+        raise FileError("It is nested too deeply.") from error
+
+
+def _decoded(text: bytes | str, kind: type[T], schema: int) -> T:
+    try:
         document: Any = msgspec.json.decode(text)
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+    except (msgspec.MsgspecError, ValueError) as error:
         raise FileError(f"No JSON: {error}.") from error
     if not isinstance(document, dict):
         raise FileError(f"A JSON object is expected, not a {type(document).__name__}.")

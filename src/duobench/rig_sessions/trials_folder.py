@@ -184,7 +184,7 @@ def read_entries(path: Path) -> Iterable[LogEntry]:
     try:
         lines = path.read_bytes().split(b"\n")[:-1]
         return [msgspec.json.decode(line, type=LogEntry) for line in lines]
-    except (OSError, msgspec.MsgspecError) as error:
+    except (OSError, msgspec.MsgspecError, RecursionError) as error:
         raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
 
 

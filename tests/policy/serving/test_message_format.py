@@ -107,7 +107,7 @@ def test_batch_of_one_chunk_is_a_chunk_and_other_widths_are_refused(tmp_path: Pa
         ('[images]\n"a.b" = "head"\n[state]\na = ["left_arm"]', ServingError, "things at 'a'"),
         ('[images]\na = "head"\n[state]\n"a.b" = ["left_arm"]', ServingError, "things at 'a'"),
         ('[images]\nprompt = "head"', ServingError, "things at 'prompt'"),
-        ("=", ServingError, "no TOML"),
+        ("=", ServingError, "Cannot read the format .* Invalid statement"),
     ],
 )
 def test_message_format_with_a_mistake_is_refused_in_words(
@@ -120,5 +120,5 @@ def test_message_format_with_a_mistake_is_refused_in_words(
 def test_unknown_layout_lists_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'aloha'"):
         read_format("alhoa")
-    with pytest.raises(ServingError, match="cannot be read"):
+    with pytest.raises(ServingError, match="Cannot read the format"):
         read_format(str(tmp_path / "absent.toml"))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from duobench.envs import action_modes
 from duobench.errors import ServingError, UnknownNameError, check_known
+from duobench.files import read_text, reading
 from duobench.policy.batch import Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, as_chunk, dimensions
 from duobench.types import ARM_JOINTS, SIDE_SIZE
@@ -181,12 +182,11 @@ def read_format(name: str) -> MessageFormat:
         path = Path(name)
     else:
         raise UnknownNameError("format", name, [*FORMATS, "FILE.toml"])
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ServingError(f"The format {name} cannot be read: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ServingError(f"The format {name} is no TOML: {error}.") from error
+    with reading(f"the format {name}", ServingError):
+        return _decoded(name, tomllib.loads(read_text(path)))
+
+
+def _decoded(name: str, document: dict[str, Any]) -> MessageFormat:
     _check_names("key of a format", document, [each.name for each in fields(MessageFormat)])
     actions = document.get("actions")
     if isinstance(actions, dict):
