@@ -22,7 +22,14 @@ from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Format, Pairing
 from duobench.data.schema import Domain
 from duobench.envs.state_labels import StatePart
-from duobench.errors import DataError, OtherRunError, OutputError, RenderingError, UnknownNameError
+from duobench.errors import (
+    DataError,
+    OptionError,
+    OtherRunError,
+    OutputError,
+    RenderingError,
+    UnknownNameError,
+)
 from duobench.files import locked
 from duobench.rig_sessions.cameras import view_of
 from duobench.types import POLICY_CAMERAS
@@ -72,6 +79,14 @@ def export(data: DataSet, out: Path, **options: Any) -> Exported:
 
 def test_a_camera_that_is_named_twice_is_one() -> None:
     assert ExportOptions(cameras=("head", "left_wrist", "head")).cameras == ("head", "left_wrist")
+
+
+@pytest.mark.parametrize("cameras", [{"head", "left_wrist"}, {"head": (128, 128)}])
+def test_cameras_without_an_order_are_refused(cameras: Any) -> None:
+    with pytest.raises(DataError, match="One camera is taken, or a list of them"):
+        ExportOptions(cameras=cameras)
+    with pytest.raises(OptionError, match="a name, or a list of names"):
+        ImageSource(TASK, cameras=cameras)
 
 
 def test_words_are_as_good_as_what_they_stand_for() -> None:
