@@ -25,6 +25,7 @@ from duobench.files import (
     read_object,
     remove_abandoned,
     remove_temporary,
+    taken_back,
     write,
 )
 from duobench.hardware.rig import Rig
@@ -200,3 +201,37 @@ def test_deeply_nested_file_of_ours_is_refused_in_a_sentence(text: str) -> None:
     with pytest.raises(FileError) as refused:
         decode(text, Plan, 1)
     assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("before", "made", "left"),
+    [
+        (None, ["plan.json", "log/a.jsonl"], None),
+        (None, [], None),
+        ([], ["plan.json"], []),
+        (None, ["plan.json", "records/1.json"], ["plan.json", "records/1.json"]),
+        (["mine.txt"], ["plan.json"], ["mine.txt", "plan.json"]),
+    ],
+)
+def test_new_folder_is_taken_back_where_nothing_has_begun(
+    tmp_path: Path, before: list[str] | None, made: list[str], left: list[str] | None
+) -> None:
+    def fill(names: list[str]) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            write(folder / name, "x")
+
+    folder = tmp_path / "runs" / "deep" / "new"
+    if before is not None:
+        fill(before)
+    with pytest.raises(ZeroDivisionError), taken_back(folder, "plan.json", "log/*.jsonl"):
+        fill(made)
+        _ = 1 / 0
+    if left is None:
+        assert list(tmp_path.iterdir()) == []
+        return
+    files = (path for path in folder.rglob("*") if path.is_file())
+    assert sorted(path.relative_to(folder).as_posix() for path in files) == left
+    with taken_back(folder, "*"):
+        fill(["more"])
+    assert (folder / "more").exists()

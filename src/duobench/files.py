@@ -11,10 +11,11 @@ import json
 import math
 import os
 import re
+import shutil
 import stat
 import time
 import zipfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
@@ -73,6 +74,39 @@ def make_folder(path: Path) -> None:
         reason = None if os.access(path, os.W_OK | os.X_OK) else "nothing may be written into it"
     if reason:
         raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
+
+
+@contextmanager
+def taken_back(
+    folder: Path, *beginnings: str, is_begun: Callable[[], bool] = lambda: False
+) -> Iterator[None]:
+    """Remove a new folder again if a block fails before anything but beginnings is in it.
+
+    Args:
+        folder: The folder; one that had a file before stays as it is.
+        beginnings: Patterns of files, from there, that alone are worth nothing.
+        is_begun: Whether they are worth something after all.
+    """
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    is_new = bool(missing) or (folder.is_dir() and not any(folder.iterdir()))
+    try:
+        yield
+    except BaseException:
+        files = [path for path in folder.rglob("*") if not path.is_dir()]
+        if is_new and all(any(map(path.match, beginnings)) for path in files) and not is_begun():
+            for path in folder.glob("*"):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+            for each in missing:
+                with suppress(OSError):  # somebody else has put something there
+                    each.rmdir()
+        raise
+
+
+def check_outside(out: Path, *sources: Path) -> None:
+    """Reject an output in one of the folders that it is made from, whatever links lead there."""
+    for source in sources:
+        if out.resolve().is_relative_to(source.resolve()):
+            raise OutputError(f"{out} is in {source}, which is read; write to another place.")
 
 
 @contextmanager

@@ -91,7 +91,7 @@ def as_count(value: Any) -> int | None:
 
 
 def as_several(values: Any) -> tuple[Any, ...] | None:
-    """One word, or several things in an order, as a tuple; None for what has none, such as a set."""
+    """One word, or several things in an order, as a tuple; None for all else, such as a set."""
     if isinstance(values, str):
         return (values,)
     if isinstance(values, Iterable) and not isinstance(values, bytes | set | frozenset | Mapping):

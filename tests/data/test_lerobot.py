@@ -336,7 +336,7 @@ def test_a_folder_of_something_else_is_left_alone(original: DataSet, tmp_path: P
     (tmp_path / "notes.txt").write_text("precious")
     with pytest.raises(OtherRunError, match="not empty"):
         export(original, tmp_path)
-    with pytest.raises(DataError, match="lies in the data set"):
+    with pytest.raises(OutputError, match="which is read"):
         export(original, original.path / "out")
     with locked(tmp_path / "out"), pytest.raises(OutputError, match="Another process"):
         export(original, tmp_path / "out")

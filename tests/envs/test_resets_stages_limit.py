@@ -129,7 +129,7 @@ def test_options_of_others_are_left_to_them(env: gym.Env) -> None:
     """LeRobot hands one of its own wrappers' on to every environment."""
     _, info = env.reset(seed=7, options={"lerobot_new_rollout": True, "look": "dark"})
     assert info["seed"] == 7
-    with pytest.raises(UnknownNameError, match="'nonsense'. Known: instruction, layout"):
+    with pytest.raises(UnknownNameError, match=r"'nonsense'\. Known: instruction, layout"):
         env.reset(seed=7, options={"lerobot_new_rollout": True, "nonsense": 1})
 
 

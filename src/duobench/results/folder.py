@@ -28,13 +28,15 @@ from duobench.files import (
     write,
     writing,
 )
-from duobench.results.journal import Entry, Journal, Started, read_attempts, read_entries
+from duobench.results.journal import Begun, Entry, Journal, Started, read_attempts, read_entries
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard
 from duobench.results.salt import Salt
 from duobench.results.suite import Episode
 
 DESCRIPTION = "run.json"
+RUN_BEGINNINGS = (DESCRIPTION, "attempts/*.jsonl")
+"""Files that a run begins with; without an attempt they are worth nothing."""
 CONDITIONS = "conditions"
 """Folder of the pages of each condition, where there are several."""
 VIDEO_SUFFIX = ".webm"
@@ -219,6 +221,11 @@ class RunFolder(RunReader):
     def has_records(self) -> bool:
         """Whether an episode is finished."""
         return any(self.names())
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether an attempt at an episode has begun, or somebody else is writing."""
+        return len(self.writers) > 1 or any(isinstance(each, Begun) for each in self.entries())
 
     # --- writers -----------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import display
 from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptions
 from duobench.errors import DataError, NamesTakenError, OutputError, SeveralTasksError
-from duobench.files import locked
+from duobench.files import locked, taken_back
 from duobench.lerobot_keys import ID
 from duobench.tasks import catalog
 
@@ -271,7 +271,7 @@ def lerobot(
     from duobench.data import export_lerobot
     from duobench.rig_sessions.cameras import view_of
 
-    with raising(), advising(_ADVICE), display("frame") as shown:
+    with taken_back(out, "duobench.json"), raising(), advising(_ADVICE), display("frame") as shown:
         done = export_lerobot(
             sources,
             out,

@@ -23,7 +23,7 @@ from duobench.cli.shared.advice import (
 from duobench.cli.shared.console import counted, results_table, say, verified_table
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
-from duobench.files import digest_of
+from duobench.files import check_outside, digest_of
 from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
@@ -144,7 +144,9 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool 
     """
     for run in runs:
         if not run.startswith(SCHEMES):
-            find_run(split_name(run)[1])
+            folder = split_name(run)[1]
+            find_run(folder)
+            check_outside(out, folder)
     if mixed:
         _mixed(runs, out)
         return
