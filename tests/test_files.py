@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -224,9 +225,9 @@ def test_new_folder_is_taken_back_where_nothing_has_begun(
     folder = tmp_path / "runs" / "deep" / "new"
     if before is not None:
         fill(before)
-    with pytest.raises(ZeroDivisionError), taken_back(folder, "plan.json", "log/*.jsonl"):
+    with suppress(ZeroDivisionError), taken_back(folder, "plan.json", "log/*.jsonl"):
         fill(made)
-        _ = 1 / 0
+        raise ZeroDivisionError
     if left is None:
         assert list(tmp_path.iterdir()) == []
         return

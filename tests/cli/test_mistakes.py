@@ -144,7 +144,6 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("data merge demos --out demos/sub", "demos/sub is in "),
         ("data merge demos --out link/sub", "link/sub is in "),
         ("data split demos --out a demos/b --fraction 0.5", "demos/b is in "),
-        ("data split demos --out a a/b --fraction 0.5", "a/b is in a"),
         ("compare runs/x runs/x --out runs/x/compared", "runs/x/compared is in runs/x"),
         ("bundle runs/x --out runs/x/x.zip", "runs/x/x.zip is in "),
         ("record --epsiodes=3", "Did you mean --episodes?"),

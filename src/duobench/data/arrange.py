@@ -96,8 +96,8 @@ def split(
         raise DataError(f"The fraction is between 0 and 1, got {fraction}.")
     if first.resolve() == second.resolve():
         raise DataError(f"The two parts need a folder each, got {first} for both.")
-    check_outside(first, data.path, second)
-    check_outside(second, data.path, first)
+    for folder in (first, second):
+        check_outside(folder, data.path)
     chosen = set(data.episodes_of(tasks)) if fraction is None else _share(data, fraction, seed)
     how = f"split by {'tasks' if fraction is None else f'fraction {fraction}, seed {seed}'}"
     plans: list[dict[Path, Path]] = []
