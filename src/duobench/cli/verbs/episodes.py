@@ -87,9 +87,9 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     command = command_line("record", record, locals())
     load_engine()
     from duobench.data import DataSet
+    from duobench.data.attempts import RUN
     from duobench.data.dataset import DESCRIPTION
     from duobench.runners import record as record_demonstrations
-    from duobench.runners.evaluate import RUN
 
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     beginnings = DESCRIPTION, RUN
