@@ -23,7 +23,14 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 import msgspec
 
-from duobench.errors import DuoBenchError, FileError, LockedError, OtherRunError, OutputError
+from duobench.errors import (
+    DuoBenchError,
+    FileError,
+    GoneError,
+    LockedError,
+    OtherRunError,
+    OutputError,
+)
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -50,6 +57,10 @@ TEMPORARY_SUFFIX = ".tmp"
 _ZIP_DATE, _ZIP_UNIX, _ZIP_MODE = (1980, 1, 1, 0, 0, 0), 3, stat.S_IFREG | 0o644
 _LOCK_TURN_S = 0.05
 """Seconds from one look at a lock that another process holds to the next."""
+_GONE = (errno.ENOENT, errno.ENOTDIR, errno.ESTALE)
+"""Errors about a folder that was there before."""
+_BROKEN = (errno.EIO, errno.ENODEV, errno.ENXIO)
+"""Errors of a disk, after which nothing is known of other files on it."""
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
 """What file systems without locks answer; work there goes on unprotected."""
 
@@ -60,8 +71,20 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise OutputError(f"Cannot write {path}: {reason}. Nothing finished is lost.") from error
+        if error.errno in _GONE:
+            there = next(each for each in path.absolute().parents if each.is_dir())
+            missing = there / path.absolute().relative_to(there).parts[0]
+            raise GoneError(
+                f"Cannot write {path}: {missing} is not there, nor what was in it."
+            ) from error
+        kept = "" if error.errno in _BROKEN else " Nothing finished is lost."
+        raise OutputError(f"Cannot write {path}: {error.strerror or error}.{kept}") from error
+
+
+def check_there(folder: Path) -> None:
+    """Reject a folder that was removed while it was written into."""
+    if not folder.is_dir():
+        raise GoneError(f"{folder} was removed while it was written into, with all that it held.")
 
 
 def make_folder(path: Path) -> None:

@@ -18,6 +18,7 @@ from duobench.errors import (
     DataError,
     EvaluationError,
     FileError,
+    GoneError,
     OtherRunError,
     OutputError,
 )
@@ -294,3 +295,16 @@ def test_a_full_disk_is_no_failure_of_the_policy(two, empty):
     assert not (empty.path / ATTEMPTS).exists()
     assert played(empty) == played(two)
     assert contents(empty) == contents(two)
+
+
+def test_a_data_set_that_is_removed_while_it_is_recorded_is_said_to_be_gone(empty):
+    class Removes:
+        def on_run_start(self, run, finished):
+            """Nothing is shown."""
+
+        def on_episode(self, played):
+            shutil.rmtree(empty.path)
+
+    with pytest.raises(GoneError, match=f"{empty.path} was removed while it was written into"):
+        played(empty, observers=[Removes()])
+    assert not empty.path.exists()

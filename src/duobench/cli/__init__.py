@@ -42,8 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.exit(1)
         except OSError as error:
             _discard_output()
-            what = error.filename or "the output"
-            sys.exit(f"error: {what}: {error.strerror or error}. What is finished is kept.")
+            what, kept = error.filename or "the output", "What is finished is kept."
+            text = f"error: {what}: {error.strerror or error}."
+            sys.exit(text if error.filename else f"{text} {kept}")
         except KeyboardInterrupt:
             with suppress(OSError):
                 sys.stdout.flush()

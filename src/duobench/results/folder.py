@@ -17,6 +17,7 @@ from duobench.errors import EvaluationError, FileError, LockedError, OtherRunErr
 from duobench.files import (
     Readable,
     begin_or_continue,
+    check_there,
     encode,
     held,
     is_locked,
@@ -363,6 +364,7 @@ class RunFolder(RunReader):
 
     def write(self, record: EpisodeRecord, video: bytes | None = None) -> None:
         """Write what an episode has left: its video first, so that a record means all of it."""
+        check_there(self.path)
         if video is not None:
             write(self.video(record.key), video)
         write(self.record(record.key), encode(record, RECORD_SCHEMA))
