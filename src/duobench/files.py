@@ -58,9 +58,9 @@ _ZIP_DATE, _ZIP_UNIX, _ZIP_MODE = (1980, 1, 1, 0, 0, 0), 3, stat.S_IFREG | 0o644
 _LOCK_TURN_S = 0.05
 """Seconds from one look at a lock that another process holds to the next."""
 _GONE = (errno.ENOENT, errno.ENOTDIR, errno.ESTALE)
-"""Errors about a folder that was there before."""
+"""Errors where a folder is not there."""
 _BROKEN = (errno.EIO, errno.ENODEV, errno.ENXIO)
-"""Errors of a disk, after which nothing is known of other files on it."""
+"""Errors of a disk, which may have lost other files too."""
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
 """What file systems without locks answer; work there goes on unprotected."""
 
@@ -72,11 +72,10 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         if error.errno in _GONE:
-            there = next(each for each in path.absolute().parents if each.is_dir())
-            missing = there / path.absolute().relative_to(there).parts[0]
-            raise GoneError(
-                f"Cannot write {path}: {missing} is not there, nor what was in it."
-            ) from error
+            parents = reversed(path.absolute().parents)
+            missing = next((each for each in parents if not each.is_dir()), path)
+            text = f"Cannot write {path}: {missing} is not there, nor what was in it."
+            raise GoneError(text) from error
         kept = "" if error.errno in _BROKEN else " Nothing finished is lost."
         raise OutputError(f"Cannot write {path}: {error.strerror or error}.{kept}") from error
 
@@ -105,10 +104,7 @@ def taken_back(
 ) -> Iterator[None]:
     """Remove a new folder again if a block fails before anything but beginnings is in it.
 
-    Args:
-        folder: The folder; one that had a file before stays as it is.
-        beginnings: Patterns of files, from there, that alone are worth nothing.
-        is_begun: Whether they are worth something after all.
+    These are patterns of files, which count for nothing unless `is_begun` says that they do.
     """
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     is_new = bool(missing) or (folder.is_dir() and not any(folder.iterdir()))
@@ -119,8 +115,8 @@ def taken_back(
         if is_new and all(any(map(path.match, beginnings)) for path in files) and not is_begun():
             for path in folder.glob("*"):
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
-            for each in missing:
-                with suppress(OSError):  # somebody else has put something there
+            with suppress(OSError):  # somebody else has put something there
+                for each in missing:
                     each.rmdir()
         raise
 
@@ -275,12 +271,7 @@ def reading(what: object, error: type[DuoBenchError]) -> Iterator[None]:
 
 
 def read_text(path: Readable) -> str:
-    """The text of a file that people write: UTF-8, with or without a byte order mark before it.
-
-    Raises:
-        OSError: It cannot be read.
-        ValueError: It is no UTF-8.
-    """
+    """The text of a file that people write: UTF-8, with or without a byte order mark before it."""
     data = path.read_bytes()
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         raise ValueError("it is UTF-16, as its byte order mark says; save it as UTF-8")

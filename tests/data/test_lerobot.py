@@ -332,6 +332,22 @@ def test_tasks_are_not_exported_into_a_data_set(original: DataSet, exported: Pat
     assert files(exported) == before
 
 
+@pytest.mark.parametrize("name", ["data/chunk-000/file-007.parquet", "videos/x/file.mp4"])
+def test_files_of_no_episode_keep_an_export_from_going_on(
+    original: DataSet, tmp_path: Path, name: str
+) -> None:
+    export(original, tmp_path / "out")
+    path = tmp_path / "out" / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(ExportFolder(tmp_path / "out").data(0), path)
+    with pytest.raises(OtherRunError, match=r"is of no episode of this export.*too many: 1\."):
+        export(original, tmp_path / "out")
+    path.unlink()
+    ExportFolder(tmp_path / "out").data(0).unlink()
+    export(original, tmp_path / "out")
+    assert ExportFolder(tmp_path / "out").data(0).exists()
+
+
 def test_a_folder_of_something_else_is_left_alone(original: DataSet, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("precious")
     with pytest.raises(OtherRunError, match="not empty"):

@@ -283,7 +283,7 @@ class Removes:
     def on_run_start(self, run, finished):
         """Nothing is shown."""
 
-    def on_episode(self, played):
+    def on_episode(self, _played):
         """Somebody cleans up."""
         shutil.rmtree(self._folder)
 

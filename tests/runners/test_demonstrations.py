@@ -302,7 +302,7 @@ def test_a_data_set_that_is_removed_while_it_is_recorded_is_said_to_be_gone(empt
         def on_run_start(self, run, finished):
             """Nothing is shown."""
 
-        def on_episode(self, played):
+        def on_episode(self, _played):
             shutil.rmtree(empty.path)
 
     with pytest.raises(GoneError, match=f"{empty.path} was removed while it was written into"):
