@@ -109,8 +109,8 @@ class RunReader(ABC):
                     f"says {run.suite.episodes} episodes of {len(tasks)} tasks under "
                     f"{len(conditions)} conditions. It was renamed, or copied from another run, or "
                     f"from a part of this one with more to play, whose {DESCRIPTION} belongs to "
-                    "all. Parts of which none plays all are whole once the run of all their tasks, axes and "
-                    "levels goes on in this folder."
+                    "all. Parts of which none plays all are whole once the run of all their tasks, "
+                    "axes and levels goes on in this folder."
                 )
             found.append(key)
         return sorted(found, key=lambda key: (conditions[key.condition], tasks[key.task], key[2]))
