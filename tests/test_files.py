@@ -1,17 +1,42 @@
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from duobench.errors import FileError, OtherRunError
-from duobench.files import begin_or_continue, differences, remove_abandoned, remove_temporary, write
+from duobench.errors import (
+    DuoBenchError,
+    EvaluationError,
+    FileError,
+    LeaderError,
+    OtherRunError,
+    ServingError,
+)
+from duobench.files import (
+    begin_or_continue,
+    decode,
+    differences,
+    read_object,
+    remove_abandoned,
+    remove_temporary,
+    taken_back,
+    write,
+)
+from duobench.hardware.rig import Rig
+from duobench.policy.serving.access import read_key
+from duobench.policy.serving.message_format import read_format
+from duobench.results.salt import Salt, read_rounds, read_salt
+from duobench.teleop.leaders.gello import GelloConfig
 from tests.children import ran
+from tests.hardware.test_rig_file import RIGHT
+from tests.teleop.leaders.test_gello import FILE as LEADERS
 
 
 def test_file_appears_with_its_bytes_and_nothing_else(tmp_path: Path) -> None:
@@ -109,3 +134,105 @@ def test_folder_of_something_else_is_not_begun(tmp_path: Path) -> None:
 
 def test_what_was_not_known_before_makes_no_difference() -> None:
     assert differences({"a": 1, "b": 2}, {"a": 1, "c": 3}) == []
+
+
+MARK = "\ufeff"
+"""What some editors put before a text."""
+ROUNDS = '[[round]]\nname = "autumn"\ndate = 2026-09-01\nsalt_sha256 = "{}"\n'
+BY_PEOPLE = {
+    "format.toml": (lambda path: read_format(str(path)), 'prompt = "task"\n', ServingError),
+    "key.txt": (read_key, "word\n", ServingError),
+    "salt.txt": (read_salt, "ab" * 32, EvaluationError),
+    "rounds.toml": (read_rounds, ROUNDS.format(Salt("ab" * 32).sha256), EvaluationError),
+    "rig.json": (Rig.read, json.dumps(RIGHT), FileError),
+    "leaders.toml": (GelloConfig.read, LEADERS, LeaderError),
+    "config.json": (lambda path: read_object(path, FileError), '{"a": 1}', FileError),
+}
+"""What reads each file that people write, such a file, and the error where it is none."""
+
+
+@pytest.mark.parametrize("name", BY_PEOPLE)
+def test_file_that_people_write_may_begin_with_a_byte_order_mark(tmp_path: Path, name: str) -> None:
+    read, text, _ = BY_PEOPLE[name]
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    plain = read(path)
+    path.write_text(MARK + text.replace("\n", "\r\n"), encoding="utf-8")
+    assert read(path) == plain
+
+
+@pytest.mark.parametrize(
+    "name", sorted(BY_PEOPLE.keys() - {"config.json"})
+)  # its reader takes UTF-16
+def test_file_in_another_encoding_is_refused_in_a_sentence(tmp_path: Path, name: str) -> None:
+    read, text, error = BY_PEOPLE[name]
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-16")
+    with pytest.raises(error, match=name) as refused:
+        read(path)
+    assert "\n" not in str(refused.value)
+    if name != "salt.txt":  # whose errors show none of it
+        assert "it is UTF-16" in str(refused.value)
+
+
+DEEP = 100_000
+NESTED = {
+    "toml lists": f"a = {'[' * DEEP}",
+    "toml dots": f"left.port{'.a' * 1000} = 1",
+    "json lists": "[" * DEEP,
+    "json maps": '{"arms":' * DEEP,
+    "json whole": f'{{"a": {"[" * DEEP}{"]" * DEEP}}}',
+}
+
+
+@pytest.mark.parametrize("name", sorted(BY_PEOPLE.keys() - {"key.txt"}))  # which may be any word
+@pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
+def test_deeply_nested_file_is_refused_in_a_sentence(tmp_path: Path, name: str, text: str) -> None:
+    read, _, _ = BY_PEOPLE[name]
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(DuoBenchError) as refused:
+        read(path)
+    assert len(str(refused.value).splitlines()) == 1
+    assert "recursion" not in str(refused.value)
+
+
+@pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
+def test_deeply_nested_file_of_ours_is_refused_in_a_sentence(text: str) -> None:
+    with pytest.raises(FileError) as refused:
+        decode(text, Plan, 1)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("before", "made", "left"),
+    [
+        (None, ["plan.json", "log/a.jsonl"], None),
+        (None, [], None),
+        ([], ["plan.json"], []),
+        (None, ["plan.json", "records/1.json"], ["plan.json", "records/1.json"]),
+        (["mine.txt"], ["plan.json"], ["mine.txt", "plan.json"]),
+    ],
+)
+def test_new_folder_is_taken_back_where_nothing_has_begun(
+    tmp_path: Path, before: list[str] | None, made: list[str], left: list[str] | None
+) -> None:
+    def fill(names: list[str]) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name in names:
+            write(folder / name, "x")
+
+    folder = tmp_path / "runs" / "deep" / "new"
+    if before is not None:
+        fill(before)
+    with suppress(ZeroDivisionError), taken_back(folder, "plan.json", "log/*.jsonl"):
+        fill(made)
+        raise ZeroDivisionError
+    if left is None:
+        assert list(tmp_path.iterdir()) == []
+        return
+    files = (path for path in folder.rglob("*") if path.is_file())
+    assert sorted(path.relative_to(folder).as_posix() for path in files) == left
+    with taken_back(folder, "*"):
+        fill(["more"])
+    assert (folder / "more").exists()

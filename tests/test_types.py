@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from duobench.errors import TaskError
-from duobench.types import SIDES, DuoCommand, DuoState, Side, check_unit
+from duobench.types import (
+    SIDES,
+    DuoCommand,
+    DuoState,
+    Side,
+    as_several,
+    as_size,
+    check_several,
+    check_unit,
+)
 
 
 def test_the_flat_order_is_left_joints_opening_right_joints_opening() -> None:
@@ -56,3 +65,15 @@ def test_any_kind_of_number_has_a_unit_and_nothing_else() -> None:
     for value in ("0.1", None, np.nan, np.inf, 2.1):
         with pytest.raises(TaskError, match="It is a number in metres, at most 2 either way; got"):
             check_unit("It", "metres", 2.0, value)
+
+
+def test_several_things_have_an_order() -> None:
+    for values in (["a", "b"], ("a", "b"), {"a": 1, "b": 2}.keys(), (letter for letter in "ab")):
+        assert as_several(values) == ("a", "b")
+    assert as_several("ab") == ("ab",)
+    for values in ({"a", "b"}, frozenset("ab"), {"a": 1}, b"ab", 3, None, True, np.array(3)):
+        assert as_several(values) is None
+        with pytest.raises(TaskError, match=r"takes strs"):
+            check_several("It", values if isinstance(values, set | frozenset) else 3, str)
+    for size in ({128, 64}, {128: 64, 64: 128}, "22", b"@@", np.array(3.5)):
+        assert as_size(size) is None

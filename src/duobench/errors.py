@@ -183,6 +183,10 @@ class OutputError(DuoBenchError):
     """A file or a folder cannot be written: no room, no permission, in use."""
 
 
+class GoneError(OutputError):
+    """A folder was removed while it was written into."""
+
+
 class LockedError(OutputError):
     """A file or a folder is locked by another process, which is writing into it."""
 

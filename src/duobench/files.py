@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import errno
 import fcntl
 import hashlib
@@ -10,10 +11,11 @@ import json
 import math
 import os
 import re
+import shutil
 import stat
 import time
 import zipfile
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
 from pathlib import Path
@@ -21,7 +23,14 @@ from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar
 
 import msgspec
 
-from duobench.errors import DuoBenchError, FileError, LockedError, OtherRunError, OutputError
+from duobench.errors import (
+    DuoBenchError,
+    FileError,
+    GoneError,
+    LockedError,
+    OtherRunError,
+    OutputError,
+)
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -48,6 +57,10 @@ TEMPORARY_SUFFIX = ".tmp"
 _ZIP_DATE, _ZIP_UNIX, _ZIP_MODE = (1980, 1, 1, 0, 0, 0), 3, stat.S_IFREG | 0o644
 _LOCK_TURN_S = 0.05
 """Seconds from one look at a lock that another process holds to the next."""
+_GONE = (errno.ENOENT, errno.ENOTDIR, errno.ESTALE)
+"""Errors where a folder is not there."""
+_BROKEN = (errno.EIO, errno.ENODEV, errno.ENXIO)
+"""Errors of a disk, which may have lost other files too."""
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
 """What file systems without locks answer; work there goes on unprotected."""
 
@@ -58,8 +71,19 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise OutputError(f"Cannot write {path}: {reason}. Nothing finished is lost.") from error
+        if error.errno in _GONE:
+            parents = reversed(path.absolute().parents)
+            missing = next((each for each in parents if not each.is_dir()), path)
+            text = f"Cannot write {path}: {missing} is not there, nor what was in it."
+            raise GoneError(text) from error
+        kept = "" if error.errno in _BROKEN else " Nothing finished is lost."
+        raise OutputError(f"Cannot write {path}: {error.strerror or error}.{kept}") from error
+
+
+def check_there(folder: Path) -> None:
+    """Reject a folder that was removed while it was written into."""
+    if not folder.is_dir():
+        raise GoneError(f"{folder} was removed while it was written into, with all that it held.")
 
 
 def make_folder(path: Path) -> None:
@@ -72,6 +96,36 @@ def make_folder(path: Path) -> None:
         reason = None if os.access(path, os.W_OK | os.X_OK) else "nothing may be written into it"
     if reason:
         raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
+
+
+@contextmanager
+def taken_back(
+    folder: Path, *beginnings: str, is_begun: Callable[[], bool] = lambda: False
+) -> Iterator[None]:
+    """Remove a new folder again if a block fails before anything but beginnings is in it.
+
+    These are patterns of files, which count for nothing unless `is_begun` says that they do.
+    """
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    is_new = bool(missing) or (folder.is_dir() and not any(folder.iterdir()))
+    try:
+        yield
+    except BaseException:
+        files = [path for path in folder.rglob("*") if not path.is_dir()]
+        if is_new and all(any(map(path.match, beginnings)) for path in files) and not is_begun():
+            for path in folder.glob("*"):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+            with suppress(OSError):  # somebody else has put something there
+                for each in missing:
+                    each.rmdir()
+        raise
+
+
+def check_outside(out: Path, *sources: Path) -> None:
+    """Reject an output in one of the folders that it is made from, whatever links lead there."""
+    for source in sources:
+        if out.resolve().is_relative_to(source.resolve()):
+            raise OutputError(f"{out} is in {source}, which is read; write to another place.")
 
 
 @contextmanager
@@ -204,14 +258,33 @@ def zipped(parts: Mapping[str, bytes], method: int = zipfile.ZIP_STORED) -> byte
     return file.getvalue()
 
 
+@contextmanager
+def reading(what: object, error: type[DuoBenchError]) -> Iterator[None]:
+    """Say in a sentence why a file that people write, or what it holds, cannot be read."""
+    try:
+        yield
+    except (OSError, ValueError, RecursionError) as unread:
+        is_deep = isinstance(unread, RecursionError)
+        reason = "it is nested too deeply" if is_deep else getattr(unread, "strerror", None)
+        reason = str(reason or unread).rstrip(".")
+        raise error(f"Cannot read {what}: {reason}.") from unread
+
+
+def read_text(path: Readable) -> str:
+    """The text of a file that people write: UTF-8, with or without a byte order mark before it."""
+    data = path.read_bytes()
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise ValueError("it is UTF-16, as its byte order mark says; save it as UTF-8")
+    return data.decode("utf-8-sig")
+
+
 def read_object(path: Path, error: type[DuoBenchError]) -> dict[str, Any] | None:
     """A JSON object from a file of others, which may be anything; None where there is none."""
-    try:
-        content = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        return None
-    except (OSError, ValueError, RecursionError) as unread:
-        raise error(f"Cannot read {path}: {unread}") from unread
+    with reading(path, error):
+        try:
+            content = json.loads(path.read_bytes())
+        except FileNotFoundError:
+            return None
     if not isinstance(content, dict):
         raise error(f"Cannot read {path}: it holds a {type(content).__name__}, no object.")
     return content
@@ -263,8 +336,15 @@ def decode(text: bytes | str, kind: type[T], schema: int) -> T:
     `schema` is the version of its fields, the one that is read.
     """
     try:
+        return _decoded(text, kind, schema)
+    except RecursionError as error:
+        raise FileError("It is nested too deeply.") from error
+
+
+def _decoded(text: bytes | str, kind: type[T], schema: int) -> T:
+    try:
         document: Any = msgspec.json.decode(text)
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+    except (msgspec.MsgspecError, ValueError) as error:
         raise FileError(f"No JSON: {error}.") from error
     if not isinstance(document, dict):
         raise FileError(f"A JSON object is expected, not a {type(document).__name__}.")

@@ -15,7 +15,7 @@ from duobench.errors import OptionError, check_known
 T = TypeVar("T")
 
 
-def parse(text: bytes) -> dict[str, Any]:
+def parse(text: str) -> dict[str, Any]:
     """The JSON object in a text.
 
     Raises:

@@ -2,7 +2,8 @@
 
 import math
 import operator
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from numbers import Real
@@ -89,14 +90,21 @@ def as_count(value: Any) -> int | None:
     return number if number is not None and number >= 1 else None
 
 
+def as_several(values: Any) -> tuple[Any, ...] | None:
+    """One word, or several things in an order, as a tuple; None for all else, such as a set."""
+    if isinstance(values, str):
+        return (values,)
+    if isinstance(values, Iterable) and not isinstance(values, bytes | set | frozenset | Mapping):
+        with suppress(TypeError):  # an array without dimensions
+            return tuple(values)
+    return None
+
+
 def as_size(value: Any) -> tuple[int, int] | None:
     """Two counts, or one for a square, as height and width in pixels; None for anything else."""
     if (side := as_count(value)) is not None:
         return side, side
-    try:
-        pixels = [as_count(part) for part in value]
-    except TypeError:
-        return None
+    pixels = [as_count(part) for part in as_several(value) or ()]
     match pixels:
         case [int(height), int(width)]:
             return height, width
@@ -122,7 +130,7 @@ def check_unit(what: str, unit: str, most: float, *values: object, endless: bool
 def check_several(what: str, values: object, kind: type) -> None:
     """Reject what is no collection of one kind, such as one thing alone."""
     wrong, where = [values], " in a tuple, such as (one,)"
-    if isinstance(values, Collection):
+    if isinstance(values, Collection) and not isinstance(values, set | frozenset):
         wrong, where = [value for value in values if not isinstance(value, kind)], ""
     if wrong:
         given = type(wrong[0]).__name__

@@ -365,11 +365,23 @@ def test_output_that_is_full_is_told_in_a_sentence() -> None:
     assert told.stderr == "error: the output: No space left on device. What is finished is kept.\n"
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", ">&- 2>&- <&-"])
 def test_output_may_be_closed(closed: str) -> None:
     command = f"{shlex.quote(sys.executable)} -m duobench list {closed}"
     told = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
     assert (told.returncode, told.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("closed", [">&-", ">&- <&-"])
+def test_processes_of_a_run_are_silent_where_outputs_are_closed(
+    tmp_path: Path, closed: str
+) -> None:
+    words = ["eval", "--policy", "hold", "--tasks", toy_tasks.WAVE_NAME, "--episodes", "1"]
+    words += ["--videos", "0", "--out", str(tmp_path / "run")]
+    command = f"{shlex.join([sys.executable, '-m', 'duobench', *words])} {closed}"
+    told = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert (told.returncode, told.stdout, told.stderr) == (0, "", "")
+    assert len(list(tmp_path.glob("run/records/*/*/*.json"))) == 1
 
 
 def test_figures_are_silent_about_a_home_that_cannot_be_written() -> None:

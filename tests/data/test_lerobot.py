@@ -22,7 +22,14 @@ from duobench.data.lerobot.folder import ExportFolder
 from duobench.data.lerobot.options import ActionSource, ExportOptions, Format, Pairing
 from duobench.data.schema import Domain
 from duobench.envs.state_labels import StatePart
-from duobench.errors import DataError, OtherRunError, OutputError, RenderingError, UnknownNameError
+from duobench.errors import (
+    DataError,
+    OptionError,
+    OtherRunError,
+    OutputError,
+    RenderingError,
+    UnknownNameError,
+)
 from duobench.files import locked
 from duobench.rig_sessions.cameras import view_of
 from duobench.types import POLICY_CAMERAS
@@ -72,6 +79,14 @@ def export(data: DataSet, out: Path, **options: Any) -> Exported:
 
 def test_a_camera_that_is_named_twice_is_one() -> None:
     assert ExportOptions(cameras=("head", "left_wrist", "head")).cameras == ("head", "left_wrist")
+
+
+@pytest.mark.parametrize("cameras", [{"head", "left_wrist"}, {"head": (128, 128)}])
+def test_cameras_without_an_order_are_refused(cameras: Any) -> None:
+    with pytest.raises(DataError, match="One camera is taken, or a list of them"):
+        ExportOptions(cameras=cameras)
+    with pytest.raises(OptionError, match="a name, or a list of names"):
+        ImageSource(TASK, cameras=cameras)
 
 
 def test_words_are_as_good_as_what_they_stand_for() -> None:
@@ -317,11 +332,27 @@ def test_tasks_are_not_exported_into_a_data_set(original: DataSet, exported: Pat
     assert files(exported) == before
 
 
+@pytest.mark.parametrize("name", ["data/chunk-000/file-007.parquet", "videos/x/file.mp4"])
+def test_files_of_no_episode_keep_an_export_from_going_on(
+    original: DataSet, tmp_path: Path, name: str
+) -> None:
+    export(original, tmp_path / "out")
+    path = tmp_path / "out" / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(ExportFolder(tmp_path / "out").data(0), path)
+    with pytest.raises(OtherRunError, match=r"is of no episode of this export.*too many: 1\."):
+        export(original, tmp_path / "out")
+    path.unlink()
+    ExportFolder(tmp_path / "out").data(0).unlink()
+    export(original, tmp_path / "out")
+    assert ExportFolder(tmp_path / "out").data(0).exists()
+
+
 def test_a_folder_of_something_else_is_left_alone(original: DataSet, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("precious")
     with pytest.raises(OtherRunError, match="not empty"):
         export(original, tmp_path)
-    with pytest.raises(DataError, match="lies in the data set"):
+    with pytest.raises(OutputError, match="which is read"):
         export(original, original.path / "out")
     with locked(tmp_path / "out"), pytest.raises(OutputError, match="Another process"):
         export(original, tmp_path / "out")

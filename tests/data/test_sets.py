@@ -191,7 +191,10 @@ def test_parts_of_a_split_never_overlap(original: DataSet, tmp_path: Path) -> No
     one, two = tmp_path / "one", tmp_path / "two"
     with pytest.raises(DataError, match="a folder each"):
         split(original, one, tmp_path / "x" / ".." / "one", fraction=0.5)
+    merge([original], tmp_path / "whole")
     with pytest.raises(DataError, match="no episode of this part"):
+        split(original, tmp_path / "whole", two, fraction=0.5)
+    with pytest.raises(OutputError, match="which is read"):
         split(original, original.path, two, fraction=0.5)
     split(original, one, two, fraction=0.5, seed=0)
     before = contents(DataSet.open(one))

@@ -427,6 +427,7 @@ def test_wrong_calls_are_refused_and_move_nothing(several: Callable[..., BatchEn
         (lambda: vector.save_state(-1), OptionError, "Episodes are 0 to"),
         (lambda: vector.save_state(1.0), OptionError, "Episodes are 0 to"),  # type: ignore[arg-type]
         (lambda: vector.reset(options={"statse": []}), UnknownNameError, "states"),
+        (lambda: vector.reset(options={"nonsense": 1}), UnknownNameError, "Known: .*reset_mask"),
     )
     for call, error, words in wrong:
         with pytest.raises(error, match=words):

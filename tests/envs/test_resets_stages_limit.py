@@ -126,9 +126,11 @@ def test_options_that_are_none_are_refused(
 
 
 def test_options_of_others_are_left_to_them(env: gym.Env) -> None:
-    """Programs that drive environments hand on options of their own wrappers."""
+    """LeRobot hands one of its own wrappers' on to every environment."""
     _, info = env.reset(seed=7, options={"lerobot_new_rollout": True, "look": "dark"})
     assert info["seed"] == 7
+    with pytest.raises(UnknownNameError, match=r"'nonsense'\. Known: instruction, layout"):
+        env.reset(seed=7, options={"lerobot_new_rollout": True, "nonsense": 1})
 
 
 def test_a_misspelt_option_takes_no_seed_from_the_environment(env: gym.Env) -> None:

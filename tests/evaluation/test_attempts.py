@@ -128,3 +128,21 @@ def test_a_record_that_was_written_just_before_a_kill_is_that_of_its_attempt(pla
     folder, results = play("random", episodes=1)
     assert [each.attempt for one in results.tasks for each in one.records] == [1, 1]
     assert not verify(folder, import_tasks=True).of(Verdict.CONTRADICTED)
+
+
+def test_record_that_was_removed_is_told_while_it_is_missing(
+    play: Play, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, results = play("random", episodes=2)
+    assert folder.removed(folder.read_run()) == ""
+    key = results.tasks[0].records[1].key
+    folder.record(key).unlink()
+    words = f"Played, and without a record now: 1, such as {key.path}."
+    bundle = tmp_path / "b.duobench.zip"
+    for command in (
+        ["report", str(folder.path)],
+        ["bundle", str(folder.path), "--out", str(bundle)],
+        ["verify", str(bundle), "--import-tasks"],
+    ):
+        main(command)
+        assert words in " ".join(capsys.readouterr().out.split())

@@ -1,4 +1,5 @@
 import random
+import shutil
 from pathlib import Path
 
 import av
@@ -7,6 +8,7 @@ import pytest
 from duobench.errors import (
     DuoBenchError,
     EvaluationError,
+    GoneError,
     OtherRunError,
     PolicyError,
     UnknownNameError,
@@ -270,3 +272,29 @@ def test_records_that_vanish_during_the_run_are_an_error(play, tmp_path):
 
     with pytest.raises(EvaluationError, match=r"2 of 4 records are missing .*plays what is miss"):
         play("hold", episodes=2, observers=[Removes()])
+
+
+class Removes:
+    """Removes a folder after the first episode."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def on_run_start(self, run, finished):
+        """Nothing is shown."""
+
+    def on_episode(self, _played):
+        """Somebody cleans up."""
+        shutil.rmtree(self._folder)
+
+
+@pytest.mark.parametrize("part", ["", "attempts"])
+def test_folder_that_is_removed_while_it_is_played_is_said_to_be_gone(play, tmp_path, part):
+    path = tmp_path / "run"
+    gone = Removes(path / part)
+    with pytest.raises(GoneError, match=f"{path / part} (was removed|is not there)") as said:
+        play("hold", observers=[gone])
+    assert "Nothing finished is lost" not in str(said.value)
+    if not part:
+        assert not path.exists()
+    play("hold")

@@ -194,6 +194,9 @@ def test_a_layout_is_what_was_asked_for_and_decides_the_instruction(made: Made) 
         assert info[key] == asked[key]
     assert prepared[0]["layout"] == asked["layout"]
     assert env.reset(options={"instruction": "Dance."})[1]["instruction"] == "Dance."
+    for unknown in ("nonsense", "look"):  # which no person changes
+        with pytest.raises(UnknownNameError, match=f"'{unknown}'. Known: instruction, layout"):
+            env.reset(options={unknown: "dark"})
 
 
 @pytest.mark.parametrize(

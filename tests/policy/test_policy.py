@@ -73,7 +73,7 @@ def test_text_that_cannot_be_written_down_is_refused_as_given(name: str) -> None
         ("version", [3, "v" * 1001]),
         ("name", [3]),
         ("action_mode", [None]),
-        ("cameras", [None, (1,)]),
+        ("cameras", [None, (1,), {"head": 128}, {"head", "left_wrist"}]),
         ("horizon", [1.5, "3", 0]),
     ],
 )

@@ -209,3 +209,23 @@ def test_second_process_is_kept_out_until_the_first_is_gone(tmp_path: Path) -> N
         other.wait()
     with locked(tmp_path):
         assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["00007.json", "0.json", "best.json", "../x/00000.json", "../../00000.json", "sub/00000.json"],
+)
+def test_file_under_a_wrong_name_is_no_record(folder: RunFolder, name: str) -> None:
+    record = folder.record(RECORD.key)
+    copy = record.parent / name
+    copy.parent.mkdir(exist_ok=True)
+    copy.write_bytes(record.read_bytes())
+    with pytest.raises(EvaluationError, match=r"has a record of no episode of its run.*renamed"):
+        folder.read_records(RUN)
+
+
+def test_record_that_stands_for_another_episode_says_how_to_go_on(folder: RunFolder) -> None:
+    record = folder.record(RECORD.key)
+    record.rename(record.with_name("00001.json"))
+    with pytest.raises(EvaluationError, match=r"expected was 1\. Delete the file and run the eval"):
+        folder.read_records(RUN)

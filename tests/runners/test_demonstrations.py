@@ -8,10 +8,20 @@ from pathlib import Path
 
 import pytest
 
+from duobench.cli import main
 from duobench.data import ActorKind, DataSet, Outcome, Recording
-from duobench.data.attempts import ATTEMPTS
+from duobench.data.attempts import ATTEMPTS, RUN
+from duobench.data.check import find_problems
 from duobench.data.stream import INTERRUPTED
-from duobench.errors import DataError, EvaluationError, OtherRunError, OutputError
+from duobench.data.summary import summarize
+from duobench.errors import (
+    DataError,
+    EvaluationError,
+    FileError,
+    GoneError,
+    OtherRunError,
+    OutputError,
+)
 from duobench.files import locked
 from duobench.policy import HoldPolicy, PolicyMetadata
 from duobench.randomness import instruction_number
@@ -160,6 +170,29 @@ def damaged(data):
     data.episodes()[0].write_bytes(b"rubbish")
 
 
+def spoilt(data):
+    """A file whose end, which says what it holds, is sound."""
+    path = data.episodes()[0]
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 255
+    path.write_bytes(content)
+
+
+def copied(name):
+    return lambda data: shutil.copy(data.episodes()[0], data.episode("bin_sort", name))
+
+
+def elsewhere(data):
+    path = data.episode("carry_pot", "00000")
+    path.parent.mkdir()
+    data.episodes()[0].rename(path)
+
+
+def changed(data):
+    path = data.path / RUN
+    path.write_text(path.read_text().replace("expert", "hold"))
+
+
 def recovered(data):
     path = data.episodes()[0]
     recording = Recording.read(path)
@@ -176,7 +209,12 @@ def recovered(data):
         (named("00007"), OtherRunError, "was not recorded here under this name"),
         (named("0"), OtherRunError, "was not recorded here under this name"),
         (recovered, OtherRunError, "was not recorded here under this name"),
-        (damaged, DataError, r"00000\.parquet"),
+        (copied("00007"), OtherRunError, "was not recorded here under this name"),
+        (copied("00001"), OtherRunError, "was not recorded here under this name"),
+        (elsewhere, OtherRunError, "was not recorded here under this name"),
+        (changed, FileError, "checksum"),
+        (damaged, DataError, r"00000\.parquet.*Remove the file, and the same command records it"),
+        (spoilt, DataError, r"00000\.parquet.*Remove the file, and the same command records it"),
     ],
 )
 def test_episodes_that_are_not_what_they_should_be_stop_the_recording(
@@ -185,6 +223,42 @@ def test_episodes_that_are_not_what_they_should_be_stop_the_recording(
     change(data)
     with pytest.raises(error, match=message):
         played(data, keep_failures=keep_failures)
+    assert find_problems(data)
+
+
+@pytest.mark.parametrize("harm", [damaged, spoilt, lambda data: data.episodes()[0].unlink()])
+def test_an_episode_whose_file_is_removed_is_recorded_again(two, data, harm):
+    harm(data)
+    path = data.episode("bin_sort", "00000")
+    (problem,) = find_problems(data)
+    assert problem.path == path
+    path.unlink(missing_ok=True)
+    assert [each.what for each in find_problems(data)] == [
+        "It was kept, as attempts say, and is missing."
+    ]
+    assert summarize(data).differences == {"bin_sort": "missing 1: 00000"}
+    played(data)
+    assert contents(data) == contents(two)
+    assert (find_problems(data), summarize(data).differences) == ([], {})
+
+
+def test_files_that_attempts_do_not_know_are_counted(data, capsys):
+    copied("00007")(data)
+    named("00009")(data)
+    words = "missing 1: 00000; not noted 2: 00007, 00009; not what their names say 2: 00007, 00009"
+    main(["data", "info", str(data.path), "--no-images"])
+    assert words in " ".join(capsys.readouterr().out.split())
+    with pytest.raises(SystemExit, match="1"):
+        main(["data", "check", str(data.path)])
+    assert words in " ".join(capsys.readouterr().out.split())
+    shutil.rmtree(data.path / "episodes")
+    with pytest.raises(DataError, match=r"no episode\. Of bin_sort missing 2: 00000, 00001\."):
+        summarize(data)
+
+
+def test_what_is_kept_of_failures_is_no_problem(empty):
+    played(empty, SOMETIMES, keep_failures=True, episodes=3)
+    assert {each.what for each in find_problems(empty)} == {"It has no actions."}  # it broke
 
 
 def test_a_killed_recording_goes_on_to_the_same_bytes(two, tmp_path):
@@ -221,3 +295,16 @@ def test_a_full_disk_is_no_failure_of_the_policy(two, empty):
     assert not (empty.path / ATTEMPTS).exists()
     assert played(empty) == played(two)
     assert contents(empty) == contents(two)
+
+
+def test_a_data_set_that_is_removed_while_it_is_recorded_is_said_to_be_gone(empty):
+    class Removes:
+        def on_run_start(self, run, finished):
+            """Nothing is shown."""
+
+        def on_episode(self, _played):
+            shutil.rmtree(empty.path)
+
+    with pytest.raises(GoneError, match=f"{empty.path} was removed while it was written into"):
+        played(empty, observers=[Removes()])
+    assert not empty.path.exists()

@@ -42,8 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.exit(1)
         except OSError as error:
             _discard_output()
-            what = error.filename or "the output"
-            sys.exit(f"error: {what}: {error.strerror or error}. What is finished is kept.")
+            what, kept = error.filename or "the output", "What is finished is kept."
+            text = f"error: {what}: {error.strerror or error}."
+            sys.exit(text if error.filename else f"{text} {kept}")
         except KeyboardInterrupt:
             with suppress(OSError):
                 sys.stdout.flush()
@@ -51,10 +52,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _print_anything() -> None:
-    """Replace what the output's encoding lacks, such as a dash, and do without closed outputs."""
-    for name in ("stdout", "stderr"):
+    """Replace what the output's encoding lacks, such as a dash, and do without closed streams.
+
+    Children get the same ones, and no file is opened in the place of a stream.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+            os.set_inheritable(number, True)
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")

@@ -17,7 +17,7 @@ from duobench.data.recording import Recording
 from duobench.data.schema import video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
 from duobench.errors import DataError, NamesTakenError
-from duobench.files import locked, replacing, write
+from duobench.files import check_outside, locked, replacing, write
 
 
 def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int:
@@ -39,6 +39,7 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
     """
     if not sources:
         raise DataError("There is nothing to merge; name at least one data set.")
+    check_outside(out, *(each.path for each in sources if each.path.resolve() != out.resolve()))
     target = DataSet.open(out, how=f"merged from {len(sources)} data sets")
     with locked(target.path):
         plan: dict[Path, Path] = {}
@@ -95,6 +96,8 @@ def split(
         raise DataError(f"The fraction is between 0 and 1, got {fraction}.")
     if first.resolve() == second.resolve():
         raise DataError(f"The two parts need a folder each, got {first} for both.")
+    for folder in (first, second):
+        check_outside(folder, data.path)
     chosen = set(data.episodes_of(tasks)) if fraction is None else _share(data, fraction, seed)
     how = f"split by {'tasks' if fraction is None else f'fraction {fraction}, seed {seed}'}"
     plans: list[dict[Path, Path]] = []

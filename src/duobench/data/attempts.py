@@ -4,12 +4,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from duobench.data.dataset import DataSet
+from duobench.data.recording import Recording
+from duobench.data.stream import INTERRUPTED
+from duobench.errors import DataError
 from duobench.files import encode, make_folder, read, write
+from duobench.randomness import episode_seed
 
 ATTEMPTS, TAKES = "attempts.json", "takes"
 """What `record` has played, by which it goes on; and the folder of what people have led, one file a
 task, which several sessions may add to."""
 ATTEMPTS_SCHEMA = 1
+RUN = "record.json"
+"""What `record` records."""
 SKIPPED = "Skipped before it began."
 """Why an attempt at which nobody did anything is not kept."""
 
@@ -43,6 +49,86 @@ def of_task(data: DataSet, task: str) -> list[Attempt]:
     paths = (data.path / ATTEMPTS, _takes(data, task))
     found = [read(path, Attempts, ATTEMPTS_SCHEMA) for path in paths if path.exists()]
     return sorted(each for listed in found for each in listed.attempts if each.task == task)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Comparison:
+    """Files of a task beside what was noted about attempts at it."""
+
+    missing: tuple[Path, ...]
+    """What was kept, and is not there."""
+    surplus: tuple[Path, ...]
+    """What is there, and was not noted."""
+    foreign: tuple[Path, ...]
+    """What is there and keeps a recording from going on: it is not what its name says."""
+
+    def __str__(self) -> str:
+        """As a sentence part; empty where nothing differs."""
+        parts = {
+            "missing": self.missing,
+            "not noted": self.surplus,
+            "not what their names say": self.foreign,
+        }
+        return "; ".join(
+            f"{what} {len(paths)}: {', '.join(path.stem for path in paths)}"
+            for what, paths in parts.items()
+            if paths
+        )
+
+
+def compared(data: DataSet) -> dict[str, Comparison]:
+    """Each task that has files or attempts, if attempts at any were noted.
+
+    Raises:
+        FileError: What was noted cannot be read.
+    """
+    is_recorded = (data.path / ATTEMPTS).exists()
+    listed = [data.path / ATTEMPTS] if is_recorded else []
+    listed += sorted((data.path / TAKES).glob("*.json"))
+    noted: dict[str, dict[Path, bool]] = {task: {} for task in data.tasks if is_recorded}
+    keeps_failures = True
+    for path in listed:
+        attempts = read(path, Attempts, ATTEMPTS_SCHEMA).attempts
+        if path.name == ATTEMPTS:
+            keeps_failures = all(each.kept for each in attempts)
+        for each in attempts:
+            file = data.episode(each.task, f"{each.episode:05d}")
+            known = noted.setdefault(each.task, {})
+            known[file] = known.get(file, False) or each.kept
+    foreign = _foreign(data, keeps_failures) if is_recorded else set[Path]()
+    return {
+        task: Comparison(
+            missing=tuple(path for path in sorted(known) if known[path] and not path.exists()),
+            surplus=tuple(path for path in data.episodes(task) if path not in known),
+            foreign=tuple(path for path in data.episodes(task) if path in foreign),
+        )
+        for task, known in sorted(noted.items())
+    }
+
+
+def _foreign(data: DataSet, keeps_failures: bool) -> set[Path]:
+    """Readable files that are not what a recording has left under their names."""
+    found = set[Path]()
+    options = None
+    for path in data.episodes():
+        try:
+            info = Recording.read_info(path)
+        except DataError:
+            continue
+        outcome, task = info.outcome, path.parent.name
+        index = int(path.stem) if path.stem.isdecimal() else 0
+        seed = None if info.split is None else episode_seed(task, index, info.split)
+        is_kept = (
+            outcome is not None
+            and outcome.reason != INTERRUPTED
+            and (keeps_failures or (outcome.success and not outcome.cut))
+        )
+        given = info.split, info.after_success  # which all of a recording have in common
+        options = options or given
+        actual = path.stem, info.task, info.seed, given
+        if not is_kept or actual != (f"{index:05d}", task, seed, options):
+            found.add(path)
+    return found
 
 
 def note(data: DataSet, attempt: Attempt) -> None:

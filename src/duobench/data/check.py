@@ -1,5 +1,6 @@
 """What is wrong with a data set: every file is read to its end, every claim in it checked."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -9,6 +10,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 
+from duobench.data.attempts import ATTEMPTS, RUN, compared
 from duobench.data.dataset import SUFFIX, DataSet
 from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
@@ -19,7 +21,8 @@ from duobench.envs.config import LAYOUT, SPLIT
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
-from duobench.errors import DataError, DuoBenchError, ForeignTaskError
+from duobench.errors import DataError, DuoBenchError, FileError, ForeignTaskError
+from duobench.files import CHECKSUM, checksum, digest_of, read_object
 from duobench.randomness import SUITE_VERSION
 from duobench.shifts.shift import NO_SHIFT
 from duobench.types import POLICY_CAMERAS
@@ -27,6 +30,10 @@ from duobench.versions import package_versions
 
 _GAPPY = ("frame_age", "left_robot_state", "right_robot_state")
 """Columns that are NaN where a device said nothing."""
+_FOREIGN = (
+    "It was not recorded here under this name: it was renamed, copied, merged, recovered, or "
+    "recorded with other options."
+)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,7 +51,8 @@ def find_problems(
 ) -> list[Problem]:
     """Check every file of a data set.
 
-    Each episode must be readable, be where its task says, hold finite numbers, stages that never
+    Whatever attempts say was kept must be there, once and under its name. Each episode must be
+    readable, be where its task says, hold finite numbers, stages that never
     fall and an outcome that agrees with them, and begin with the layout that its seed and split
     sample and with the state that its first hash names, bit for bit. A video must have its episode,
     an episode its videos, and these the frames that its rows name, unchanged. That its last state
@@ -67,6 +75,7 @@ def find_problems(
         for video in data.videos()
         if not _has_episode(video)
     ]
+    problems += [*_compared(data), *_copies(data)]
     paths = data.episodes()
     progress(0, len(paths))
     with closing(run_all(partial(_checker, data), paths, workers)) as results:
@@ -74,6 +83,37 @@ def find_problems(
             problems += faults
             progress(done, len(paths))
     return sorted(problems, key=lambda problem: (str(problem.path), problem.what))
+
+
+def _compared(data: DataSet) -> Iterator[Problem]:
+    """What differs from what attempts say, and would keep a recording from going on."""
+    run = data.path / RUN
+    try:
+        about = read_object(run, FileError)
+        differences = compared(data).values()
+    except FileError as error:
+        yield Problem(path=data.path, what=str(error))
+        return
+    if about is None and (data.path / ATTEMPTS).exists():
+        yield Problem(path=run, what="It is missing, without which no recording goes on.")
+    if about is not None and about.get(CHECKSUM) != checksum(about):
+        yield Problem(path=run, what="It was changed after it was written.")
+    for each in differences:
+        for path in each.missing:
+            yield Problem(path=path, what="It was kept, as attempts say, and is missing.")
+        for path in each.foreign:
+            yield Problem(path=path, what=_FOREIGN)
+
+
+def _copies(data: DataSet) -> Iterator[Problem]:
+    """Files with the content of another one."""
+    sizes = Counter(path.stat().st_size for path in data.episodes())
+    first: dict[str, Path] = {}
+    for path in data.episodes():
+        if sizes[path.stat().st_size] > 1:
+            other = first.setdefault(digest_of(path), path)
+            if other is not path:
+                yield Problem(path=path, what=f"It is a copy of {other.relative_to(data.path)}.")
 
 
 def _checker(data: DataSet) -> Callable[[Path], list[Problem]]:

@@ -10,7 +10,16 @@ from duobench.data import stream
 from duobench.data.recording import Recording
 from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.errors import DataError, check_known
-from duobench.files import begin_or_continue, differences, lock, read, remove, write, writing
+from duobench.files import (
+    begin_or_continue,
+    check_there,
+    differences,
+    lock,
+    read,
+    remove,
+    write,
+    writing,
+)
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.versions import package_versions
@@ -164,6 +173,7 @@ class DataSet:
             DataError: It is no name of a file, or as `EpisodeStream` says.
             OutputError: The file cannot be made.
         """
+        check_there(self.path)
         if name is not None:
             if not re.fullmatch(r"\w[\w.-]*", name):
                 raise DataError(
@@ -198,6 +208,7 @@ class DataSet:
 
         What a killed recording of the same episode has left is removed.
         """
+        check_there(self.path)
         path, partial = self.episode(task, name), self.partial(task, name)
         write(path, content)
         remove(partial)

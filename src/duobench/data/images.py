@@ -25,7 +25,7 @@ from duobench.sim.simulation import Simulation
 from duobench.tasks import catalog
 from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task
-from duobench.types import POLICY_CAMERAS, as_size
+from duobench.types import POLICY_CAMERAS, as_several, as_size
 
 
 class ImageSource:
@@ -56,7 +56,9 @@ class ImageSource:
         """The physics, in the state that was shown last."""
         self._backend = SimBackend(self.simulation)
         self.set_look(look)
-        self._cameras = (cameras,) if isinstance(cameras, str) else tuple(cameras)
+        if (names := as_several(cameras)) is None:
+            raise OptionError(f"cameras is a name, or a list of names; got {cameras!r}.")
+        self._cameras = names
         if (pixels := as_size(size)) is None:
             raise OptionError(
                 f"size is (height, width) in pixels, or one number for a square; got {size!r}."

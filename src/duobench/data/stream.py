@@ -18,7 +18,7 @@ from duobench.data.recording import Recording, success_start
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
 from duobench.data.videos import Videos, recovered
 from duobench.errors import DataError, DuoBenchError, FileError, OutputError
-from duobench.files import decode, encode, lock, make_folder, remove, writing
+from duobench.files import check_there, decode, encode, lock, make_folder, remove, writing
 
 SUFFIX = ".part"
 """Ending of the file of an episode that is being recorded."""
@@ -142,6 +142,7 @@ class EpisodeStream(EpisodeRows):
                 self.info = replace(self.info, videos=self.videos.finish())
             recording = super().finish()
             check_free(place)
+            check_there(self.path.parent)
             recording.write(place)
             for camera in self.info.videos if folder is not None else ():
                 with writing(place), suppress(FileNotFoundError):  # one without a frame

@@ -1,13 +1,13 @@
 """What a data set adds up to: lengths, success, time a stage, actions and speeds."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
-from duobench.data.attempts import SKIPPED, Attempt, of_task
+from duobench.data.attempts import SKIPPED, Attempt, compared, of_task
 from duobench.data.dataset import DataSet
 from duobench.data.recording import Recording
 from duobench.data.schema import Actor, EpisodeInfo
@@ -133,6 +133,8 @@ class Summary:
     tasks: tuple[TaskSummary, ...]
     joints: tuple[JointSummary, ...]
     """Joint by joint, left then right; none if there is no action."""
+    differences: dict[str, str] = field(default_factory=dict)
+    """How files differ from what attempts say, by task, in words."""
 
     @property
     def episodes(self) -> int:
@@ -172,6 +174,7 @@ def summarize(data: DataSet) -> Summary:
         UnknownNameError, ImportPathError, ForeignTaskError: See `DataSet.reference`.
     """
     tasks, commands, speeds, names = [], [], [], ()
+    differences = {task: words for task, each in compared(data).items() if (words := str(each))}
     for task in data.tasks:
         recordings = []
         for recording in data.recordings(task):
@@ -184,10 +187,11 @@ def summarize(data: DataSet) -> Summary:
         definition = catalog.get(data.reference(recordings[0].info))
         tasks.append(replace(_summarize_task(definition, recordings), attempts=begun))
     if not tasks:
-        raise DataError(f"{data.path} holds no episode.")
+        words = "".join(f" Of {task} {each}." for task, each in differences.items())
+        raise DataError(f"{data.path} holds no episode.{words}")
     sent = np.concatenate(commands)
     joints = _summarize_joints(names, sent, np.max(speeds, axis=0)) if len(sent) else ()
-    return Summary(tasks=tuple(tasks), joints=tuple(joints))
+    return Summary(tasks=tuple(tasks), joints=tuple(joints), differences=differences)
 
 
 def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:

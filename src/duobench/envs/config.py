@@ -1,8 +1,7 @@
 """What can be chosen about an environment, and about one of its resets."""
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
+from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from typing import Any, Self
 
 from duobench.envs import action_modes
@@ -20,7 +19,7 @@ from duobench.randomness import EVAL, SPLITS
 from duobench.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.robot.joints import check_speed_fraction
 from duobench.shifts.shift import NO_SHIFT, Shift
-from duobench.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_size, as_whole
+from duobench.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_several, as_size, as_whole
 
 RENDER_MODES = ("rgb_array",)
 RENDERED = "rgb_array gives images; duobench view bin_sort shows the task in a browser."
@@ -107,7 +106,8 @@ class EnvConfig:
             raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")
         if not isinstance(self.cameras, tuple):
             raise OptionError(
-                f"cameras is True, False, the name of a camera or several; got {self.cameras!r}."
+                "cameras is True, False, the name of a camera, or a list of names; their images "
+                f"have one size, image_size. Got {self.cameras!r}."
             )
         for name in self.cameras:
             check_known("camera", name, POLICY_CAMERAS)
@@ -127,7 +127,7 @@ class EnvConfig:
 
         Args:
             options: Values of the fields by name. `cameras` may also be True (all), False (none),
-                one name or any iterable of names; a size one number for a square; `look` the JSON
+                one name or several in their order; a size one number for a square; `look` the JSON
                 form of one; `shift` a name such as "look-3", or the JSON form. Numbers may be
                 NumPy's, and a size a list.
 
@@ -152,9 +152,7 @@ class EnvConfig:
 def _cameras(value: Any) -> Any:
     if isinstance(value, bool):
         return POLICY_CAMERAS if value else ()
-    if isinstance(value, str):
-        return (value,)
-    return tuple(value) if isinstance(value, Iterable) else value
+    return value if (names := as_several(value)) is None else names
 
 
 def _size(value: Any) -> Any:
@@ -213,6 +211,8 @@ LAYOUT, LAYOUT_SEED, SPLIT, LOOK = "layout", "layout_seed", "split", "look"
 INSTRUCTION = "instruction"
 OF_SIMULATION = (LAYOUT, LAYOUT_SEED, SPLIT, LOOK, INSTRUCTION)
 """Options of a reset in simulation; see `SimEnv`."""
+OF_OTHERS = ("lerobot_new_rollout",)
+"""Options that programs hand on to whatever environment they play, which mean nothing to ours."""
 
 
 SEEDS_END = 2**63
@@ -232,16 +232,16 @@ def checked_seed(seed: Any) -> int | None:
 
 
 def checked_reset_options(options: Any, known: Collection[str] | None = None) -> dict[str, Any]:
-    """The options of a reset as a new dict; `known` are ours, other names are left to others."""
+    """The options of a reset as a new dict, all of them among `known`, if that is given."""
     if options is not None and not isinstance(options, Mapping):
         raise OptionError(f"The options of a reset are a dict, got {options!r}.")
+    given = {name: value for name, value in (options or {}).items() if name not in OF_OTHERS}
     if known is not None:
-        for name in map(str, options or ()):
+        for name in given:
             if name == "seed":
                 raise UnknownNameError(f"Unknown option of a reset 'seed'. {ELSEWHERE[name]}")
-            if get_close_matches(name, known):
-                check_known("option of a reset", name, known)
-    return dict(options or {})
+            check_known("option of a reset", name, known)
+    return given
 
 
 def checked_instruction(value: Any, count: int) -> int | str:

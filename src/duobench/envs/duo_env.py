@@ -132,13 +132,14 @@ class DuoEnv(gym.Env[Observation, Any]):
 
         Args:
             seed: Seeds `np_random`.
-            options: What a subclass makes of them; unknown keys are left to others.
+            options: What a subclass takes; this class has none.
 
         Returns:
             Observation and info: `instruction`, `clipped`, `sent`, and what the subclass adds.
 
         Raises:
             OptionError: The seed is no whole number from 0 on, or the options are no dict.
+            UnknownNameError: There is no such option.
             BackendError: The arms cannot get home.
             ClosedEnvError: The environment was closed; so do the other methods.
         """
@@ -151,8 +152,9 @@ class DuoEnv(gym.Env[Observation, Any]):
         self._running = True
         return self._observation(), {**self._info(), **more}
 
-    def _begin(self, options: Mapping[str, Any]) -> Info:  # noqa: ARG002
+    def _begin(self, options: Mapping[str, Any]) -> Info:
         """Bring arms and objects to the start of an episode; what info holds beside the rest."""
+        checked_reset_options(options, ())
         self.backend.home()
         return {}
 

@@ -20,7 +20,7 @@ from duobench.envs.duo_env import (
     base_of,
 )
 from duobench.envs.episode_state import EpisodeState
-from duobench.errors import check_known
+from duobench.errors import OptionError, check_known
 from duobench.randomness import EVAL
 from duobench.robot.cameras import check_image_size
 from duobench.shifts import levels
@@ -28,7 +28,7 @@ from duobench.shifts.levels import level_for
 from duobench.shifts.samples import EpisodeKey
 from duobench.shifts.shift import SENSING, Shift
 from duobench.tasks.object_state import ENVIRONMENT_STATE, LARGEST
-from duobench.types import POLICY_CAMERAS, Array
+from duobench.types import POLICY_CAMERAS, Array, as_several
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
@@ -61,15 +61,17 @@ class Cameras(ObservingWrapper):
         cameras: Sequence[str] = POLICY_CAMERAS,
         image_size: tuple[int, int] = IMAGE_SIZE,
     ) -> None:
-        for name in cameras:
+        if (names := as_several(cameras)) is None:
+            raise OptionError(f"cameras is a name, or a list of names; got {cameras!r}.")
+        for name in names:
             check_known("camera", name, POLICY_CAMERAS)
-        self._cameras = tuple(cameras)
+        self._cameras = names
         self._is_rendering = True
         height, width = self._shape = image_size
         check_image_size(height, width)
 
         images: dict[str, gym.Space] = {
-            name: gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8) for name in cameras
+            name: gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8) for name in names
         }
         space = gym.spaces.Dict(images)
         super().__init__(env, {PIXELS: space}, cameras=self._cameras, image_size=image_size)

@@ -10,7 +10,7 @@ from gymnasium.envs.registration import EnvSpec, WrapperSpec
 
 from duobench.errors import DuoBenchError, OptionError
 from duobench.tasks import catalog
-from duobench.types import as_count
+from duobench.types import as_count, as_several
 
 if TYPE_CHECKING:
     from duobench.looks.look import Look
@@ -183,9 +183,8 @@ def make_vec(
 
 def _spec_with(task: Task | str, options: EnvOptions) -> EnvSpec | str:
     """What Gymnasium makes a task's environment from, of options that it may copy."""
-    cameras = options.get("cameras")
-    if isinstance(cameras, Iterable) and not isinstance(cameras, str):
-        options["cameras"] = tuple(cameras)  # the spec keeps and copies it, so no generator
+    if (cameras := as_several(options.get("cameras"))) is not None:
+        options["cameras"] = cameras  # the spec keeps and copies it, so no generator
     if isinstance(task, str) and (known := env_id(catalog.plain(task))) in gym.registry:
         return known
     return _spec(task)

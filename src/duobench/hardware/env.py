@@ -11,7 +11,6 @@ from duobench.envs.config import (
     INSTRUCTION,
     LAYOUT,
     LAYOUT_SEED,
-    LOOK,
     SPLIT,
     EnvConfig,
     checked_instruction,
@@ -82,7 +81,7 @@ class RealEnv(DuoEnv):
         return self.definition.subinstructions(self.layout)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
-        options = checked_reset_options(options, (*OF_REAL, LOOK))
+        options = checked_reset_options(options, OF_REAL)
         split = options.get(SPLIT) or EVAL
         check_known("split", split, SPLITS)
         seed = checked_seed(options.get(LAYOUT_SEED))

@@ -380,12 +380,13 @@ class Rig:
         Raises:
             FileError: It cannot be read, or is no rig.
         """
-        try:
-            document = parse(path.read_bytes())
+        with files.reading(f"a rig from {path}", FileError):
+            document = parse(files.read_text(path))
             _check_schema(document.get("schema", RIG_SCHEMA))
-            return decode(document, Rig)
-        except (OSError, ValueError, RecursionError, UnknownNameError) as error:
-            raise FileError(f"{path} cannot be read as a rig: {error}") from error
+            try:
+                return decode(document, Rig)
+            except UnknownNameError as error:
+                raise ValueError(str(error)) from error
 
     def write(self, path: Path) -> None:
         """Write the rig's file, in place of an earlier one.

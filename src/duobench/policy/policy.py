@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duobench.errors import PolicyError, escaped
-from duobench.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS, as_count, as_size, real_array
+from duobench.types import (
+    CONTROL_HZ,
+    FLAT_SIZE,
+    POLICY_CAMERAS,
+    as_count,
+    as_several,
+    as_size,
+    real_array,
+)
 
 if TYPE_CHECKING:
     import gymnasium as gym
@@ -55,8 +63,6 @@ class PolicyMetadata:
     """What the model runs on, such as "cuda" or "cpu"."""
 
     def __post_init__(self) -> None:
-        if isinstance(self.cameras, str):
-            object.__setattr__(self, "cameras", (self.cameras,))
         for name, convert in _CONVERSIONS.items():
             try:
                 object.__setattr__(self, name, convert(getattr(self, name)))
@@ -90,8 +96,14 @@ def _or_none(convert: Callable[[Any], object], expected: str) -> Callable[[Any],
     return converted
 
 
+def _names(value: Any) -> tuple[Any, ...]:
+    if (names := as_several(value)) is None:
+        raise TypeError("it is a name, or a list of names")
+    return names
+
+
 _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
-    "cameras": tuple,
+    "cameras": _names,
     "image_size": _or_none(as_size, "it is (height, width) in pixels, or one number for a square"),
     "control_rate_hz": float,
     "horizon": _or_none(as_count, "it is at least 1 action"),

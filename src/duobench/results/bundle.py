@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from duobench.errors import EvaluationError, FileError, OutputError
-from duobench.files import decode, encode, write, zipped
+from duobench.files import check_outside, decode, encode, write, zipped
 from duobench.results.folder import DESCRIPTION, RunFolder, RunReader, record_name
 from duobench.results.records import EpisodeRecord
 from duobench.results.run import Run
@@ -66,6 +66,7 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
         EvaluationError: If there is no run, a record of another one, or too many of them.
         OutputError: If the file is something else than an archive.
     """
+    check_outside(path, run.path)
     if path.exists() and not _is_bundle(path):
         raise OutputError(
             f"{path} is there and is no bundle; delete it, or give the bundle another name."

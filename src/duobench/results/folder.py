@@ -17,6 +17,7 @@ from duobench.errors import EvaluationError, FileError, LockedError, OtherRunErr
 from duobench.files import (
     Readable,
     begin_or_continue,
+    check_there,
     encode,
     held,
     is_locked,
@@ -28,17 +29,22 @@ from duobench.files import (
     write,
     writing,
 )
-from duobench.results.journal import Entry, Journal, Started, read_attempts, read_entries
+from duobench.results.attempts import ERROR, FAILURE, SUCCESS
+from duobench.results.journal import Begun, Entry, Journal, Started, read_attempts, read_entries
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard
 from duobench.results.salt import Salt
 from duobench.results.suite import Episode
 
 DESCRIPTION = "run.json"
+RUN_BEGINNINGS = (DESCRIPTION, "attempts/*.jsonl")
+"""Files that a run begins with; without an attempt they are worth nothing."""
 CONDITIONS = "conditions"
 """Folder of the pages of each condition, where there are several."""
 VIDEO_SUFFIX = ".webm"
 TRACK_SUFFIX, SCENE_SUFFIX = ".track", ".scene"
+RECORDED = {SUCCESS, FAILURE, ERROR}
+"""How attempts end of which there is a record."""
 _WAIT_S = 30.0  # seconds that a writer waits for others, which begin in the folder too
 _REPORT = (
     *("index.html", "summary.json", "robustness.json", "comparison.json"),
@@ -94,21 +100,27 @@ class RunReader(ABC):
         tasks = {task.id: place for place, task in enumerate(run.suite.tasks)}
         found: list[Key] = []
         for name in self.names():
-            if (match := _RECORD.fullmatch(name)) is None:
-                continue
-            key = Key(match[1], match[2], int(match[3]))
+            match = _RECORD.fullmatch(name)
+            key = Key(match[1], match[2], int(match[3])) if match else Key("", "", 0)
             is_known = key.task in tasks and key.condition in conditions
             if not is_known or key.episode not in run.suite.indices or record_name(key) != name:
                 raise EvaluationError(
                     f"{self.path} has a record of no episode of its run, {name}: {DESCRIPTION} "
                     f"says {run.suite.episodes} episodes of {len(tasks)} tasks under "
-                    f"{len(conditions)} conditions. It was copied from another run, or from a part "
-                    f"of this one with more to play, whose {DESCRIPTION} belongs to all. Parts of "
-                    "which none plays all are whole once the run of all their tasks, axes and "
-                    "levels goes on in this folder."
+                    f"{len(conditions)} conditions. It was renamed, or copied from another run, or "
+                    f"from a part of this one with more to play, whose {DESCRIPTION} belongs to "
+                    "all. Parts of which none plays all are whole once the run of all their tasks, "
+                    "axes and levels goes on in this folder."
                 )
             found.append(key)
         return sorted(found, key=lambda key: (conditions[key.condition], tasks[key.task], key[2]))
+
+    def removed(self, run: Run) -> str:
+        """A sentence about what was played, as journals say, and has no record; empty if none."""
+        there = {key.path for key in self.finished(run)}
+        ended = (path for path, ends in self.attempts().items() if RECORDED & {*ends[-1:]})
+        lost = sorted(set(ended) - there)
+        return f"Played, and without a record now: {len(lost)}, such as {lost[0]}." if lost else ""
 
     def read_record(self, run: Run, key: Key) -> EpisodeRecord:
         """The record of one episode of a run."""
@@ -144,7 +156,9 @@ class RunReader(ABC):
                 "what was copied together, or give the run a folder of its own."
             )
         if objection:
-            raise EvaluationError(f"{file} does not belong to this run: {objection}")
+            raise EvaluationError(
+                f"{file} does not belong to this run: {objection} {self.advice}".strip()
+            )
         return record
 
 
@@ -165,7 +179,7 @@ class RunFolder(RunReader):
 
     def names(self) -> Iterable[str]:
         """Names of all records."""
-        for path in self.path.glob("records/*/*/*.json"):
+        for path in self.path.glob("records/**/*.json"):
             yield path.relative_to(self.path).as_posix()
 
     def commands(self) -> list[str]:
@@ -219,6 +233,11 @@ class RunFolder(RunReader):
     def has_records(self) -> bool:
         """Whether an episode is finished."""
         return any(self.names())
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether an attempt at an episode has begun, or somebody else is writing."""
+        return len(self.writers) > 1 or any(isinstance(each, Begun) for each in self.entries())
 
     # --- writers -----------------------------------------------------------------------------
 
@@ -356,6 +375,7 @@ class RunFolder(RunReader):
 
     def write(self, record: EpisodeRecord, video: bytes | None = None) -> None:
         """Write what an episode has left: its video first, so that a record means all of it."""
+        check_there(self.path)
         if video is not None:
             write(self.video(record.key), video)
         write(self.record(record.key), encode(record, RECORD_SCHEMA))

@@ -87,7 +87,7 @@ def read_entries(path: Path) -> list[Entry]:
     """The lines of a journal; what is no entry, such as half a line after a crash, is left out."""
     entries: list[Entry] = []
     for line in path.read_bytes().splitlines() if path.exists() else ():
-        with suppress(msgspec.MsgspecError):
+        with suppress(msgspec.MsgspecError, RecursionError):
             entries.append(msgspec.json.decode(line, type=Entry))
     return entries
 

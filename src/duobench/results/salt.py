@@ -19,7 +19,7 @@ from typing import Annotated
 import msgspec
 
 from duobench.errors import EvaluationError
-from duobench.files import writing
+from duobench.files import read_text, reading, writing
 from duobench.randomness import SUITE_VERSION
 
 SALT_BYTES = 32
@@ -63,7 +63,7 @@ class Salt:
 def read_salt(path: Path) -> Salt:
     """The salt in a file of one line; an `EvaluationError` that shows none of it if it is none."""
     try:
-        return Salt(path.read_text(encoding="ascii").strip().lower())
+        return Salt(read_text(path).strip().lower())
     except (OSError, ValueError, EvaluationError) as error:
         reason = (
             getattr(error, "strerror", None) or f"it has no {2 * SALT_BYTES} hexadecimal digits"
@@ -103,14 +103,15 @@ class Round(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 def read_rounds(path: Path) -> tuple[Round, ...]:
     """The rounds in a file; an `EvaluationError` if two have a name, salt or bundle in common."""
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    with reading(f"the rounds in {path}", EvaluationError):
+        content = tomllib.loads(read_text(path))
         if content.keys() != {"round"}:
-            raise EvaluationError("it holds rounds, each below a line [[round]], and nothing else.")
-        rounds = msgspec.convert(content["round"], tuple[Round, ...])
+            raise ValueError("it holds rounds, each below a line [[round]], and nothing else")
+        try:
+            rounds = msgspec.convert(content["round"], tuple[Round, ...])
+        except EvaluationError as error:
+            raise ValueError(str(error)) from error
         names = [each for one in rounds for each in (one.name, one.salt_sha256, *one.bundles)]
         if twice := {name for name in names if names.count(name) > 1}:
-            raise EvaluationError(f"{min(twice)} is there twice, and belongs to one round.")
-    except (OSError, ValueError, EvaluationError) as error:
-        raise EvaluationError(f"Cannot read the rounds in {path}: {error}") from error
+            raise ValueError(f"{min(twice)} is there twice, and belongs to one round")
     return rounds

@@ -23,12 +23,14 @@ from duobench.hardware.devices import FaultKind
 from duobench.hardware.doctor.checks import DOCTOR_FILE
 from duobench.hardware.judge import StageLabel, StageLabels
 from duobench.hardware.rig import Rig
-from duobench.results.folder import RunFolder
+from duobench.results.folder import RUN_BEGINNINGS, RunFolder
 from duobench.results.records import InvalidTrial
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
+TRIALS_BEGINNINGS = (DESCRIPTION, "rig.json", "rigs/*.json", "log.jsonl", *RUN_BEGINNINGS)
+"""Files that an evaluation begins with; without a trial they are worth nothing."""
 REMOVED = "It counted, and its record was removed: somebody had it played again."
 CUT = "The program ended during the trial."
 """Why a trial is invalid whose process was killed."""
@@ -184,7 +186,7 @@ def read_entries(path: Path) -> Iterable[LogEntry]:
     try:
         lines = path.read_bytes().split(b"\n")[:-1]
         return [msgspec.json.decode(line, type=LogEntry) for line in lines]
-    except (OSError, msgspec.MsgspecError) as error:
+    except (OSError, msgspec.MsgspecError, RecursionError) as error:
         raise FileError(f"{path} cannot be read as a log of trials: {error}") from error
 
 

@@ -13,11 +13,12 @@ from itertools import chain
 from pathlib import Path
 
 from duobench.data import DataSet, Recording
-from duobench.data.attempts import ATTEMPTS, ATTEMPTS_SCHEMA, Attempt, Attempts
+from duobench.data.attempts import ATTEMPTS, ATTEMPTS_SCHEMA, RUN, Attempt, Attempts
 from duobench.data.dataset import EPISODES, SUFFIX
 from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
 from duobench.errors import (
+    DataError,
     EvaluationError,
     OtherRunError,
     TaskFailedError,
@@ -208,8 +209,6 @@ def _check_complete(folder: RunFolder, ours: Set[Key], there: Sequence[Key]) -> 
         )
 
 
-RUN = "record.json"
-"""What is recorded."""
 MAX_EPISODES_PER_SUCCESS = 10
 """Episodes that are played for one that succeeds, on average, before a task is given up."""
 
@@ -307,7 +306,13 @@ class _Log:
     def _kept(self, path: Path) -> Attempt:
         """The attempt that an episode of the data set comes from, or an `OtherRunError`."""
         task, index = path.parent.name, int(path.stem) if path.stem.isdecimal() else 0
-        info = Recording.read_info(path)
+        try:
+            recording = Recording.read(path)
+        except DataError as error:
+            raise DataError(
+                f"{error} Remove the file, and the same command records it again."
+            ) from error
+        info = recording.info
         outcome = info.outcome
         if info.after_success != self._plan.after_success:
             raise OtherRunError(
@@ -324,9 +329,7 @@ class _Log:
             episode=index,
             success=outcome.success and not outcome.cut,
             stage=outcome.stage,
-            steps=outcome.success_step
-            if outcome.success_step is not None
-            else Recording.read_length(path),
+            steps=recording.steps,
             kept=True,
             error=outcome.reason,
         )

@@ -73,7 +73,7 @@ class Training:
             done = json.loads((self.folder / STEP).read_bytes())["step"]
             wanted = dict(word.split("=", 1) for word in self.command(more)[1:] if "=" in word)
             return done >= int(wanted["--steps"])
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return False
 
     def name_features(self) -> None:
@@ -258,7 +258,14 @@ def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | No
             "data set": before["dataset"]["root"],
             "episodes": before["dataset"].get("episodes"),
         }
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ) as error:
         raise OtherRunError(
             f"{out} exists and holds no checkpoint to go on from: no {path.relative_to(out)}. "
             "Train into another folder, or delete this one."

@@ -35,9 +35,40 @@ def test_message_format_of_the_package_asks_and_understands(name: str) -> None:
     request = message_format.request(observation(), "Do it.")
     assert request[message_format.prompt] == "Do it."
     assert message_format.chunk(np.zeros((50, 16))).shape == (50, 16)
-    if name in ("droid", "vla_eval"):  # arms before grippers
+    if name == "vla_eval":  # arms before grippers
         np.testing.assert_array_equal(message_format.chunk(ARMS_FIRST[None]), [np.arange(16)])
         np.testing.assert_array_equal(message_format.measured_action(observation()), ARMS_FIRST)
+
+
+GRIPPERS = {
+    "aloha": ((0, 1), (0, 1)),
+    "droid": ((1, 0), (1, 0)),
+    "libero": ((0, 1), (1, -1)),
+    "vla_eval": ((0, 1), (0, 1)),
+    "vlagents": ((0, 1), (0, 1)),
+}
+"""What closed and open are in states, and in actions, to those whose keys a format has."""
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_grippers_of_each_format_mean_what_they_mean_to_its_source(name: str) -> None:
+    """The left hand is closed, the right one open."""
+    message_format = read_format(name)
+    states, actions = GRIPPERS[name]
+    seen = observation()
+    seen["agent_pos"][:] = 9
+    seen["agent_pos"][[7, 15]] = 0, 1
+    request = message_format.request(seen, "")
+    grippers: list[float] = []
+    for key in message_format.state:
+        values = request
+        for part in key.split("."):
+            values = values[part]
+        grippers += [number for number in values if number not in (9, *seen["tcp_pose"])]
+    assert grippers == list(states)
+    asked = message_format.measured_action(seen)
+    assert [number for number in asked if number != 9] == list(actions)
+    np.testing.assert_array_equal(message_format.chunk(asked[None])[0], seen["agent_pos"])
 
 
 def test_parts_and_images_are_where_each_format_has_them() -> None:
@@ -48,7 +79,7 @@ def test_parts_and_images_are_where_each_format_has_them() -> None:
     head = seen["pixels"]["head"].transpose(2, 0, 1)  # channels first
     np.testing.assert_array_equal(aloha["images"]["cam_high"], head)
     parts = [droid[f"observation/{name}_position"] for name in ("joint", "gripper")]
-    np.testing.assert_array_equal(np.concatenate(parts), ARMS_FIRST)
+    np.testing.assert_array_equal(np.concatenate(parts), [*ARMS_FIRST[:14], 1 - 7, 1 - 15])
     assert vla_eval["images"].keys() == {"head", "left_wrist", "right_wrist"}
     for state in (aloha["state"], vla_eval["states"]):
         np.testing.assert_array_equal(state, np.arange(16))
@@ -107,7 +138,7 @@ def test_batch_of_one_chunk_is_a_chunk_and_other_widths_are_refused(tmp_path: Pa
         ('[images]\n"a.b" = "head"\n[state]\na = ["left_arm"]', ServingError, "things at 'a'"),
         ('[images]\na = "head"\n[state]\n"a.b" = ["left_arm"]', ServingError, "things at 'a'"),
         ('[images]\nprompt = "head"', ServingError, "things at 'prompt'"),
-        ("=", ServingError, "no TOML"),
+        ("=", ServingError, "Cannot read the format .* Invalid statement"),
     ],
 )
 def test_message_format_with_a_mistake_is_refused_in_words(
@@ -120,5 +151,5 @@ def test_message_format_with_a_mistake_is_refused_in_words(
 def test_unknown_layout_lists_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'aloha'"):
         read_format("alhoa")
-    with pytest.raises(ServingError, match="cannot be read"):
+    with pytest.raises(ServingError, match="Cannot read the format"):
         read_format(str(tmp_path / "absent.toml"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import sys
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, nullcontext
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -20,7 +20,7 @@ from duobench.cli.shared.options import command_line
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
 from duobench.errors import BackendError
-from duobench.files import locked
+from duobench.files import locked, taken_back
 from duobench.results.scores import interval_percent, percent
 from duobench.results.suite import find_tasks
 from duobench.types import Side
@@ -166,9 +166,10 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     """
     load_engine()
     from duobench.data import DataSet
+    from duobench.data.dataset import DESCRIPTION
     from duobench.rig_sessions.recording import RigRecording, find_policy
 
-    with ExitStack() as ending:
+    with taken_back(out, DESCRIPTION), ExitStack() as ending:
         source = find_policy(policy, tempo)
         duo = rig.open()
         data = DataSet.open(out, how=f"duobench real record --policy {policy}")
@@ -230,10 +231,14 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     command = command_line("real eval", evaluate, locals())
     load_engine()
     from duobench.data import DataSet
+    from duobench.data.dataset import DESCRIPTION
     from duobench.rig_sessions.trials import TrialsSession
+    from duobench.rig_sessions.trials_folder import TRIALS_BEGINNINGS, TrialsFolder
 
     policies, (info,) = _pairs(policy, trained_on), find_tasks([task])
-    with advising(OTHER_OUT), ExitStack() as ending:
+    new = taken_back(out, *TRIALS_BEGINNINGS, is_begun=lambda: bool(TrialsFolder(out).read_log()))
+    new_data = nullcontext() if record is None else taken_back(record, DESCRIPTION)
+    with advising(OTHER_OUT), new, new_data, ExitStack() as ending:
         folder, duo, server = _place(ending, rig, out, page)
         if folder.description.exists() and order_seed not in {None, folder.read_plan().order_seed}:
             raise AdvisedError(f"{out} keeps the order it began with: leave out --order-seed.")

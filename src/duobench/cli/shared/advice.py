@@ -8,6 +8,7 @@ from duobench.cli.shared.console import say
 from duobench.errors import (
     DuoBenchError,
     ForeignTaskError,
+    GoneError,
     LockedError,
     MachineryError,
     OtherRunError,
@@ -114,6 +115,7 @@ def for_evaluation(folder: RunFolder, policy: str) -> Advice:
     return {
         **OTHER_OUT,
         OtherRunError: other_run,
+        GoneError: "The same command plays what is missing.",
         OutputError: "Make room, or give --out another folder; the same command goes on.",
         RenderingError: "A policy without cameras needs no images: try --videos 0.",
         TaskFailedError: _MEND,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,8 +24,8 @@ from duobench.cli.shared.console import counted, numeric, say, table, whole
 from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import display
 from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptions
-from duobench.errors import DataError, NamesTakenError, OutputError, SeveralTasksError
-from duobench.files import locked
+from duobench.errors import DataError, FileError, NamesTakenError, OutputError, SeveralTasksError
+from duobench.files import locked, taken_back
 from duobench.lerobot_keys import ID
 from duobench.tasks import catalog
 
@@ -44,6 +45,9 @@ def opened(folder: Path, tasks: tuple[str, ...] = (), *, import_tasks: bool = Fa
 
     own = catalog.import_paths(tasks)
     return DataSet.open(folder, create=False, import_tasks=import_tasks, own_tasks=own)
+
+
+AS_NOTED = "beside what was noted of attempts"
 
 
 def data() -> None:
@@ -81,6 +85,8 @@ def info(data: tyro.conf.Positional[Path], images: bool = True, import_tasks: bo
         say(f"Frames missing in videos, left out by a late encoder: {summary.left_out}")
     for line in _actors(summary):
         say(line)
+    for task, words in summary.differences.items():
+        say(f"{task}, {AS_NOTED}: {words}")
     say(f"Page: {write_page(source, summary, images=images)}")
 
 
@@ -122,11 +128,16 @@ def check(data: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool
     """
     source = opened(data, import_tasks=import_tasks)
     from duobench.data import find_problems
+    from duobench.data.attempts import compared
 
     with display("episode") as shown:
         problems = find_problems(source, workers=workers, progress=shown.tell)
     for problem in problems:
         say(f"{problem.path}: {problem.what}")
+    with suppress(FileError):  # which is among the problems
+        for task, each in compared(source).items():
+            if words := str(each):
+                say(f"{task}, {AS_NOTED}: {words}")
     episodes = counted(len(source.episodes()), "episode")
     say(f"{episodes}, {counted(len(problems), 'problem')}")
     if any(problem.is_foreign for problem in problems):
@@ -271,7 +282,7 @@ def lerobot(
     from duobench.data import export_lerobot
     from duobench.rig_sessions.cameras import view_of
 
-    with raising(), advising(_ADVICE), display("frame") as shown:
+    with taken_back(out, "duobench.json"), raising(), advising(_ADVICE), display("frame") as shown:
         done = export_lerobot(
             sources,
             out,

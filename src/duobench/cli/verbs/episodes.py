@@ -29,12 +29,12 @@ from duobench.cli.shared.progress import EpisodesKept, EpisodesPlayed, display
 from duobench.cli.verbs.data import opened
 from duobench.envs.execution import ChunkExecution
 from duobench.errors import DataError, EvaluationError, PolicyError
-from duobench.files import remove_abandoned, replacing
+from duobench.files import check_outside, remove_abandoned, replacing, taken_back
 from duobench.policy.batch import MAX_BATCH, Batching
 from duobench.policy.serving.access import read_key
 from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
-from duobench.results.folder import VIDEO_SUFFIX, RunFolder
+from duobench.results.folder import RUN_BEGINNINGS, VIDEO_SUFFIX, RunFolder
 from duobench.results.run import WHOLE, Shard, TimeLimits
 from duobench.results.salt import make_salt, read_salt
 from duobench.results.scores import Results
@@ -87,10 +87,18 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     command = command_line("record", record, locals())
     load_engine()
     from duobench.data import DataSet
+    from duobench.data.attempts import RUN
+    from duobench.data.dataset import DESCRIPTION
     from duobench.runners import record as record_demonstrations
 
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
-    with advising(FOR_RECORDING), raising(), display("episode") as shown:
+    beginnings = DESCRIPTION, RUN
+    with (
+        taken_back(out, *beginnings),
+        advising(FOR_RECORDING),
+        raising(),
+        display("episode") as shown,
+    ):
         attempts = record_demonstrations(
             name,
             find_tasks(tasks),
@@ -167,7 +175,9 @@ def replay(
     if mode == "actions":
         _by_actions(dataset, episodes)
     else:
-        _by_states(episodes, out, cameras, size, look)
+        check_outside(out, dataset.path)
+        with taken_back(out):
+            _by_states(episodes, out, cameras, size, look)
 
 
 def _by_actions(data: DataSet, episodes: Mapping[str, Sequence[Path]]) -> None:
@@ -360,6 +370,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     watched = followed(folder, watch_port) if watch else nullcontext()
     with (
         advising(for_evaluation(folder, policy.policy)),
+        taken_back(out, *RUN_BEGINNINGS, is_begun=lambda: folder.is_begun),
         watched,
         raising(),
         display("episode") as shown,

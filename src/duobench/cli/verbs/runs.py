@@ -23,7 +23,7 @@ from duobench.cli.shared.advice import (
 from duobench.cli.shared.console import counted, results_table, say, verified_table
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
-from duobench.files import digest_of
+from duobench.files import check_outside, digest_of
 from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
@@ -85,6 +85,8 @@ def report(
         write_report(folder, elsewhere)
     if missing := missing_shards(folder, parts[0].run):
         say(missing)
+    if removed := reader.removed(parts[0].run):
+        say(removed)
     say(f"Report: {relative(folder.page)}")
     if impossible:
         sys.exit(1)
@@ -144,7 +146,9 @@ def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool 
     """
     for run in runs:
         if not run.startswith(SCHEMES):
-            find_run(split_name(run)[1])
+            folder = split_name(run)[1]
+            find_run(folder)
+            check_outside(out, folder)
     if mixed:
         _mixed(runs, out)
         return
@@ -229,6 +233,8 @@ def verify(
             "The seeds are not verified: they follow from a salt that is not given (--salt), and "
             "may have been chosen by whoever played the run."
         )
+    if removed := opened.removed(found.run):
+        say(removed)
     _show_verification(found, import_tasks)
     if not found.is_verified:
         sys.exit(1)
@@ -290,6 +296,8 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     manifest = write_bundle(reader, path)
     if manifest.missing:
         say(f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}.")
+    if removed := reader.removed(reader.read_run()):
+        say(removed)
     if repeats := repeats_text(ends[:-1] for ends in manifest.attempts.values()):
         say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")

@@ -14,7 +14,7 @@ from duobench.cli.shared.console import console, numeric, say, table, whole
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
 from duobench.envs.config import checked_seed
-from duobench.files import make_folder, writing
+from duobench.files import make_folder, taken_back, writing
 from duobench.looks.catalog import DEFAULT, LOOKS, RANDOM
 from duobench.results.folder import RunFolder
 from duobench.results.suite import find_tasks
@@ -96,19 +96,20 @@ def render(
     (info,) = find_tasks([task])
     height, width = size
     base = _reset(catalog.get(info.reference), seed, look)
-    make_folder(out)
     simulation = base.simulation
     images = {}
-    for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
-        with Renderer(
-            simulation.model, height=height, width=width, samples=samples, look=base.look
-        ) as renderer:
-            images |= renderer.render_all(simulation.data, cameras)
-    for camera, image in images.items():
-        path = out / f"{info.id}-{seed}-{camera}.png"
-        with writing(path):
-            Image.fromarray(image).save(path)
-        say(str(path))
+    with taken_back(out):
+        make_folder(out)
+        for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
+            with Renderer(
+                simulation.model, height=height, width=width, samples=samples, look=base.look
+            ) as renderer:
+                images |= renderer.render_all(simulation.data, cameras)
+        for camera, image in images.items():
+            path = out / f"{info.id}-{seed}-{camera}.png"
+            with writing(path):
+                Image.fromarray(image).save(path)
+            say(str(path))
 
 
 _PAGE = PageOptions()
@@ -205,7 +206,7 @@ def print_(
             else f"{out / recipe.id}: nothing is printed"
         )
 
-    with advising(OTHER_OUT):
+    with advising(OTHER_OUT), taken_back(out):
         write_prints(
             out,
             tasks,

@@ -16,6 +16,7 @@ from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import counted, say
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
+from duobench.files import taken_back
 
 if TYPE_CHECKING:
     from duobench.data import Actor
@@ -128,10 +129,11 @@ def teleop(
     if leading.leader is not None and leading.lockstep:
         raise AdvisedError("Leader arms send no messages to step by: leave out --lockstep.")
     load_engine()
+    from duobench.data.dataset import DESCRIPTION
     from duobench.rig_sessions.teleop_page import TeleopPage
     from duobench.rig_sessions.teleoperation import Teleoperation, make_recorder
 
-    with ExitStack() as ending:
+    with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
         recorder = make_recorder(task, out, actor, action_mode=led_by.action_mode, look=look)
         session = ending.enter_context(
@@ -168,6 +170,7 @@ def teleop_rig(
     if leading.lockstep and not rig.fast:
         raise AdvisedError("Real arms do not wait for messages: --lockstep goes with --fast alone.")
     load_engine()
+    from duobench.data.dataset import DESCRIPTION
     from duobench.rig_sessions.cameras import CameraFeed
     from duobench.rig_sessions.operator import hold_by_key
     from duobench.rig_sessions.rig_teleoperation import (
@@ -177,7 +180,7 @@ def teleop_rig(
         make_real_recorder,
     )
 
-    with ExitStack() as ending:
+    with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
         duo = rig.open()
         terminal = ending.enter_context(closing(KeyTerminal()))

@@ -32,7 +32,7 @@ from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
 from duobench.envs.action_modes import CARTESIAN, JOINT
 from duobench.errors import DataError, OtherRunError, SeveralTasksError, check_known
-from duobench.files import digest_of, encode, locked, replacing, write
+from duobench.files import check_outside, check_there, digest_of, encode, locked, replacing, write
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
 from duobench.looks.catalog import RANDOM
 from duobench.randomness import EVAL, SUITE_VERSION, look_number
@@ -99,9 +99,7 @@ def export_lerobot(
     """
     options, out = options or ExportOptions(), out.absolute()
     sources = [data] if isinstance(data, DataSet) else list(data)
-    for source in sources:
-        if out.resolve().is_relative_to(source.path.resolve()):
-            raise DataError(f"{out} lies in the data set; export into a folder of its own.")
+    check_outside(out, *(source.path for source in sources))
     paths = _episodes(sources, options.tasks)
     parts = {out: paths}
     if per_task and ExportFolder(out).meta.exists():
@@ -301,6 +299,7 @@ def _exporter(
             columns[OBJECT_STATE] = np.array([source.objects(recording, row) for row in shown])
         described = schema(export.vectors, options.format)
         arrays = [to_arrow(columns[name]) for name in described.names]
+        check_there(folder.meta)
         write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=described)))
         noted = {camera: values.tolist() for camera, values in counts.items()}
         facts = EpisodeFacts(counts=noted, residual=residual)

@@ -15,6 +15,7 @@ from duobench.data.lerobot.options import ExportOptions, Format
 from duobench.data.schema import Domain
 from duobench.envs import state_labels
 from duobench.envs.action_labels import LABELS
+from duobench.errors import OtherRunError
 from duobench.files import begin_or_continue, differences, read, remove_temporary
 from duobench.lerobot_keys import ACTION, DOMAIN, DOMAINS, IMAGE_PREFIX, OBJECT_STATE, STATE
 from duobench.types import CONTROL_HZ
@@ -195,6 +196,21 @@ class ExportFolder:
         advice = "Export into another folder."
         begin_or_continue(self.path, ours, export, SCHEMA, what="export", advice=advice)
         remove_temporary(self.path)
+        numbers = range(len(export.episodes))
+        cameras = export.options.cameras
+        known = {self.video(camera, index) for camera in cameras for index in numbers}
+        known |= {each for index in numbers for each in (self.data(index), self.facts(index))}
+        there = {
+            path
+            for pattern in ("data/**/*", "videos/**/*", "meta/duobench/*")
+            for path in self.path.glob(pattern)
+            if path.is_file()
+        }
+        if surplus := sorted(there - known):
+            raise OtherRunError(
+                f"{surplus[0]} is of no episode of this export, which has {len(numbers)}, and "
+                f"readers would take it for one; files too many: {len(surplus)}. Remove them."
+            )
 
     def read_facts(self, index: int) -> EpisodeFacts:
         """What was noted about a finished episode."""

@@ -13,7 +13,7 @@ from duobench.errors import DataError, OptionError, check_known
 from duobench.looks import catalog as looks
 from duobench.looks.catalog import DEFAULT, RANDOM, as_look
 from duobench.robot.cameras import check_image_size
-from duobench.types import POLICY_CAMERAS, as_size
+from duobench.types import POLICY_CAMERAS, as_several, as_size
 
 LEAST_SIZE = 4
 """Pixels along an edge of a video that its encoder takes at least."""
@@ -76,7 +76,8 @@ _set = object.__setattr__  # of what is frozen
 
 def _words(kind: str, given: str | Iterable[str], known: Iterable[str]) -> tuple[str, ...]:
     """Words that are known, of one or several."""
-    words = (given,) if isinstance(given, str) else tuple(given)
+    if (words := as_several(given)) is None:
+        raise DataError(f"One {kind} is taken, or a list of them; got {given!r}.")
     for word in words:
         check_known(kind, word, [*map(str, known)])
     return words

@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 from duobench.errors import ServingError
+from duobench.files import read_text, reading
 from duobench.machine import is_loopback
 
 KEY_VARIABLE = "DUOBENCH_API_KEY"
@@ -19,10 +20,8 @@ def read_key(file: Path | None = None) -> str | None:
         where = KEY_VARIABLE
     else:
         where = str(file)
-        try:
-            key = file.read_text(encoding="ascii").strip()
-        except (OSError, UnicodeDecodeError) as error:
-            raise ServingError(f"The key in {where} cannot be read: {error}.") from error
+        with reading(f"the key in {where}", ServingError):
+            key = read_text(file).strip()
         if not key:
             raise ServingError(f"{where} holds no key.")
     if not all("!" <= letter <= "~" for letter in key):

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from duobench.envs import action_modes
 from duobench.errors import ServingError, UnknownNameError, check_known
+from duobench.files import read_text, reading
 from duobench.policy.batch import Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, as_chunk, dimensions
 from duobench.types import ARM_JOINTS, SIDE_SIZE
@@ -26,10 +27,19 @@ FORMATS = ("aloha", "droid", "libero", "vla_eval", "vlagents")
 """Message formats that come with the package."""
 _PARTS: tuple[str, ...] = ("left_arm", "left_gripper", "right_arm", "right_gripper")
 """Parts of a state and of an action, in our order."""
+_GRIPPERS: tuple[str, ...] = ("left_gripper", "right_gripper")
 _POSES: tuple[str, ...] = ("left_pose", "right_pose")
 """Further parts of a state: tool poses, x y z qx qy qz qw."""
 _RATIO = 9 / 16
 """Height over width of what a camera sees."""
+Gripper = Literal["open_is_one", "closed_is_one", "closed_is_one_open_is_minus_one"]
+"""What numbers of a gripper mean to a server."""
+_OPENINGS: dict[str, tuple[float, float]] = {
+    "open_is_one": (0.0, 1.0),
+    "closed_is_one": (1.0, -1.0),
+    "closed_is_one_open_is_minus_one": (0.5, -0.5),
+}
+"""The opening at the server's 0, and how much the server's 1 adds to it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -42,6 +52,8 @@ class ActionFormat:
     """Parts of an action."""
     mode: str = "joint"
     """The environment's action mode that they are meant for."""
+    gripper: Gripper | None = None
+    """What numbers of a gripper mean in actions; None takes what they mean in states."""
 
     def __post_init__(self) -> None:
         action_modes.get(self.mode)
@@ -70,8 +82,8 @@ class MessageFormat:
     """Their key: parts of the state, joined in this order."""
     prompt: str = "prompt"
     """Their key for the instruction."""
-    gripper: Literal["open_is_one", "closed_is_one"] = "open_is_one"
-    """What a gripper's 1 means to them, in states and actions."""
+    gripper: Gripper = "open_is_one"
+    """What numbers of a gripper mean in states."""
     actions: ActionFormat = field(default_factory=ActionFormat)
     """How they give actions."""
 
@@ -113,7 +125,7 @@ class MessageFormat:
         request: dict[str, Any] = {}
         for key, camera in self.images.items():
             _put(request, key, self._image(observation["pixels"][camera]))
-        parts = self._state_parts(observation)
+        parts = _parts_of(observation, self.gripper)
         for key, names in self.state.items():
             _put(request, key, np.concatenate([parts[name] for name in names]))
         _put(request, self.prompt, instruction)
@@ -140,12 +152,15 @@ class MessageFormat:
             actions = actions[0]
         *ends, width = np.cumsum([*sizes.values()])
         columns = np.split(as_chunk(actions, width), ends, axis=1)
-        parts = self._flipped(dict(zip(sizes, columns, strict=True)))
+        parts = dict(zip(sizes, columns, strict=True))
+        at_zero, at_one = _OPENINGS[self._action_gripper]
+        for name in _GRIPPERS:
+            parts[name] = at_zero + at_one * parts[name]
         return np.concatenate([parts[part] for part in _PARTS], axis=1)
 
     def measured_action(self, observation: Observation) -> NDArray[np.float32]:
         """Where the arms are, as an action (n,) that the server would give."""
-        parts = self._state_parts(observation)
+        parts = _parts_of(observation, self._action_gripper)
         if self.actions.mode.startswith("cartesian"):
             parts["left_arm"], parts["right_arm"] = (parts[pose] for pose in _POSES)
         return np.concatenate([parts[part][:size] for part, size in self.action_sizes.items()])
@@ -158,18 +173,21 @@ class MessageFormat:
             image if self.image_order == "hwc" else np.ascontiguousarray(image.transpose(2, 0, 1))
         )
 
-    def _state_parts(self, observation: Observation) -> dict[str, NDArray[np.float32]]:
-        flat = np.asarray(observation["agent_pos"], dtype=np.float32)
-        numbers = np.split(flat, [ARM_JOINTS, SIDE_SIZE, SIDE_SIZE + ARM_JOINTS])
-        poses = np.split(np.asarray(observation["tcp_pose"], dtype=np.float32), 2)
-        parts = zip((*_PARTS, *_POSES), (*numbers, *poses), strict=True)
-        return self._flipped(dict(parts))
+    @property
+    def _action_gripper(self) -> Gripper:
+        return self.actions.gripper or self.gripper
 
-    def _flipped(self, parts: dict[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float32]]:
-        """Parts with the server's openings from ours, or the other way round."""
-        if self.gripper == "open_is_one":
-            return parts
-        return parts | {name: 1 - parts[name] for name in ("left_gripper", "right_gripper")}
+
+def _parts_of(observation: Observation, gripper: Gripper) -> dict[str, NDArray[np.float32]]:
+    """Parts of the state by their names, with the server's numbers of grippers."""
+    flat = np.asarray(observation["agent_pos"], dtype=np.float32)
+    numbers = np.split(flat, [ARM_JOINTS, SIDE_SIZE, SIDE_SIZE + ARM_JOINTS])
+    poses = np.split(np.asarray(observation["tcp_pose"], dtype=np.float32), 2)
+    parts = dict(zip((*_PARTS, *_POSES), (*numbers, *poses), strict=True))
+    at_zero, at_one = _OPENINGS[gripper]
+    for name in _GRIPPERS:
+        parts[name] = (parts[name] - at_zero) / at_one
+    return parts
 
 
 def read_format(name: str) -> MessageFormat:
@@ -180,12 +198,11 @@ def read_format(name: str) -> MessageFormat:
         path = Path(name)
     else:
         raise UnknownNameError("format", name, [*FORMATS, "FILE.toml"])
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ServingError(f"The format {name} cannot be read: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ServingError(f"The format {name} is no TOML: {error}.") from error
+    with reading(f"the format {name}", ServingError):
+        return _decoded(name, tomllib.loads(read_text(path)))
+
+
+def _decoded(name: str, document: dict[str, Any]) -> MessageFormat:
     _check_names("key of a format", document, [each.name for each in fields(MessageFormat)])
     actions = document.get("actions")
     if isinstance(actions, dict):

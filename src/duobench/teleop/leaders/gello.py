@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from duobench.errors import LeaderError
+from duobench.files import read_text, reading
 from duobench.machine import load_extra
 from duobench.robot.joints import JOINT_RANGES
 from duobench.settings import decode
@@ -98,10 +99,8 @@ class GelloConfig:
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read a TOML file: `[left]` and `[right]` with the fields of `GelloArm`, and `baud`."""
-        try:
-            return decode(tomllib.loads(path.read_text(encoding="utf-8")), cls)
-        except (OSError, ValueError) as error:
-            raise LeaderError(f"Cannot read {path}: {error}") from error
+        with reading(path, LeaderError):
+            return decode(tomllib.loads(read_text(path)), cls)
 
 
 class _Bus:
