@@ -42,7 +42,7 @@ SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
 AT_LEAVING: list[Callable[[], object]] = []
 """What `leave` puts back first, such as a terminal; nothing else is put away."""
-_MEMORY = Path("/dev/shm")  # noqa: S108 - the last place where files of a while may lie
+_MEMORY = Path("/dev/shm")
 _STDOUT, _STDERR = 1, 2
 _SHOW_CURSOR = b"\x1b[?25h"
 """Live progress hides the cursor of a terminal."""
