@@ -47,6 +47,11 @@ class Root:
         self.environment = {"PATH": "/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin"}
         self.user, self.place, self.entry, self.command = "root", "/", list[str](), list[str]()
 
+    @property
+    def home(self) -> str:
+        """Home of its user."""
+        return "/root" if self.user == "root" else f"/home/{self.user}"
+
     def bootstrap(self, suite: str) -> None:
         """Install the smallest Debian, and this machine's settings of where packages are."""
         mirror = next(iter(_mirrors()), None)
@@ -82,9 +87,11 @@ class Root:
         own = ["unshare", "--mount", "--pid", "--ipc", "--uts", "--fork"]
         own += [] if network else ["--net"]
         mounts = f"mount -t proc proc {self.folder}/proc && exec chroot --userspec={self.user} "
-        home = "/root" if self.user == "root" else f"/home/{self.user}"
-        told = [f"{name}={value}" for name, value in {**self.environment, "HOME": home}.items()]
-        inside = f"cd {shlex.quote(self.place)} && exec {shlex.join(['env', '-i', *told, *words])}"
+        told = {**self.environment, "HOME": self.home}
+        variables = [f"{name}={value}" for name, value in told.items()]
+        inside = (
+            f"cd {shlex.quote(self.place)} && exec {shlex.join(['env', '-i', *variables, *words])}"
+        )
         program = f"{mounts} {self.folder} sh -c {shlex.quote(inside)}"
         return [*own, "sh", "-c", program]
 

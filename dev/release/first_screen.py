@@ -37,9 +37,10 @@ def first_commands() -> tuple[str, str]:
     return demo, test
 
 
-def clone(root: Root, user: str, home: str) -> None:
+def clone(root: Root, user: str) -> None:
     """Go on as a user, in a clone of this repository of which nothing is built."""
-    place = f"{home}/duobench"
+    root.user = user
+    place = f"{root.home}/duobench"
     there = root.folder / place.lstrip("/")
     subprocess.run(["git", "clone", "--quiet", "--no-local", ROOT, there], check=True)
     root.user, root.place = "root", "/"
@@ -71,7 +72,7 @@ def main() -> None:
     with debian(SUITE, keep=asked.keep) as root:
         expect(root, f"{HAD} && useradd --create-home reader", 0, "")
 
-        clone(root, "reader", "/home/reader")
+        clone(root, "reader")
         for command in (demo, test):
             _, *after = expect(root, command, 2, NO_VENV).splitlines()
             assert all(line.startswith("make: ") for line in after)
@@ -80,11 +81,11 @@ def main() -> None:
         root.user = "reader"
         assert REPORT in expect(root, demo, 0, NO_VIDEOS)
         expect(root, test, 2, NO_TESTS)
-        assert any(root.folder.glob("home/reader/duobench/demo-run/replays/**/*.track"))
+        assert any(root.folder.glob("home/*/duobench/demo-run/replays/**/*.track"))
 
         root.user, root.place = "root", "/"
         expect(root, FORGOTTEN, 0, "")
-        clone(root, "root", "/root")
+        clone(root, "root")
         root.environment |= {"PYTEST_ADDOPTS": asked.tests} if asked.tests else {}
         assert NO_VIDEOS not in expect(root, demo, 0, REPORT)
         expect(root, demo, 0, REPORT, network=False)
