@@ -137,8 +137,9 @@ def make_vec(
     With `threads`, such as the number of cores, all episodes are stepped in this process on
     MuJoCo's own threads, with the same episodes to the last bit; see `duobench.envs.BatchEnv`.
     Without, they are as `gymnasium.make_vec` makes them: one after the other, slower than one
-    alone, but each an environment of its own, with all of its options and words of `info`. With the engine "warp", MuJoCo Warp
-    steps them on a graphics card: near the same, and no scores.
+    alone, but each an environment of its own, with all of its options and words of `info`.
+
+    With the engine "warp", MuJoCo Warp steps them on a graphics card: near the same, and no scores.
 
     Args:
         task: As for `make`.

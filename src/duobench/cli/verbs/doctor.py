@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import resource
 import shutil
-import socket
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
@@ -47,7 +46,6 @@ ROOM_GB, LEAST_ROOM_GB = 1.0, 0.1
 """Free space for the output that is enough, and that is too little for anything."""
 HANDLES = 256
 """Open files that are enough for many workers."""
-PATIENCE_S = 5.0
 DEVICE = "MUJOCO_EGL_DEVICE_ID"
 _VARIABLES = (
     *("MUJOCO_GL", DEVICE, "PYOPENGL_PLATFORM", "CUDA_VISIBLE_DEVICES"),
@@ -72,7 +70,8 @@ def doctor(out: Path | None = None) -> None:
     failed = 0
     for check in _checks(out):
         failed += check.outcome is Outcome.FAILED
-        words = " ".join(f"{check.value} {check.advice}".split())
+        told = filter(None, (check.value.removesuffix("."), check.advice))
+        words = " ".join(". ".join(told).split())
         say(f"{check.outcome:<8}{check.name:<17}{words}", style=_STYLES[check.outcome])
     if failed:
         say(f"{counted(failed, 'check')} failed.", style="bold red")
@@ -88,7 +87,6 @@ def _checks(out: Path | None) -> Iterator[Check]:
         "file handles": _handles,
         "locale": _locale,
         "variables": _variables,
-        "loopback": _loopback,
         "figures": _figures,
         "videos": _videos,
         "images": _images,
@@ -158,18 +156,6 @@ def _variables() -> Iterator[Check]:
     yield Outcome.NOTE.unless(is_well, "variables", " ".join(told) or "none of others", advice)
 
 
-def _loopback() -> Iterator[Check]:
-    address = "127.0.0.1"
-    try:
-        with socket.create_server((address, 0)) as server:
-            socket.create_connection(server.getsockname(), timeout=PATIENCE_S).close()
-    except OSError as error:
-        advice = "Served policies and pages need it, nothing else."
-        yield Outcome.NOTE.of("loopback", f"{address} is not reached: {error}.", advice)
-    else:
-        yield Outcome.OK.of("loopback", f"{address} is reached")
-
-
 def _figures() -> Iterator[Check]:
     given = os.environ.get("MPLCONFIGDIR")
     from matplotlib import __version__, get_cachedir
@@ -177,12 +163,9 @@ def _figures() -> Iterator[Check]:
 
     from duobench.results.figures import as_svg
 
-    def draw() -> Figure:
-        figure = Figure()
-        figure.add_subplot().set_title("Success")
-        return figure
-
-    as_svg("doctor", draw)
+    figure = Figure()
+    figure.add_subplot().set_title("Success")
+    as_svg("doctor", lambda: figure)
     found = f"drawn by Matplotlib {__version__}, which keeps fonts in {get_cachedir()}"
     # Matplotlib tells its children of a folder that is removed at the end.
     is_kept = os.environ.get("MPLCONFIGDIR") == given
