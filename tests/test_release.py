@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dev.release import container, interpreters
+from dev.release import container, first_screen, interpreters
 from dev.release.stage import absolute, addresses, build, distributions, version
 from duobench.versions import __version__
 from tests.test_repository import ROOT, tracked
@@ -63,6 +63,14 @@ def test_what_is_played_is_the_first_door_of_the_first_page() -> None:
     modules, commands = interpreters.first_commands()
     assert "my_policy.py" in modules
     assert [line.split()[1] for line in commands] == ["eval"]
+
+
+def test_the_first_page_begins_with_what_is_played_in_a_bare_debian_and_what_checks_call() -> None:
+    assert first_screen.first_commands() == ("make demo", "make test")
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(readme[: readme.index("make demo")].splitlines()) <= 12
+    checks = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert re.search(r"^make --jobs=2 test ", checks, re.MULTILINE)
 
 
 def test_a_python_is_found_by_its_version_alone() -> None:

@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from dev.release.stage import ROOT
@@ -46,6 +47,11 @@ class Root:
         self.environment = {"PATH": "/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin"}
         self.user, self.place, self.entry, self.command = "root", "/", list[str](), list[str]()
 
+    @property
+    def home(self) -> str:
+        """Home of its user."""
+        return "/root" if self.user == "root" else f"/home/{self.user}"
+
     def bootstrap(self, suite: str) -> None:
         """Install the smallest Debian, and this machine's settings of where packages are."""
         mirror = next(iter(_mirrors()), None)
@@ -64,14 +70,30 @@ class Root:
 
     def run(self, words: list[str], *, network: bool = True) -> None:
         """Run a program in it, as its user and in its place."""
+        subprocess.run(self._program(words, network=network), check=True)
+
+    def hear(self, words: list[str], *, network: bool = True) -> tuple[int, str]:
+        """Run a program in it, which may fail: its exit code, and all that it says."""
+        done = subprocess.run(
+            self._program(words, network=network),
+            check=False,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        return done.returncode, done.stdout
+
+    def _program(self, words: list[str], *, network: bool) -> list[str]:
         own = ["unshare", "--mount", "--pid", "--ipc", "--uts", "--fork"]
         own += [] if network else ["--net"]
         mounts = f"mount -t proc proc {self.folder}/proc && exec chroot --userspec={self.user} "
-        home = "/root" if self.user == "root" else f"/home/{self.user}"
-        told = [f"{name}={value}" for name, value in {**self.environment, "HOME": home}.items()]
-        inside = f"cd {shlex.quote(self.place)} && exec {shlex.join(['env', '-i', *told, *words])}"
+        told = {**self.environment, "HOME": self.home}
+        variables = [f"{name}={value}" for name, value in told.items()]
+        inside = (
+            f"cd {shlex.quote(self.place)} && exec {shlex.join(['env', '-i', *variables, *words])}"
+        )
         program = f"{mounts} {self.folder} sh -c {shlex.quote(inside)}"
-        subprocess.run([*own, "sh", "-c", program], check=True)
+        return [*own, "sh", "-c", program]
 
     def play(self, step: Step, context: Path) -> None:
         """Play an instruction.
@@ -123,29 +145,38 @@ def _mounts() -> list[str]:
     return Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
 
 
-def main() -> None:
-    """Play all of it, then the command as the image would run it, without a network."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--keep", action="store_true", help="keep the folder of the Debian")
-    asked = parser.parse_args()
+@contextmanager
+def debian(suite: str, *, keep: bool) -> Iterator[Root]:
+    """The smallest Debian of a suite in a folder of its own, which is removed unless it is kept."""
     if os.geteuid() or not shutil.which("debootstrap") or not shutil.which("unshare"):
         sys.exit("This needs root, debootstrap and unshare. On Debian: apt-get install debootstrap")
     folder = Path(tempfile.mkdtemp(prefix="debian-"))
     folder.chmod(0o755)
     root = Root(folder)
-    (_, image), *rest = steps((ROOT / "Dockerfile").read_text(encoding="utf-8"))
-    root.bootstrap(image.partition(":")[2].partition("-")[0])
+    root.bootstrap(suite)
     index = {name: value for name, value in os.environ.items() if name.startswith("PIP_")}
     root.environment |= {k: v for k, v in index.items() if k != "PIP_FIND_LINKS"}
-    for number, step in enumerate(rest, start=1):
-        print(f"Step {number} of {len(rest)}: {' '.join(step)}", flush=True)
-        root.play(step, ROOT)
-    for words in (root.command, shlex.split(FIRST)):
-        print(f"Without a network: {shlex.join([*root.entry, *words])}", flush=True)
-        root.run([*root.entry, *words], network=False)
+    try:
+        yield root
+    finally:
+        if not keep and not any(str(folder) in one for one in _mounts()):
+            shutil.rmtree(folder)
+
+
+def main() -> None:
+    """Play all of it, then the command as the image would run it, without a network."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--keep", action="store_true", help="keep the folder of the Debian")
+    asked = parser.parse_args()
+    (_, image), *rest = steps((ROOT / "Dockerfile").read_text(encoding="utf-8"))
+    with debian(image.partition(":")[2].partition("-")[0], keep=asked.keep) as root:
+        for number, step in enumerate(rest, start=1):
+            print(f"Step {number} of {len(rest)}: {' '.join(step)}", flush=True)
+            root.play(step, ROOT)
+        for words in (root.command, shlex.split(FIRST)):
+            print(f"Without a network: {shlex.join([*root.entry, *words])}", flush=True)
+            root.run([*root.entry, *words], network=False)
     print("All steps were played, and both commands ended well.")
-    if not asked.keep and not any(str(folder) in one for one in _mounts()):
-        shutil.rmtree(folder)
 
 
 if __name__ == "__main__":

@@ -54,6 +54,9 @@ CHECKSUM = "sha256"
 TEMPORARY_SUFFIX = ".tmp"
 """Ending of a file that is being written; what still has it after a crash is rubbish."""
 
+SCRATCH = ".duobench-"
+"""How names of folders for temporary files begin, which lie in an output if nowhere else."""
+
 _ZIP_DATE, _ZIP_UNIX, _ZIP_MODE = (1980, 1, 1, 0, 0, 0), 3, stat.S_IFREG | 0o644
 _LOCK_TURN_S = 0.05
 """Seconds from one look at a lock that another process holds to the next."""
@@ -96,6 +99,13 @@ def make_folder(path: Path) -> None:
         reason = None if os.access(path, os.W_OK | os.X_OK) else "nothing may be written into it"
     if reason:
         raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
+
+
+def files_in(folder: Path, pattern: str = "**/*") -> Iterator[Path]:
+    """Files anywhere in a folder, but for those that lie there for a while."""
+    for path in folder.glob(pattern):
+        if not path.is_dir() and not path.relative_to(folder).parts[0].startswith(SCRATCH):
+            yield path
 
 
 @contextmanager
@@ -403,7 +413,7 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
     if not description.exists():
         make_folder(folder)
         ours = f".{description.name}.*{TEMPORARY_SUFFIX}"  # of one that was killed while it began
-        others = (path for path in folder.glob(foreign) if not path.is_dir())
+        others = files_in(folder, foreign)
         if all(path.match(ours) or path.name in kept for path in others):
             write(description, encode(value, schema))
             return

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -246,11 +247,97 @@ def test_render_draws_every_camera(tmp_path: Path, told: Told) -> None:
 
 def test_doctor_tells_versions_and_graphics(told: Told) -> None:
     out = told("doctor")
+    assert {line.split()[0] for line in out.splitlines()[:-1]} <= {"ok", "note"}
     for word in ("mujoco", "suite version", "backend", "renderer", "three cameras"):
         assert word in out
     assert " ms at 224x224" in out
     said = out.splitlines()[-1].removeprefix("All is well. Next: duobench ")
     check_spelling(said.split(), VERBS, "duobench")
+
+
+def found_by_doctor(done: subprocess.CompletedProcess[str]) -> dict[str, str]:
+    """What its checks say, from how they ended on, by their names."""
+    assert "Traceback" not in done.stdout + done.stderr
+    rows = [re.split(r"  +", line, maxsplit=2) for line in done.stdout.splitlines()]
+    return {name: f"{outcome} {words}" for outcome, name, words in (row for row in rows if row[2:])}
+
+
+def test_doctor_looks_at_what_is_left_to_it_by_others(tmp_path: Path) -> None:
+    """What a kernel, a shell or a script of a job hands over; all of it is no reason to stop."""
+    backend = "module://matplotlib_inline.backend_inline"
+    done = duobench(
+        *("doctor", "--out", "new/run"),
+        folder=tmp_path,
+        MPLBACKEND=backend,
+        OMP_NUM_THREADS="many",
+        PYTHONIOENCODING="ascii",
+        TMPDIR=str(tmp_path / "absent"),
+        https_proxy="secret",
+        HOME="/proc/absent",
+        XDG_CACHE_HOME="",
+        XDG_CONFIG_HOME="",
+    )
+    assert done.returncode == 0
+    found = found_by_doctor(done)
+    assert found["output"].startswith(f"ok {tmp_path} can be written")
+    assert found["figures"].startswith("note drawn by Matplotlib")
+    assert found["locale"].startswith("note names of files in utf-8, output in ascii")
+    assert found["variables"].startswith("note ")
+    assert found["variables"].endswith("OMP_NUM_THREADS is a whole number from 1 on.")
+    assert found["videos"].startswith("ok encoded by libvpx-vp9")
+    assert "secret" not in done.stdout
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_doctor_fails_where_a_run_would(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    done = duobench("doctor", "--out", "file/run", folder=tmp_path, MUJOCO_GL="off")
+    assert done.returncode == 1
+    found = found_by_doctor(done)
+    assert found["output"].startswith("failed Cannot write file/run: Not a directory")
+    assert found["images"].startswith("failed Rendering is switched off by MUJOCO_GL=off")
+    assert found["figures"].startswith("ok")
+
+
+READ_ONLY = """
+mount --make-rprivate /
+mount --bind "$1" "$1"
+mount --bind /dev/shm /dev/shm
+mount --options remount,bind,ro /dev/shm  # bind: the machine's own stays as it is
+mount --options remount,bind,ro /
+mount --options remount,bind,rw "$1"
+cd /
+shift
+for words; do "$PYTHON" -P -m duobench $words || exit; done
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    os.geteuid() != 0 or shutil.which("unshare") is None, reason="needs root and unshare"
+)
+def test_only_the_output_must_be_writable(tmp_path: Path) -> None:
+    """No home, no folder for temporary files, and the output itself is what was mounted."""
+    lines = [
+        "eval --policy hold --tasks bin_sort --episodes 1 --videos 0 --out {}",
+        "eval --policy hold --tasks bin_sort --episodes 2 --videos 0 --out {}",
+        "verify {}",
+        "report {}",
+        "doctor --out {}",
+    ]
+    environment = {"PYTHON": sys.executable, "PYTHONPATH": PATH, "PATH": os.environ["PATH"]}
+    done = subprocess.run(
+        ["unshare", "--mount", "sh", "-c", READ_ONLY, "sh", tmp_path]
+        + [line.format(tmp_path) for line in lines],
+        env={**environment, "HOME": "/absent", "TMPDIR": "/absent"},
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Verified." in done.stdout
+    assert "No usual folder for them can be written" in done.stdout
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_what_renders_is_told_where_it_is_asked(tmp_path: Path) -> None:

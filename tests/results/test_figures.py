@@ -45,6 +45,23 @@ def test_same_results_give_the_same_bytes_in_any_process() -> None:
     assert printed.strip() == repr(plots(FOUND))
 
 
+def test_settings_of_a_user_change_no_figure(tmp_path: Path) -> None:
+    """And what a library's caller chose as backend stays."""
+    settings = tmp_path / "matplotlibrc"
+    settings.write_text("text.usetex: True\naxes.grid: True\nlines.linewidth: 9\n")
+    code = "from tests.results.test_figures import FOUND, plots\nprint(repr(plots(FOUND)))\n"
+    code += "import matplotlib\nprint(matplotlib.rcParams['backend'])"
+    printed = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, "MATPLOTLIBRC": str(settings), "MPLBACKEND": "svg"},
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    assert printed.splitlines() == [repr(plots(FOUND)), "svg"]
+
+
 def test_figures_name_every_task_and_its_success_rate() -> None:
     titles = {task.title for task in TASKS}
     rates = {f"{100 * one.score.successes / one.score.episodes:.1f} %" for one in FOUND.tasks}

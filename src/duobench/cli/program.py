@@ -1,11 +1,14 @@
 """All verbs, and how their arguments are read."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from pathlib import Path
 
 import tyro
 
 from duobench.cli.real import arms, calibrate, check
 from duobench.cli.shared.console import say
+from duobench.cli.shared.process import find_scratch
 from duobench.cli.shared.spelling import check_spelling
 from duobench.cli.verbs import data, docs, doctor, episodes, policies, runs, tasks, teleop
 from duobench.versions import __version__
@@ -84,10 +87,22 @@ def run(words: Sequence[str]) -> None:
         verbs, program, words = GROUPS[group], f"duobench {group}", words[1:]
     check_spelling(words, verbs, program, default=next(iter(verbs)) if len(verbs) == 1 else "")
     tyro.extras.subcommand_cli_from_dict(
-        dict(verbs),
+        {name: _with_scratch(verb) for name, verb in verbs.items()},
         prog=program,
         description=description,
         args=words,
         sort_subcommands=False,
         config=(tyro.conf.EnumChoicesFromValues,),
     )
+
+
+def _with_scratch(verb: Callable[..., None]) -> Callable[..., None]:
+    """A verb that has a folder for temporary files, if need be at a path that it is given."""
+
+    @wraps(verb)
+    def run(*args: object, **options: object) -> None:
+        given = (*args, *options.values())
+        find_scratch(path for path in given if isinstance(path, Path))
+        verb(*args, **options)
+
+    return run

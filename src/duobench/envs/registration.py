@@ -132,11 +132,14 @@ def make_vec(
     layouts: int | None = None,
     **options: Unpack[EnvOptions],
 ) -> gym.vector.VectorEnv:
-    """Several environments of a task side by side, as `gymnasium.make_vec` makes them.
+    """Several environments of a task side by side; for speed, give it `threads`.
 
-    With `threads`, all episodes are stepped in this process on MuJoCo's own threads, with the same
-    episodes to the last bit; see `duobench.envs.BatchEnv`. With the engine "warp", MuJoCo Warp
-    steps them on a graphics card: near the same, and no scores.
+    With `threads`, such as the number of cores, all episodes are stepped in this process on
+    MuJoCo's own threads, with the same episodes to the last bit; see `duobench.envs.BatchEnv`.
+    Without, they are as `gymnasium.make_vec` makes them: one after the other, slower than one
+    alone, but each an environment of its own, with all of its options and words of `info`.
+
+    With the engine "warp", MuJoCo Warp steps them on a graphics card: near the same, and no scores.
 
     Args:
         task: As for `make`.

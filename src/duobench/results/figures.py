@@ -296,7 +296,8 @@ def as_svg(name: str, make: Callable[[*Values], Figure], *values: *Values) -> st
     # Identifiers inside are hashes; with a salt of its own, no two figures on a page share one.
     buffer = io.StringIO()
     with (
-        matplotlib.style.context({**_STYLE, "svg.hashsalt": name}),
+        # A user's own settings of Matplotlib change no figure.
+        matplotlib.style.context({**_STYLE, "svg.hashsalt": name}, after_reset=True),
         warnings.catch_warnings(action="ignore", category=UserWarning),  # of glyphs and narrow axes
     ):
         figure: Any = make(*values)

@@ -19,6 +19,7 @@ from duobench.files import (
     begin_or_continue,
     check_there,
     encode,
+    files_in,
     held,
     is_locked,
     locked,
@@ -357,8 +358,7 @@ class RunFolder(RunReader):
     def _check_free(self) -> None:
         if self.description.exists():
             return
-        paths = {path for path in self.path.rglob("*") if not path.is_dir()}
-        paths -= {self.journal(each) for each in self.writers}
+        paths = {*files_in(self.path)} - {self.journal(each) for each in self.writers}
         # Of one that was killed while it began.
         if not all(path.match(f".{DESCRIPTION}.*") for path in paths):
             raise OtherRunError(f"{self.path} is not empty and holds no evaluation.")

@@ -13,7 +13,7 @@ import matplotlib
 from markupsafe import Markup
 
 from duobench.errors import OtherRunError, VideoError
-from duobench.files import make_folder, write
+from duobench.files import files_in, make_folder, write
 from duobench.hardware.judge import REACTION_S
 from duobench.machine import is_software_renderer
 from duobench.pages import render
@@ -85,7 +85,7 @@ def json_text(content: object) -> str:
 
 def check_free(out: Path, sign: str, what: str) -> None:
     """Make a folder to write into, or find by the file that is its sign that it holds the same."""
-    if not (out / sign).exists() and out.is_dir() and any(out.iterdir()):
+    if not (out / sign).exists() and any(files_in(out)):
         raise OtherRunError(f"{out} is not empty and holds no {what}.")
     make_folder(out)
 

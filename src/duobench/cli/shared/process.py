@@ -6,18 +6,22 @@ A verb that has nothing to put away is left at once. Libraries that try optional
 
 import os
 import signal
+import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from duobench.files import SCRATCH
 from duobench.sim.opengl import load_engine  # noqa: F401 - with which a verb begins
 
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
 AT_LEAVING: list[Callable[[], object]] = []
 """What `leave` puts back first, such as a terminal; nothing else is put away."""
+_MEMORY = Path("/dev/shm")
 _STDOUT, _STDERR = 1, 2
 _SHOW_CURSOR = b"\x1b[?25h"
 """Live progress hides the cursor of a terminal."""
@@ -40,6 +44,28 @@ def _raise(_number: int, _frame: FrameType | None) -> NoReturn:
     # Pressed again, because it was swallowed or takes long, it leaves.
     signal.signal(signal.SIGINT, leave)
     raise KeyboardInterrupt
+
+
+def find_scratch(paths: Iterable[Path]) -> None:
+    """Have a folder for temporary files, such as the cache of what draws figures, until the end.
+
+    Where none of the usual ones can be written, as in a container that only reads, it lies at one
+    of the paths or above it, or else in memory.
+    """
+    try:
+        tempfile.gettempdir()
+    except FileNotFoundError:
+        folder = next(filter(None, map(_scratch_at, (*paths, _MEMORY))), None)
+        if folder is not None:
+            AT_LEAVING.append(folder.cleanup)  # else it removes itself at the end of the process
+            os.environ["TMPDIR"] = tempfile.tempdir = folder.name
+
+
+def _scratch_at(path: Path) -> tempfile.TemporaryDirectory[str] | None:
+    above = next(each for each in (path, *path.absolute().parents) if each.is_dir())
+    with suppress(OSError):
+        return tempfile.TemporaryDirectory(prefix=SCRATCH, dir=above, ignore_cleanup_errors=True)
+    return None
 
 
 @contextmanager

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import resource
+import shutil
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 from statistics import median
@@ -14,15 +18,17 @@ import numpy as np
 from PIL import Image as Pictures
 from rich.text import Text
 
+from duobench import files
 from duobench.backend import Image
 from duobench.cli.real.rigs import known_rig
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import counted, say, table
 from duobench.cli.shared.process import load_engine
 from duobench.envs.config import IMAGE_SIZE
-from duobench.errors import BackendError, DuoBenchError
+from duobench.errors import BackendError
 from duobench.hardware.canonical import NATIVE
 from duobench.hardware.clock import SystemClock, VirtualClock
+from duobench.hardware.doctor.checks import Check, Outcome, write_checks
 from duobench.machine import unsupported
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
@@ -30,42 +36,154 @@ from duobench.types import HEAD, POLICY_CAMERAS
 from duobench.versions import other_engine, record_versions
 
 if TYPE_CHECKING:
-    from duobench.hardware.doctor.checks import Check
     from duobench.hardware.duo import FrankaDuo
 
 
 FIRST_COMMAND = "duobench eval --policy expert --tasks bin_sort --episodes 1 --out runs/first"
 FRAMES = 20
 """Images that are timed; their median is shown."""
+ROOM_GB, LEAST_ROOM_GB = 1.0, 0.1
+"""Free space for the output that is enough, and that is too little for anything."""
+HANDLES = 256
+"""Open files that are enough for many workers."""
+DEVICE = "MUJOCO_EGL_DEVICE_ID"
+_VARIABLES = (
+    *("MUJOCO_GL", DEVICE, "PYOPENGL_PLATFORM", "CUDA_VISIBLE_DEVICES"),
+    *("NVIDIA_DRIVER_CAPABILITIES", "OMP_NUM_THREADS"),
+)
+"""What other programs and scripts of jobs set, and a run heeds."""
+_NAMED = ("PYTHONPATH", "LD_PRELOAD", "LD_LIBRARY_PATH", "TMPDIR", "MPLCONFIGDIR")
+"""The same, of which the value is nobody's business."""
 
 
-def doctor() -> None:
-    """Show versions and graphics, with the time of an image; exit code 1 if one fails."""
+def doctor(out: Path | None = None) -> None:
+    """Try what a run needs, one line a check; the exit code is 1 if one fails.
+
+    Scripts of jobs call it first.
+
+    Args:
+        out: Folder of the run, which need not be there; the current folder if none is named.
+    """
     if problem := unsupported():
         say(problem, style="red")
         sys.exit(1)
-    is_well = True
-    for heading, look in (("Versions", _versions), ("Graphics", _graphics)):
-        say(heading, style="bold")
-        try:
-            for name, value in look().items():
-                say(f"  {name:<16}{value}")
-        except DuoBenchError as error:
-            is_well = False
-            say(f"  does not work: {error}", style="red")
-    if not is_well:
+    failed = 0
+    for check in _checks(out):
+        failed += check.outcome is Outcome.FAILED
+        told = filter(None, (check.value.removesuffix("."), check.advice))
+        words = " ".join(". ".join(told).split())
+        say(f"{check.outcome:<8}{check.name:<17}{words}", style=_STYLES[check.outcome])
+    if failed:
+        say(f"{counted(failed, 'check')} failed.", style="bold red")
         sys.exit(1)
     say(f"All is well. Next: {FIRST_COMMAND}", style="bold")
 
 
-def _versions() -> dict[str, str]:
+def _checks(out: Path | None) -> Iterator[Check]:
+    yield from _versions()
+    looks: dict[str, Callable[[], Iterable[Check]]] = {
+        "output": lambda: _output(out or Path()),
+        "temporary files": _temporary,
+        "file handles": _handles,
+        "locale": _locale,
+        "variables": _variables,
+        "figures": _figures,
+        "videos": _videos,
+        "images": _images,
+    }
+    for name, look in looks.items():
+        try:
+            yield from look()
+        except Exception as error:  # noqa: BLE001 - whatever keeps it from working is told
+            is_asked = name != "output" or out is not None
+            outcome = Outcome.FAILED if is_asked else Outcome.NOTE
+            yield outcome.of(name, str(error) or type(error).__name__)
+
+
+def _versions() -> Iterator[Check]:
     versions = {name: version for name, version in record_versions(None).items() if version}
-    if other := other_engine(versions):
-        versions["mujoco"] += f": {other}; runs with it are marked and not ranked"
-    return {**versions, "suite version": SUITE_VERSION}
+    other = other_engine(versions)
+    for name, version in versions.items():
+        is_well = name != "mujoco" or not other
+        advice = f"This is {other}; runs with it are marked and not ranked."
+        yield Outcome.NOTE.unless(is_well, name, version, advice)
+    yield Outcome.OK.of("suite version", SUITE_VERSION)
 
 
-def _graphics() -> dict[str, str]:
+def _output(out: Path) -> Iterator[Check]:
+    above = next(each for each in (out, *out.absolute().parents) if each.exists())
+    with files.writing(out), tempfile.TemporaryDirectory(prefix=files.SCRATCH, dir=above) as folder:
+        with files.locked(Path(folder)):
+            files.write(Path(folder, "file"), "written")
+        room = shutil.disk_usage(folder).free / 1e9
+    outcome = Outcome.NOTE if room > LEAST_ROOM_GB else Outcome.FAILED
+    found = f"{above.absolute()} can be written, {room:.1f} GB are free"
+    yield outcome.unless(room > ROOM_GB, "output", found, "Make room, or give another --out.")
+
+
+def _temporary() -> Iterator[Check]:
+    folder = Path(tempfile.gettempdir())
+    room = shutil.disk_usage(folder).free / 1e9
+    is_usual = not folder.name.startswith(files.SCRATCH)
+    advice = "No usual folder for them can be written: set TMPDIR to one."
+    found = f"{folder}, {room:.1f} GB are free"
+    yield Outcome.NOTE.unless(is_usual, "temporary files", found, advice)
+
+
+def _handles() -> Iterator[Check]:
+    most, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    is_well = most == resource.RLIM_INFINITY or most >= HANDLES
+    advice = f"Many workers need more: ulimit -n {HANDLES}"
+    yield Outcome.NOTE.unless(is_well, "file handles", f"{most} at a time", advice)
+
+
+def _locale() -> Iterator[Check]:
+    names, output = sys.getfilesystemencoding(), sys.stdout.encoding
+    is_well = {names.lower(), output.lower()} == {"utf-8"}
+    advice = "Signs that they lack are replaced: set LC_ALL=C.UTF-8."
+    found = f"names of files in {names}, output in {output}"
+    yield Outcome.NOTE.unless(is_well, "locale", found, advice)
+
+
+def _variables() -> Iterator[Check]:
+    here = {name: os.environ[name] for name in _VARIABLES if name in os.environ}
+    threads = here.get("OMP_NUM_THREADS", "1")
+    is_well = all(number.strip().isdecimal() and int(number) for number in threads.split(","))
+    # A value may be a secret or a way through somebody's home: bugs are reported with it.
+    told = [f"{name}={value}" for name, value in here.items()]
+    told += [name for name in _NAMED if name in os.environ]
+    advice = "OMP_NUM_THREADS is a whole number from 1 on."
+    yield Outcome.NOTE.unless(is_well, "variables", " ".join(told) or "none of others", advice)
+
+
+def _figures() -> Iterator[Check]:
+    given = os.environ.get("MPLCONFIGDIR")
+    from matplotlib import __version__, get_cachedir
+    from matplotlib.figure import Figure
+
+    from duobench.results.figures import as_svg
+
+    figure = Figure()
+    figure.add_subplot().set_title("Success")
+    as_svg("doctor", lambda: figure)
+    found = f"drawn by Matplotlib {__version__}, which keeps fonts in {get_cachedir()}"
+    # Matplotlib tells its children of a folder that is removed at the end.
+    is_kept = os.environ.get("MPLCONFIGDIR") == given
+    advice = "Each command finds them anew: set MPLCONFIGDIR to a folder that can be written."
+    yield Outcome.NOTE.unless(is_kept, "figures", found, advice)
+
+
+def _videos() -> Iterator[Check]:
+    from duobench.video import AV1, H264, VP9, write_video
+
+    codecs, frames = (VP9, AV1, H264), [np.zeros((64, 64, 3), dtype=np.uint8)] * 2
+    with tempfile.TemporaryDirectory() as folder:
+        for codec in codecs:
+            write_video(frames, Path(folder, codec.encoder), codec, 30)
+    yield Outcome.OK.of("videos", f"encoded by {', '.join(codec.encoder for codec in codecs)}")
+
+
+def _images() -> Iterator[Check]:
     load_engine()
     from duobench.envs.sim_env import SimEnv
     from duobench.sim.rendering import Renderer
@@ -76,17 +194,21 @@ def _graphics() -> dict[str, str]:
     height, width = IMAGE_SIZE
     with Renderer(base.simulation.model, height=height, width=width) as renderer:
         info = renderer.info
+        is_seen = renderer.render(data, HEAD).any()
         one = _milliseconds(lambda: renderer.render(data, HEAD))
         three = _milliseconds(lambda: renderer.render_all(data, POLICY_CAMERAS))
-    return {
-        "backend": info.backend,
-        "renderer": info.renderer,
-        "vendor": info.vendor,
-        "OpenGL": info.version,
-        "rendered by": "the processor, as no card does" if info.software else "a graphics card",
-        "one image": f"{one:.1f} ms at {width}x{height}, shadows included",
-        "three cameras": f"{three:.1f} ms",
-    }
+    found = f"{one:.1f} ms at {width}x{height}, shadows included"
+    yield Outcome.OK.of("backend", info.backend)
+    yield Outcome.OK.of("renderer", info.renderer)
+    yield Outcome.OK.of("vendor", info.vendor)
+    yield Outcome.OK.of("OpenGL", info.version)
+    yield Outcome.FAILED.unless(bool(is_seen), "one image", found, "It is black.")
+    yield Outcome.OK.of("three cameras", f"{three:.1f} ms")
+    devices = os.environ.get("CUDA_VISIBLE_DEVICES")
+    is_chosen = info.software or not devices or DEVICE in os.environ
+    by = "the processor, as no card does" if info.software else "a graphics card"
+    advice = f"CUDA_VISIBLE_DEVICES does not choose it; {DEVICE}, a whole number, does."
+    yield Outcome.NOTE.unless(is_chosen, "rendered by", by, advice)
 
 
 def _milliseconds(work: Callable[[], object]) -> float:
@@ -120,7 +242,6 @@ def examine_rig(
     """
     if seconds <= 0.0:
         raise AdvisedError("--seconds is more than 0.")
-    from duobench.hardware.doctor.checks import write_checks
     from duobench.hardware.doctor.examine import examine
     from duobench.hardware.opening import COMPUTED, open_rig
 

@@ -222,6 +222,7 @@ def verify(
     """
     find_run(source)
     load_engine()
+    import duobench.results.report  # noqa: F401 - it draws at the end; what keeps it is told now
     from duobench.replay.verify import verify as verify_run
 
     opened = open_source(source)
