@@ -20,8 +20,8 @@ SURFACE = {
     """,
     "duobench.envs": """
         ACTION_MODES ActionChunks BatchEnv BinaryGripper Cameras CartesianActions ClosedEnvError
-        DuoEnv DuoWrapper EnvConfig EpisodeState FlatObservations ObjectStates RandomizedReset RelativeCartesianActions
-        RelativeJointActions ResetNeededError SimEnv StateError TaskStages TimeLimit base_of env_id
+        DuoEnv DuoWrapper EnvConfig EpisodeState FlatObservations ObjectStates RandomizedReset
+        RelativeCartesianActions RelativeJointActions ResetNeededError SimEnv StateError TaskStages TimeLimit base_of env_id
         make make_env register sim_of
     """,
     "duobench.evaluation": """
