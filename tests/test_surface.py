@@ -21,8 +21,8 @@ SURFACE = {
     "duobench.envs": """
         ACTION_MODES ActionChunks BatchEnv BinaryGripper Cameras CartesianActions ClosedEnvError
         DuoEnv DuoWrapper EnvConfig EpisodeState FlatObservations ObjectStates RandomizedReset
-        RelativeCartesianActions RelativeJointActions ResetNeededError SimEnv StateError TaskStages TimeLimit base_of env_id
-        make make_env register sim_of
+        RelativeCartesianActions RelativeJointActions ResetNeededError SimEnv StateError TaskStages
+        TimeLimit base_of env_id make make_env register sim_of
     """,
     "duobench.evaluation": """
         Episode EpisodeRecord ExpertPolicy Job Observer PolicyChoice PolicySource Results Run
