@@ -6,14 +6,16 @@ from collections.abc import Iterable, Mapping
 from duobench.errors import (
     ConnectionLostError,
     MachineryError,
+    PolicyEndedError,
     TaskFailedError,
     UnplayedError,
 )
-from duobench.results.attempts import MACHINERY, POLICY, TASK
+from duobench.results.attempts import MACHINERY, MOST_POLICY_ENDS, POLICY, TASK
 from duobench.results.suite import Episode, TaskInfo
 
 MAX_PLAYS = 3
 """How often an episode is begun before it is given up."""
+LOST = "the connection to the policy was lost"
 
 
 class AttemptLog:
@@ -43,6 +45,11 @@ def end_of(fault: MachineryError) -> str:
             return POLICY
         case _:
             return MACHINERY
+
+
+def ended_twice(what: str, fault: str) -> PolicyEndedError:
+    """The error of an episode in which a policy ended, or was lost, as often as it may."""
+    return PolicyEndedError(f"In {MOST_POLICY_ENDS} attempts {what}, the last time: {fault}")
 
 
 class Schedule:
