@@ -19,8 +19,8 @@ SURFACE = {
         export_lerobot find_problems merge split summarize write_page
     """,
     "duobench.envs": """
-        ACTION_MODES ActionChunks BatchEnv BinaryGripper Cameras CartesianActions ClosedEnvError DuoEnv DuoWrapper
-        EnvConfig
+        ACTION_MODES ActionChunks BatchEnv BinaryGripper Cameras CartesianActions ClosedEnvError
+        DuoEnv DuoWrapper EnvConfig
         EpisodeState FlatObservations ObjectStates RandomizedReset RelativeCartesianActions
         RelativeJointActions ResetNeededError SimEnv StateError TaskStages TimeLimit base_of env_id
         make make_env register sim_of
