@@ -133,15 +133,14 @@ def rolling(
         dropped & ~lain, PLACE_UNIT, lambda x, y: hypot(x - middle, y - middle) > MOST_MOVED
     )
     after = f"while {board} was not held up by both arms"
-    elsewhere = all_of(
-        lifted,
-        since(dropped, reset=lifted),
-        any_of(
-            in_other_cell.called(f"{ball} came to another cell {after}"),
-            all_of(since(let_down, reset=lifted), ~lain | moved).called(f"{ball} rolled {after}"),
-        ),
+    again = lifted & since(dropped, reset=lifted)
+    lost = all_of(again, since(let_down, reset=lifted), ~lain | moved)
+    spoilt = any_of(
+        ~inside(ball, room),
+        *(arm_touches(side, ball) for side in SIDES),
+        (again & in_other_cell).called(f"{ball} came to another cell {after}"),
+        lost.called(f"{ball} rolled {after}"),
     )
-    spoilt = any_of(~inside(ball, room), *(arm_touches(side, ball) for side in SIDES), elsewhere)
     start = (lifted & at_start).called(f"{ball} is at the start on the lifted {board}")
     begun = since(start, reset=spoilt)
     left = all_of(lifted, ~spoilt, ~at_start, begun).called(f"{ball} rolls away from the start")
