@@ -6,7 +6,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-POLICY, TASK, MACHINERY, PERSON, NOBODY = "policy", "task", "machinery", "person", ""
+POLICY, TASK, MACHINERY, PERSON = "policy", "task", "machinery", "person"
 
 FAILED = "the episode failed, with the error"
 TWICE = "played again alone; the second time fails the episode"
@@ -41,21 +41,21 @@ ROWS = (
     Row(
         moment="making the policy",
         what="it raises; it expects what no environment has",
-        owner=NOBODY,
+        owner=POLICY,
         effect=NOTHING,
         cells=("local: cannot be made", "local: expects no camera", "served: is no server"),
     ),
     Row(
         moment="making the policy",
         what="three processes in a row cannot start",
-        owner=NOBODY,
+        owner=POLICY,
         effect=NOTHING,
         cells=("local: dies when made",),
     ),
     Row(
         moment="its first answer, before anything is played",
         what="it raises, ends, or gives what is no chunk",
-        owner=NOBODY,
+        owner=POLICY,
         effect=NOTHING,
         cells=tuple(both("raises first", "ends first", "too wide first")),
     ),
