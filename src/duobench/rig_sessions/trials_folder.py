@@ -26,6 +26,7 @@ from duobench.hardware.rig import Rig
 from duobench.results.folder import RUN_BEGINNINGS, RunFolder
 from duobench.results.records import InvalidTrial
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
+from duobench.types import HEAD
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
@@ -95,6 +96,8 @@ class TrialsProgress:
     """How often a trial was begun, by its number."""
     invalid: dict[int, list[InvalidTrial]] = field(default_factory=dict[int, list[InvalidTrial]])
     """Attempts that do not count, by the trial's number."""
+    presses: dict[int, list[tuple[int | None, int]]] = field(default_factory=dict)
+    """Stage and control step of each press in the attempt that counted last."""
     cut: tuple[int, int] | None = None
     """Trial and attempt that was being played when the log ended; None if none was."""
 
@@ -120,6 +123,7 @@ class TrialsProgress:
                     progress.cut = entry.trial, entry.attempt
                 case LogKind.VALID:
                     progress.valid[entry.trial], progress.cut = entry.attempt, None
+                    progress.presses[entry.trial] = [(one.stage, one.step) for one in labels.all]
                     counted[entry.trial] = InvalidTrial(
                         reason=REMOVED, stage=labels.stage, fault=fault, is_chosen=True
                     )
@@ -294,9 +298,47 @@ class TrialsFolder:
         return [
             trial
             for trial in plan.trials()
-            if trial.number not in progress.valid or not self._record(plan, trial).exists()
+            if trial.number not in progress.valid or not self.run.record(plan.key(trial)).exists()
         ]
 
-    def _record(self, plan: TrialsPlan, trial: RigEpisode) -> Path:
-        policy = plan.policies[trial.policy].policy
-        return self.run.record(plan.run.key(plan.episode(trial), policy))
+    def compared(self) -> str:
+        """Compare plan, log and files; what is missing, in sentences, empty if nothing is.
+
+        Raises:
+            EvaluationError: The log or a record is of no trial here, so that nothing goes on.
+        """
+        plan, progress = self.read_plan(), TrialsProgress.of(self.read_log())
+        trials = {plan.key(trial): trial.number for trial in plan.trials()}
+        records = {trials[each.key]: each for each in self.run.read_records(plan.run)}
+        if others := progress.attempts.keys() - trials.values():
+            raise EvaluationError(
+                f"{self.log_file} tells of trial {min(others) + 1}, and {DESCRIPTION} plans "
+                f"{len(trials)}: one of the two is of another evaluation."
+            )
+        unseen = set[int]()
+        has_camera = self.rig.exists() and HEAD in Rig.read(self.rig).cameras
+        for number, record in records.items():
+            attempt = progress.valid.get(number)
+            told = record.judged and [(one.stage, one.step) for one in record.judged.presses]
+            is_other = attempt is not None and told != progress.presses[number]
+            if is_other or number not in progress.attempts:
+                raise EvaluationError(
+                    f"{self.run.record(record.key)} is not what {self.log_file.name} tells of "
+                    f"trial {number + 1}: it is of another evaluation, or the log was changed. Put "
+                    "back what was there, or move the record away: the trial comes again."
+                )
+            seen = [self.run.video(record.key)] if record.steps else []
+            seen += [self.placed(number, attempt or 0)]
+            if has_camera and attempt and not all(path.exists() for path in seen):
+                unseen.add(number)
+        missing = {
+            "counted, have no record now, and come again": progress.valid.keys() - records,
+            "have a record that the log does not count, and come again": records.keys()
+            - progress.valid,
+            "lack a photo or film": unseen,
+        }
+        return " ".join(
+            f"Trials that {what}: {len(numbers)}, such as number {min(numbers) + 1}."
+            for what, numbers in missing.items()
+            if numbers
+        )

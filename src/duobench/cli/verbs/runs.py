@@ -27,7 +27,7 @@ from duobench.files import check_outside, digest_of
 from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
-from duobench.results.folder import RunFolder
+from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import Condition
 from duobench.results.salt import read_salt
 from duobench.results.scores import RunPart, interval_percent, percent, rate_text
@@ -73,7 +73,7 @@ def report(
             else "--out is for the report of a bundle; that of a run lies in the run's own folder."
         )
     folder = RunFolder(out or source)
-    parts = read_parts(reader)
+    parts, removed = read_parts(reader), _removed(reader)
     if len(parts) == 1:
         # First, so that the table of a folder can be had by who may only read it.
         say(results_table(parts[0]))
@@ -85,11 +85,23 @@ def report(
         write_report(folder, elsewhere)
     if missing := missing_shards(folder, parts[0].run):
         say(missing)
-    if removed := reader.removed(parts[0].run):
+    if removed:
         say(removed)
     say(f"Report: {relative(folder.page)}")
     if impossible:
         sys.exit(1)
+
+
+def _removed(reader: RunReader) -> str:
+    """What was played and is missing now, in sentences; a folder that does not go on is refused."""
+    run = reader.read_run()
+    if not run.is_real:
+        return reader.removed(run)
+    from duobench.rig_sessions.trials_folder import TrialsFolder
+
+    trials = TrialsFolder(reader.path.parent)
+    is_of_trials = trials.run.path == reader.path and trials.description.exists()
+    return trials.compared() if is_of_trials else ""
 
 
 def _make_chosen(
@@ -234,7 +246,7 @@ def verify(
             "The seeds are not verified: they follow from a salt that is not given (--salt), and "
             "may have been chosen by whoever played the run."
         )
-    if removed := opened.removed(found.run):
+    if removed := _removed(opened):
         say(removed)
     _show_verification(found, import_tasks)
     if not found.is_verified:
@@ -294,10 +306,11 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     reader = RunFolder(folder)
     whole = reader.path.resolve()  # which has a name, also where `.` was given
     path = out or relative(whole.with_name(f"{whole.name}{BUNDLE_SUFFIX}"))
+    removed = _removed(reader)
     manifest = write_bundle(reader, path)
     if manifest.missing:
         say(f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}.")
-    if removed := reader.removed(reader.read_run()):
+    if removed:
         say(removed)
     if repeats := repeats_text(ends[:-1] for ends in manifest.attempts.values()):
         say(repeats)
