@@ -120,7 +120,7 @@ def without_film(folder: TrialsFolder) -> None:
     ("change", "said", "remaining"),
     [
         (without_record, "counted, have no record now, and come again: 1, such as number 2.", [1]),
-        (without_verdict, "that the log does not count, and come again: 1, such as number 2.", [1]),
+        (without_verdict, "that does not count, and come again: 1, such as number 2.", [1]),
         (without_photo, "Trials that lack a photo or film: 1, such as number 1.", []),
         (without_film, "Trials that lack a photo or film: 2, such as number 1.", []),
     ],
@@ -186,10 +186,10 @@ def with_another_trial(folder: TrialsFolder) -> None:
     [
         (renamed, "has a record of no episode of its run"),
         (copied, "does not belong to this run: its episode is 0, expected was 1"),
-        (without_log, "is not what log.jsonl tells of trial 1: it is of another evaluation"),
-        (half_a_log, "is not what log.jsonl tells of trial 2"),
-        (with_other_presses, "is not what log.jsonl tells of trial 2"),
-        (with_another_trial, "tells of trial 3, and trials.json plans 2"),
+        (without_log, "they do not agree on trial 1; such trials: 2"),
+        (half_a_log, "they do not agree on trial 2; such trials: 1"),
+        (with_other_presses, "they do not agree on trial 2; such trials: 1"),
+        (with_another_trial, "log.jsonl is of another evaluation, or one of trials.json"),
     ],
 )
 def test_what_no_trial_has_left_is_refused_everywhere(

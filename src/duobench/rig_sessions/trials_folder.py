@@ -308,37 +308,35 @@ class TrialsFolder:
             EvaluationError: The log or a record is of no trial here, so that nothing goes on.
         """
         plan, progress = self.read_plan(), TrialsProgress.of(self.read_log())
-        trials = {plan.key(trial): trial.number for trial in plan.trials()}
-        records = {trials[each.key]: each for each in self.run.read_records(plan.run)}
-        if others := progress.attempts.keys() - trials.values():
-            raise EvaluationError(
-                f"{self.log_file} tells of trial {min(others) + 1}, and {DESCRIPTION} plans "
-                f"{len(trials)}: one of the two is of another evaluation."
-            )
-        unseen = set[int]()
+        numbers = {plan.key(trial): trial.number for trial in plan.trials()}
+        records = {numbers[each.key]: each for each in self.run.read_records(plan.run)}
         has_camera = self.rig.exists() and HEAD in Rig.read(self.rig).cameras
+        foreign = dict.fromkeys(progress.attempts.keys() - numbers.values(), self.log_file)
+        unseen = set[int]()
         for number, record in records.items():
-            attempt = progress.valid.get(number)
-            told = record.judged and [(one.stage, one.step) for one in record.judged.presses]
-            is_other = attempt is not None and told != progress.presses[number]
+            attempt = progress.valid.get(number, 0)
+            presses = record.judged and [(one.stage, one.step) for one in record.judged.presses]
+            is_other = attempt and presses != progress.presses[number]
             if is_other or number not in progress.attempts:
-                raise EvaluationError(
-                    f"{self.run.record(record.key)} is not what {self.log_file.name} tells of "
-                    f"trial {number + 1}: it is of another evaluation, or the log was changed. Put "
-                    "back what was there, or move the record away: the trial comes again."
-                )
-            seen = [self.run.video(record.key)] if record.steps else []
-            seen += [self.placed(number, attempt or 0)]
-            if has_camera and attempt and not all(path.exists() for path in seen):
+                foreign[number] = self.run.record(record.key)
+            film, photo = self.run.video(record.key), self.placed(number, attempt)
+            is_seen = photo.exists() and (film.exists() or not record.steps)
+            if has_camera and attempt and not is_seen:
                 unseen.add(number)
-        missing = {
-            "counted, have no record now, and come again": progress.valid.keys() - records,
-            "have a record that the log does not count, and come again": records.keys()
-            - progress.valid,
-            "lack a photo or film": unseen,
-        }
+        if foreign:
+            raise EvaluationError(
+                f"{foreign[min(foreign)]} is of another evaluation, or one of {DESCRIPTION} and "
+                f"{self.log_file.name} was changed: they do not agree on trial {min(foreign) + 1}; "
+                f"such trials: {len(foreign)}. Put back what was there; a trial whose record is "
+                "moved away comes again."
+            )
+        found = (
+            ("counted, have no record now, and come again", progress.valid.keys() - records),
+            ("have a record that does not count, and come again", records.keys() - progress.valid),
+            ("lack a photo or film", unseen),
+        )
         return " ".join(
-            f"Trials that {what}: {len(numbers)}, such as number {min(numbers) + 1}."
-            for what, numbers in missing.items()
-            if numbers
+            f"Trials that {what}: {len(trials)}, such as number {min(trials) + 1}."
+            for what, trials in found
+            if trials
         )

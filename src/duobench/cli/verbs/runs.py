@@ -73,7 +73,8 @@ def report(
             else "--out is for the report of a bundle; that of a run lies in the run's own folder."
         )
     folder = RunFolder(out or source)
-    parts, removed = read_parts(reader), _removed(reader)
+    parts = read_parts(reader)
+    _tell_missing(reader)
     if len(parts) == 1:
         # First, so that the table of a folder can be had by who may only read it.
         say(results_table(parts[0]))
@@ -85,23 +86,19 @@ def report(
         write_report(folder, elsewhere)
     if missing := missing_shards(folder, parts[0].run):
         say(missing)
-    if removed:
-        say(removed)
     say(f"Report: {relative(folder.page)}")
     if impossible:
         sys.exit(1)
 
 
-def _removed(reader: RunReader) -> str:
-    """What was played and is missing now, in sentences; a folder that does not go on is refused."""
-    run = reader.read_run()
-    if not run.is_real:
-        return reader.removed(run)
+def _tell_missing(reader: RunReader) -> None:
+    """Say what was played and is missing now; a folder of trials that do not go on is refused."""
     from duobench.rig_sessions.trials_folder import TrialsFolder
 
-    trials = TrialsFolder(reader.path.parent)
-    is_of_trials = trials.run.path == reader.path and trials.description.exists()
-    return trials.compared() if is_of_trials else ""
+    trials, run = TrialsFolder(reader.path.parent), reader.read_run()
+    is_of_trials = run.is_real and trials.run.path == reader.path and trials.description.exists()
+    if missing := trials.compared() if is_of_trials else reader.removed(run):
+        say(missing)
 
 
 def _make_chosen(
@@ -246,8 +243,7 @@ def verify(
             "The seeds are not verified: they follow from a salt that is not given (--salt), and "
             "may have been chosen by whoever played the run."
         )
-    if removed := _removed(opened):
-        say(removed)
+    _tell_missing(opened)
     _show_verification(found, import_tasks)
     if not found.is_verified:
         sys.exit(1)
@@ -306,12 +302,10 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     reader = RunFolder(folder)
     whole = reader.path.resolve()  # which has a name, also where `.` was given
     path = out or relative(whole.with_name(f"{whole.name}{BUNDLE_SUFFIX}"))
-    removed = _removed(reader)
+    _tell_missing(reader)
     manifest = write_bundle(reader, path)
     if manifest.missing:
         say(f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}.")
-    if removed:
-        say(removed)
     if repeats := repeats_text(ends[:-1] for ends in manifest.attempts.values()):
         say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
