@@ -172,6 +172,26 @@ class DiesOnce(Acts, RandomPolicy):
             dies()
 
 
+class NeverReady(HoldPolicy):
+    """Is being made until somebody loses patience."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        sys.stderr.write("not ready\n")
+        sys.stderr.flush()
+        time.sleep(600)
+
+
+class ClosesOutputs(HoldPolicy):
+    """Closes what others print to."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        if sys.stdout is not None:
+            sys.stdout.close()
+        sys.stderr = None
+
+
 class DiesAtOnce(Acts, HoldPolicy):
     def before(self) -> None:
         dies()
