@@ -183,13 +183,15 @@ class NeverReady(HoldPolicy):
 
 
 class ClosesOutputs(HoldPolicy):
-    """Closes what others print to."""
+    """Prints, and closes what others print to."""
 
     def reset(self, instruction: str, seed: int) -> None:
         super().reset(instruction, seed)
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None and not stream.closed:
+                stream.write("noise\n")
         if sys.stdout is not None:
             sys.stdout.close()
-        sys.stderr = None
 
 
 class DiesAtOnce(Acts, HoldPolicy):
