@@ -58,6 +58,19 @@ def install_extra(extra: str) -> str:
     return f"Install it{WHERE}: {command}"
 
 
+def fill_streams() -> None:
+    """Put the null device in the place of closed standard streams, for children too.
+
+    Else what is opened next gets the number of a stream, and what is printed lands in it.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+            os.set_inheritable(number, True)
+
+
 def load_extra(module: str, extra: str, needed: str, error: type[DuoBenchError]) -> Any:
     """A module of an extra; where it is missing, an error that says what it is needed for."""
     try:

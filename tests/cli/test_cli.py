@@ -566,8 +566,10 @@ def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
             os.killpg(process.pid, signal.SIGINT)
         said, complaint = process.communicate()
     assert process.returncode == 128 + number
-    # Who presses twice may cut off this line, and nothing else.
-    assert "the same command goes on" in said or moment in {"pressed twice", "terminated"}
+    # Who presses twice may cut off this line, and nothing else; before an attempt nothing is kept.
+    is_told = "the same command goes on" in said
+    assert moment in {"pressed twice", "terminated"} or is_told == (tmp_path / "run").exists()
+    assert is_told or moment != "playing"
     assert complaint.strip() == "Stopped."
 
 
@@ -592,6 +594,27 @@ def test_interrupted_recording_says_that_it_goes_on(tmp_path: Path) -> None:
         said, complaint = process.communicate()
     assert (process.returncode, complaint.strip()) == (130, "Stopped.")
     assert "What is finished is kept; the same command goes on from there." in said
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [
+        ("record", ["--policy", f"{toy_tasks.__name__}:NeverReady", "--tasks", "bin_sort"]),
+        ("eval", ["--policy", f"{toy_tasks.__name__}:NeverReady", "--tasks", "bin_sort"]),
+    ],
+)
+def test_nothing_is_said_to_be_kept_where_nothing_is(
+    tmp_path: Path, verb: str, words: list[str]
+) -> None:
+    with started(verb, *words, "--workers", "0", "--out", str(tmp_path / "new")) as process:
+        assert process.stderr is not None
+        while process.stderr.readline().strip() != "not ready":
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        said, complaint = process.communicate()
+    assert (process.returncode, complaint.strip()) == (130, "Stopped.")
+    assert "kept" not in said
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

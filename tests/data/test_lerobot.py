@@ -4,6 +4,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,7 @@ from duobench.errors import (
 )
 from duobench.files import locked
 from duobench.rig_sessions.cameras import view_of
+from duobench.training.training import plan_all
 from duobench.types import POLICY_CAMERAS
 from tests.data.conftest import EPISODES, LENGTHS
 from tests.data.real.number_duo import (
@@ -253,6 +255,44 @@ def test_a_lost_file_is_made_again(original: DataSet, exported: Path, tmp_path: 
     export_lerobot(original, out, SMALL, workers=0, progress=lambda done, _total: seen.append(done))
     assert seen == [2 * HORIZON, 3 * HORIZON]
     assert files(out) == files(exported)
+
+
+def halved(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def emptied(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+@pytest.mark.parametrize("damage", [halved, emptied, Path.unlink])
+@pytest.mark.parametrize("kind", ["data", "video"])
+def test_a_damaged_file_is_not_trained_on_and_made_again(
+    original: DataSet, exported: Path, tmp_path: Path, damage: Callable[[Path], None], kind: str
+) -> None:
+    out = shutil.copytree(exported, tmp_path / "out")
+    folder = ExportFolder(out)
+    plan_all("act", out, tmp_path / "training", tasks=[TASK])
+    path = folder.data(1) if kind == "data" else folder.video("head", 1)
+    damage(path)
+    with pytest.raises(DataError, match=rf"{path} is not as the export left it; such files: 1\."):
+        plan_all("act", out, tmp_path / "training", tasks=[TASK])
+    seen: list[int] = []
+    export_lerobot(original, out, SMALL, workers=0, progress=lambda done, _total: seen.append(done))
+    assert seen == [2 * HORIZON, 3 * HORIZON]
+    assert files(out) == files(exported)
+
+
+@pytest.mark.parametrize(
+    "name", ["tasks.parquet", "duobench/000001.json", "episodes/chunk-000/file-000.parquet"]
+)
+def test_an_export_without_a_file_that_describes_it_is_not_trained_on(
+    exported: Path, tmp_path: Path, name: str
+) -> None:
+    out = shutil.copytree(exported, tmp_path / "out")
+    (out / "meta" / name).unlink()
+    with pytest.raises(DataError, match=f"meta/{name} is not as the export left it"):
+        plan_all("act", out, tmp_path / "training", tasks=[TASK])
 
 
 @pytest.mark.parametrize(

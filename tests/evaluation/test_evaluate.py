@@ -298,3 +298,16 @@ def test_folder_that_is_removed_while_it_is_played_is_said_to_be_gone(play, tmp_
     if not part:
         assert not path.exists()
     play("hold")
+
+
+@pytest.mark.parametrize("there", [None, "empty", "mine"])
+def test_start_that_fails_leaves_no_new_folder(play, tmp_path, there):
+    path = tmp_path / "deep" / "run"
+    if there is not None:
+        path.mkdir(parents=True)
+    if there == "mine":
+        (path / "thesis.txt").touch()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(DuoBenchError):
+        play("nomod:Foo", name="deep/run")
+    assert sorted(tmp_path.rglob("*")) == before

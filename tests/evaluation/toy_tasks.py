@@ -172,6 +172,28 @@ class DiesOnce(Acts, RandomPolicy):
             dies()
 
 
+class NeverReady(HoldPolicy):
+    """Is being made until somebody loses patience."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        sys.stderr.write("not ready\n")
+        sys.stderr.flush()
+        time.sleep(600)
+
+
+class ClosesOutputs(HoldPolicy):
+    """Prints, and closes what others print to."""
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None and not stream.closed:
+                stream.write("noise\n")
+        if sys.stdout is not None:
+            sys.stdout.close()
+
+
 class DiesAtOnce(Acts, HoldPolicy):
     def before(self) -> None:
         dies()

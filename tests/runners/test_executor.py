@@ -4,7 +4,10 @@ A policy is apart from the simulator, and is asked once before anything is playe
 """
 
 import os
+import shlex
 import socket
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -280,3 +283,21 @@ def test_time_of_the_policy_is_known_apart_from_waiting_for_it(play):
         assert each.policy >= 0.1 * (toy_tasks.HORIZON - 1)
         assert each.waiting > 0
     assert results.overall.errors == 0
+
+
+@pytest.mark.parametrize("closed", ["", ">&-", ">&- <&-", ">&- 2>&- <&-"])
+@pytest.mark.parametrize("policy", ["hold", f"{toy_tasks.__name__}:ClosesOutputs"])
+def test_closed_streams_of_a_program_or_a_policy_are_no_error(tmp_path, closed, policy):
+    code = (
+        "from duobench.results.folder import RunFolder\n"
+        "from duobench.results.suite import Suite, find_tasks\n"
+        "from duobench.runners.evaluate import evaluate\n"
+        f"suite = Suite(tasks=find_tasks(['{toy_tasks.WAVE_NAME}']), episodes=1)\n"
+        f"from pathlib import Path; folder = RunFolder(Path('{tmp_path / 'run'}'))\n"
+        f"assert not evaluate('{policy}', suite, folder, workers=1).overall.errors\n"
+    )
+    command = f"{shlex.join([sys.executable, '-c', code])} {closed}"
+    told = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    said = (told.stdout + told.stderr).replace("noise\n", "")
+    assert (told.returncode, said) == (0, "")
+    assert len(list(tmp_path.glob("run/records/*/*/*.json"))) == 1

@@ -12,6 +12,7 @@ from pathlib import Path
 from duobench.cli.shared.process import leave, leaving_at_once
 from duobench.cli.shared.spelling import check_names
 from duobench.errors import DuoBenchError, escaped
+from duobench.machine import fill_streams
 
 VERBOSE = "--verbose"
 
@@ -54,16 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _print_anything() -> None:
-    """Replace what the output's encoding lacks, such as a dash, and do without closed streams.
-
-    Children get the same ones, and no file is opened in the place of a stream.
-    """
-    for number in range(3):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
-            os.set_inheritable(number, True)
+    """Replace what the output's encoding lacks, such as a dash, and do without closed streams."""
+    fill_streams()
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))

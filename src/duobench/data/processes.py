@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
 from duobench.errors import DataError, DuoBenchError, traceback_text
-from duobench.machine import watch_parent
+from duobench.machine import fill_streams, watch_parent
 
 J = TypeVar("J")
 R = TypeVar("R")
@@ -44,6 +44,7 @@ def run_all(
     if workers == 0 or not jobs:
         yield from map(make(), jobs)
     else:
+        fill_streams()
         yield from _run(make, jobs, workers)
 
 

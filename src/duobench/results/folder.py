@@ -27,6 +27,7 @@ from duobench.files import (
     read,
     remove,
     remove_temporary,
+    taken_back,
     write,
     writing,
 )
@@ -263,12 +264,16 @@ class RunFolder(RunReader):
     def writer(self, shard: Shard = WHOLE) -> Generator[Journal]:
         """Be the writer of a shard, with its journal, while a block lasts; a kill leaves no lock.
 
+        A new folder is removed again where the block fails before anything is begun in it.
+
         Raises:
             OtherRunError: The folder holds files that belong to no run.
             LockedError: Another process writes the shard, or one that overlaps with it.
         """
         path = self.journal(shard)
         with ExitStack() as ending:
+            new = taken_back(self.path, *RUN_BEGINNINGS, is_begun=lambda: self.is_begun)
+            ending.enter_context(new)
             with locked(self.path, wait_s=_WAIT_S):  # in which alone others' locks are looked at
                 self._check_free()
                 for other in self.writers:

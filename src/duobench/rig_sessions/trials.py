@@ -110,10 +110,12 @@ class TrialsSession(RigSession):
         plan = folder.begin(
             TrialsPlan(run=run, rater=rater or RATER, order_seed=order_seed, blind=blind)
         )
+        differing = folder.compared()
         self._rater = rater or plan.rater
         folder.keep_rig(duo.rig)
         super().__init__(duo, HumanJudge(plan.task.max_stage, duo.clock.now))
         definition = cast(Task, catalog.get(task.reference))
+        self.message = differing
         self._overlay = Overlay(replace(definition, horizon=task.horizon), duo.rig)
         ending.callback(self._overlay.close)
         self._folder, self._plan, self._server = folder, plan, server
@@ -132,6 +134,8 @@ class TrialsSession(RigSession):
         with folder.run.writer() as journal:
             folder.run.begin(plan.run)
             journal.start(command, 1)
+            for trial in folder.remaining(plan, self._progress):
+                folder.run.discard(plan.key(trial))  # what the log does not count
         self.view = self._page = StatusPage(self, server, self._overlay, silence_s)
 
     def run(self) -> bool:

@@ -26,6 +26,7 @@ from duobench.hardware.rig import Rig
 from duobench.results.folder import RUN_BEGINNINGS, RunFolder
 from duobench.results.records import InvalidTrial
 from duobench.rig_sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
+from duobench.types import HEAD
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
@@ -95,6 +96,8 @@ class TrialsProgress:
     """How often a trial was begun, by its number."""
     invalid: dict[int, list[InvalidTrial]] = field(default_factory=dict[int, list[InvalidTrial]])
     """Attempts that do not count, by the trial's number."""
+    presses: dict[int, list[tuple[int | None, int]]] = field(default_factory=dict)
+    """Stage and control step of each press in the attempt that counted last."""
     cut: tuple[int, int] | None = None
     """Trial and attempt that was being played when the log ended; None if none was."""
 
@@ -120,6 +123,7 @@ class TrialsProgress:
                     progress.cut = entry.trial, entry.attempt
                 case LogKind.VALID:
                     progress.valid[entry.trial], progress.cut = entry.attempt, None
+                    progress.presses[entry.trial] = [(one.stage, one.step) for one in labels.all]
                     counted[entry.trial] = InvalidTrial(
                         reason=REMOVED, stage=labels.stage, fault=fault, is_chosen=True
                     )
@@ -294,9 +298,45 @@ class TrialsFolder:
         return [
             trial
             for trial in plan.trials()
-            if trial.number not in progress.valid or not self._record(plan, trial).exists()
+            if trial.number not in progress.valid or not self.run.record(plan.key(trial)).exists()
         ]
 
-    def _record(self, plan: TrialsPlan, trial: RigEpisode) -> Path:
-        policy = plan.policies[trial.policy].policy
-        return self.run.record(plan.run.key(plan.episode(trial), policy))
+    def compared(self) -> str:
+        """Compare plan, log and files; what is missing, in sentences, empty if nothing is.
+
+        Raises:
+            EvaluationError: The log or a record is of no trial here, so that nothing goes on.
+        """
+        plan, progress = self.read_plan(), TrialsProgress.of(self.read_log())
+        numbers = {plan.key(trial): trial.number for trial in plan.trials()}
+        records = {numbers[each.key]: each for each in self.run.read_records(plan.run)}
+        has_camera = self.rig.exists() and HEAD in Rig.read(self.rig).cameras
+        foreign = dict.fromkeys(progress.attempts.keys() - numbers.values(), self.log_file)
+        unseen = set[int]()
+        for number, record in records.items():
+            attempt = progress.valid.get(number, 0)
+            presses = record.judged and [(one.stage, one.step) for one in record.judged.presses]
+            is_other = attempt and presses != progress.presses[number]
+            if is_other or number not in progress.attempts:
+                foreign[number] = self.run.record(record.key)
+            film, photo = self.run.video(record.key), self.placed(number, attempt)
+            is_seen = photo.exists() and (film.exists() or not record.steps)
+            if has_camera and attempt and not is_seen:
+                unseen.add(number)
+        if foreign:
+            raise EvaluationError(
+                f"{foreign[min(foreign)]} is of another evaluation, or one of {DESCRIPTION} and "
+                f"{self.log_file.name} was changed: they do not agree on trial {min(foreign) + 1}; "
+                f"such trials: {len(foreign)}. Put back what was there; a trial whose record is "
+                "moved away comes again."
+            )
+        found = (
+            ("counted, have no record now, and come again", progress.valid.keys() - records),
+            ("have a record that does not count, and come again", records.keys() - progress.valid),
+            ("lack a photo or film", unseen),
+        )
+        return " ".join(
+            f"Trials that {what}: {len(trials)}, such as number {min(trials) + 1}."
+            for what, trials in found
+            if trials
+        )

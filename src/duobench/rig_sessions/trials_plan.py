@@ -14,6 +14,7 @@ import numpy as np
 
 from duobench.errors import EvaluationError, escaped
 from duobench.files import differences
+from duobench.results.records import Key
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Episode, TaskInfo
 
@@ -91,6 +92,10 @@ class TrialsPlan:
     def episode(self, trial: RigEpisode) -> Episode:
         """The episode of a trial."""
         return Episode(task=self.task, index=trial.episode)
+
+    def key(self, trial: RigEpisode) -> Key:
+        """What names the record of a trial in the run."""
+        return self.run.key(self.episode(trial), self.policies[trial.policy].policy)
 
     def ordered_as(self, before: TrialsPlan) -> TrialsPlan:
         """This plan with rater, order and letters of one that is there already."""

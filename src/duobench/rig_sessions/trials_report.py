@@ -85,6 +85,8 @@ class TrialsReport:
     invalid_by_policy: tuple[InvalidRow, ...]
     """The same policy by policy; empty while names are hidden, and where none is invalid."""
     missing: int
+    differing: str
+    """What is missing of what the log tells, in sentences; empty if nothing."""
     verdicts: tuple[str, ...]
     """What tests say about any two policies, in words."""
     rigs: str
@@ -100,7 +102,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
 
     While trials are missing, a blind evaluation gets no report: its names stay hidden.
     """
-    plan = folder.read_plan()
+    plan, differing = folder.read_plan(), folder.compared()
     progress = TrialsProgress.of(folder.read_log())
     missing = len(folder.remaining(plan, progress))
     is_shown = not (plan.blind and missing)
@@ -132,6 +134,7 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         invalid=tuple(sorted(reasons.items())),
         invalid_by_policy=invalid_rows(plan, progress) if is_shown and reasons else (),
         missing=missing,
+        differing=differing,
         verdicts=tuple(verdicts),
         rigs=rig_text(record for part in parts for record in part.records),
         objection=doctor.objection(Rig.read(folder.rig).hash) if doctor else "",

@@ -32,7 +32,7 @@ from duobench.errors import (
     traceback_text,
 )
 from duobench.evaluation.clock import ClockReading, EpisodeClock
-from duobench.machine import Awake, watch_parent
+from duobench.machine import Awake, fill_streams, watch_parent
 
 Requests = queue.SimpleQueue[Any]
 
@@ -167,6 +167,7 @@ class WorkerProcess:
         hidden: Collection[str] = (),
         most: int = RESULT_BYTES,
     ) -> None:
+        fill_streams()
         ours, theirs = socket.socketpair()
         self._channel = Channel(ours, kind, most)
         memory = os.memfd_create("duobench-clock")
@@ -282,8 +283,9 @@ def run_child(connection: int, kind: Any, do: Callable[[Any, Parent, Requests], 
     # Exit handlers are the policy's; taking the interpreter down is skipped: graphics drivers
     # have crashed there. The parent ends whatever is left.
     atexit._run_exitfuncs()
-    sys.stdout.flush()
-    sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # a policy may have closed it
+            stream.flush()
     os._exit(0)
 
 

@@ -40,6 +40,8 @@ from duobench.types import CONTROL_HZ, POLICY_CAMERAS
 PROGRAM = "lerobot-train"
 ALL = "all"
 """Stands for every task of a data set."""
+_NOTED = "meta/duobench"
+_DESCRIBING = ("meta/tasks.parquet", "meta/episodes/chunk-000/file-000.parquet")
 PLUGIN = "lerobot_env_duobench"
 """Distribution that lets the column `domain` reach X-VLA."""
 
@@ -302,6 +304,11 @@ class LearningData:
             raise DataError(
                 f"{path} has LeRobot's format {info.get('codebase_version')}; {FORMAT} is needed."
             )
+        if lost := self._lost(info.get("total_episodes") or 0):
+            raise DataError(
+                f"{path / lost[0]} is not as the export left it; such files: {len(lost)}. Export "
+                "again: the same command goes on and writes what is missing."
+            )
         self._features = info.get("features") or {}
         if problems := list(_problems(info, self._features)):
             raise DataError(
@@ -317,6 +324,20 @@ class LearningData:
                 f"{path} is of suite {self.suite_version}; this version has suite {SUITE_VERSION}, "
                 "whose episodes are others. Record or generate and export them again."
             )
+
+    def _lost(self, episodes: int) -> list[str]:
+        """Files of an export that are missing or not whole; of other writers' none are known."""
+        if not (self.path / _NOTED).is_dir():
+            return []
+        sizes: dict[str, int | None] = dict.fromkeys(_DESCRIBING)
+        for index in range(episodes):
+            facts = f"{_NOTED}/{index:06d}.json"
+            sizes |= {facts: None, **(self._read(facts) or {}).get("sizes", {})}
+        return [name for name, size in sizes.items() if not self._is_whole(name, size)]
+
+    def _is_whole(self, name: str, size: int | None) -> bool:
+        path = self.path / name
+        return path.is_file() and size in {None, path.stat().st_size}
 
     def _read(self, name: str) -> dict[str, Any] | None:
         return read_object(self.path / name, DataError)

@@ -289,6 +289,8 @@ def _judge(session: TrialsSession, folder: TrialsFolder, server: PageServer, out
     """Run a session until it is stopped, and say what came out."""
     from duobench.rig_sessions.trials_report import write_trials_report
 
+    if session.message:
+        say(session.message)
     say(f"Open {server.url}\nCtrl-C holds the arms and ends the session.")
     with stopping(session.stop):
         session.run()

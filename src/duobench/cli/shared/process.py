@@ -76,15 +76,16 @@ def leaving_at_once() -> Iterator[None]:
 
 
 @contextmanager
-def raising() -> Iterator[None]:
-    """Let Ctrl-C raise `KeyboardInterrupt` in the block, and say that what it finished is kept."""
+def raising(out: Path) -> Iterator[None]:
+    """Let Ctrl-C raise `KeyboardInterrupt` in the block, and say that what is in `out` is kept."""
     try:
         with _answered_by(_raise, signal.SIGINT):
             yield
     except KeyboardInterrupt:
         from duobench.cli.shared.console import say
 
-        say("What is finished is kept; the same command goes on from there.")
+        if out.exists():
+            say("What is finished is kept; the same command goes on from there.")
         raise
 
 

@@ -282,7 +282,8 @@ def lerobot(
     from duobench.data import export_lerobot
     from duobench.rig_sessions.cameras import view_of
 
-    with taken_back(out, "duobench.json"), raising(), advising(_ADVICE), display("frame") as shown:
+    new = taken_back(out, "duobench.json")
+    with raising(out), new, advising(_ADVICE), display("frame") as shown:
         done = export_lerobot(
             sources,
             out,

@@ -34,7 +34,7 @@ from duobench.policy.batch import MAX_BATCH, Batching
 from duobench.policy.serving.access import read_key
 from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
-from duobench.results.folder import RUN_BEGINNINGS, VIDEO_SUFFIX, RunFolder
+from duobench.results.folder import VIDEO_SUFFIX, RunFolder
 from duobench.results.run import WHOLE, Shard, TimeLimits
 from duobench.results.salt import make_salt, read_salt
 from duobench.results.scores import Results
@@ -94,9 +94,9 @@ def record(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     name = f"expert:{variety}" if policy == "expert" and variety != "none" else policy
     beginnings = DESCRIPTION, RUN
     with (
+        raising(out),
         taken_back(out, *beginnings),
         advising(FOR_RECORDING),
-        raising(),
         display("episode") as shown,
     ):
         attempts = record_demonstrations(
@@ -370,9 +370,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     watched = followed(folder, watch_port) if watch else nullcontext()
     with (
         advising(for_evaluation(folder, policy.policy)),
-        taken_back(out, *RUN_BEGINNINGS, is_begun=lambda: folder.is_begun),
         watched,
-        raising(),
+        raising(out),
         display("episode") as shown,
     ):
         results = play(

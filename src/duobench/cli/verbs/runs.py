@@ -27,7 +27,7 @@ from duobench.files import check_outside, digest_of
 from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
-from duobench.results.folder import RunFolder
+from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import Condition
 from duobench.results.salt import read_salt
 from duobench.results.scores import RunPart, interval_percent, percent, rate_text
@@ -74,6 +74,7 @@ def report(
         )
     folder = RunFolder(out or source)
     parts = read_parts(reader)
+    _tell_missing(reader)
     if len(parts) == 1:
         # First, so that the table of a folder can be had by who may only read it.
         say(results_table(parts[0]))
@@ -85,11 +86,19 @@ def report(
         write_report(folder, elsewhere)
     if missing := missing_shards(folder, parts[0].run):
         say(missing)
-    if removed := reader.removed(parts[0].run):
-        say(removed)
     say(f"Report: {relative(folder.page)}")
     if impossible:
         sys.exit(1)
+
+
+def _tell_missing(reader: RunReader) -> None:
+    """Say what was played and is missing now; a folder of trials that do not go on is refused."""
+    from duobench.rig_sessions.trials_folder import TrialsFolder
+
+    trials, run = TrialsFolder(reader.path.parent), reader.read_run()
+    is_of_trials = run.is_real and trials.run.path == reader.path and trials.description.exists()
+    if missing := trials.compared() if is_of_trials else reader.removed(run):
+        say(missing)
 
 
 def _make_chosen(
@@ -234,8 +243,7 @@ def verify(
             "The seeds are not verified: they follow from a salt that is not given (--salt), and "
             "may have been chosen by whoever played the run."
         )
-    if removed := opened.removed(found.run):
-        say(removed)
+    _tell_missing(opened)
     _show_verification(found, import_tasks)
     if not found.is_verified:
         sys.exit(1)
@@ -294,11 +302,10 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     reader = RunFolder(folder)
     whole = reader.path.resolve()  # which has a name, also where `.` was given
     path = out or relative(whole.with_name(f"{whole.name}{BUNDLE_SUFFIX}"))
+    _tell_missing(reader)
     manifest = write_bundle(reader, path)
     if manifest.missing:
         say(f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}.")
-    if removed := reader.removed(reader.read_run()):
-        say(removed)
     if repeats := repeats_text(ends[:-1] for ends in manifest.attempts.values()):
         say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")

@@ -302,7 +302,8 @@ def _exporter(
         check_there(folder.meta)
         write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=described)))
         noted = {camera: values.tolist() for camera, values in counts.items()}
-        facts = EpisodeFacts(counts=noted, residual=residual)
+        sizes = folder.sizes(index, options.cameras)
+        facts = EpisodeFacts(counts=noted, residual=residual, sizes=sizes)
         write(folder.facts(index), encode(facts, SCHEMA))
         return job
 

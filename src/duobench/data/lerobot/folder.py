@@ -158,6 +158,8 @@ class EpisodeFacts:
     counts: dict[str, list[list[int]]]
     """How often each value occurs in each channel (3, 256), by camera."""
     residual: Residual | None
+    sizes: dict[str, int] = field(default_factory=dict[str, int])
+    """Bytes of each of its files, by its name from the folder of the export."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,10 +187,19 @@ class ExportFolder:
         key = image_key(camera)
         return self.path / self.format.paths[1].format(video_key=key, **_numbers(index))
 
+    def sizes(self, index: int, cameras: Iterable[str]) -> dict[str, int]:
+        """Bytes of each file of an episode that is there, by its name."""
+        paths = (self.data(index), *(self.video(camera, index) for camera in cameras))
+        return {
+            path.relative_to(self.path).as_posix(): path.stat().st_size
+            for path in paths
+            if path.exists()
+        }
+
     def is_finished(self, index: int, cameras: Iterable[str]) -> bool:
-        """Whether every file of an episode is there."""
-        videos = [self.video(camera, index) for camera in cameras]
-        return all(path.exists() for path in (self.facts(index), self.data(index), *videos))
+        """Whether every file of an episode is there, and whole."""
+        is_noted = self.facts(index).exists()
+        return is_noted and self.read_facts(index).sizes == self.sizes(index, cameras)
 
     def begin(self, export: Export) -> None:
         """Begin an export in this folder, or continue the one that is there."""
