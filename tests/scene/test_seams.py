@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from dev.tools.meshes import SEAMS
 from duobench.objects.blocks import WHITE
 from duobench.objects.bowl import FLOOR, RADIUS, WALL as BOWL_WALL, bowl
 from duobench.objects.cup import cup
@@ -87,30 +88,35 @@ def test_a_rib_lies_inside_the_wall_above_the_floor() -> None:
     assert (ribbed.vertices[: len(plain.vertices)] == plain.vertices).all()
 
 
-SEAM_HEIGHTS = (-0.192, 0.0, -0.122, 0.0, -0.26, -0.0165, 0.0515)
-"""Where links 1 to 7 begin, along the axes of their joints, in metres in their own frames."""
 OUTSIDE = 0.25
 """Distance in metres from an axis at which a ray is outside of both links."""
 
 
+EDGES = (-0.0018, -0.0008, -0.0014, -0.001, -0.0011, 0.0006, -0.0005)
+"""Just below the ends of links 0 to 6: heights in metres from the seams."""
+
+
 @pytest.mark.parametrize("number", range(1, 8))
 @pytest.mark.parametrize("side", SIDES)
-def test_nothing_shines_through_between_two_links(side: Side, number: int) -> None:
-    """A ray to the axis of a joint meets one of its links before it gets there."""
+def test_links_meet_in_an_even_line_through_which_nothing_shines(side: Side, number: int) -> None:
+    """A ray to the axis of a joint meets a link; just below the edge of the outer one, that one."""
     simulation = Simulation([])
     model, data = simulation.model, simulation.data
-    links = [model.body(f"{side}/link{each}").id for each in (number - 1, number)]
+    links = [model.body(f"{side}/link{each}").id for each in range(number + 1)]
     images = np.isin(model.geom_bodyid, links) & (model.geom_contype == 0)
     model.geom_group[:] = np.where(images, 0, 5)
     seen = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
-    angles, heights = np.linspace(0.0, 2 * math.pi, 40, endpoint=False), (-0.001, 0.0, 0.001)
+    angles = np.linspace(0.0, 2 * math.pi, 40, endpoint=False)
+    (seam, radius), edge = SEAMS[number], EDGES[number - 1]
     for turn in np.linspace(*JOINT_RANGES[number - 1], 5):
         data.qpos[simulation.duo.joints[side.index, number - 1]] = turn
         mujoco.mj_kinematics(model, data)
         joint = simulation.pose(f"{side}/link{number}")
-        for angle, height in itertools.product(angles, heights):
+        for angle, height in itertools.product(angles, (-0.001, 0.0, 0.001, edge)):
             away = joint.rotation @ np.array([math.cos(angle), math.sin(angle), 0.0])
-            axis = joint.apply(np.array([0.0, 0.0, SEAM_HEIGHTS[number - 1] + height]))
+            axis = joint.apply(np.array([0.0, 0.0, seam + height]))
             eye, which = axis + OUTSIDE * away, np.zeros(1, dtype=np.int32)
             met = mujoco.mj_ray(model, data, eye, -away, seen, 1, -1, which)
             assert 0.0 <= met < OUTSIDE, (turn, angle, height)
+            if height == edge and OUTSIDE - met < radius:
+                assert model.geom_bodyid[which[0]] != links[number], (turn, angle)

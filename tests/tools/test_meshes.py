@@ -27,7 +27,7 @@ def test_every_shipped_mesh_has_one_recipe_and_keeps_to_its_budget() -> None:
     assert sorted(found) == sorted(names)
     for group in meshes.VISUAL_GROUPS:
         faces = sum(len(found[f"{name}:visual"].faces) for name in group.fills_mm)
-        assert faces <= group.triangles
+        assert faces <= group.triangles + meshes.MOST_ADDED
     for name, vertices in meshes.VISUAL_OUTLINES.items():
         # A point on a sharp edge is there once for each side.
         assert len(np.unique(found[f"{name}:visual"].vertices, axis=0)) == vertices
