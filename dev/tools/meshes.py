@@ -106,8 +106,8 @@ SEAMS: Mapping[int, tuple[float, float]] = {
     7: (0.0515, 0.0440),
 }
 """Where each link's image begins at its joint: height along the axis and radius, in metres, in the
-frame of the link. There the links are 2 mm apart, and reduced rims differ by up to 10 mm. Radii are
-1 mm less than those of the real links, as flat sides between the vertices of a rim are."""
+frame of the link. There the links are 2 mm apart, and reduced rims differ by up to 10 mm.
+Radii are about 1 mm less than those of the real links, as flat sides between vertices are."""
 NEAR_SEAM, WIDEST_RIM, RIM_SHARE = 0.0035, 0.0605, 0.78
 """Vertices of a rim are so near a seam's height and so near its axis, in metres, and outside of
 this part of its radius; what is inside of it is the lid of the link."""

@@ -92,7 +92,7 @@ OUTSIDE = 0.25
 """Distance in metres from an axis at which a ray is outside of both links."""
 
 
-EDGES = (-0.0018, -0.0008, -0.0014, -0.001, -0.0011, 0.0006, -0.0005)
+EDGES = (-0.0018, -0.0008, -0.0014, -0.0008, -0.0011, 0.0006, -0.0005)
 """Just below the ends of links 0 to 6: heights in metres from the seams."""
 
 
