@@ -183,15 +183,14 @@ ROWS = (
             "video: device is a list",
             "video: device is a name",
             "video: no such device",
-            "video: no such library",
         ),
     ),
     Row(
         moment="making the policy",
-        what="it needs images, and nothing renders",
+        what="it or a video needs images, and nothing can render them",
         owner=MACHINERY,
         effect=NOTHING,
-        cells=("images: device is empty", "images: no such library"),
+        cells=("images: device is empty", "images: no such library", "video: no such library"),
     ),
     Row(
         moment="any",

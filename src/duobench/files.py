@@ -77,7 +77,7 @@ def writing(path: Path) -> Iterator[None]:
         if error.errno in _GONE:
             parents = reversed(path.absolute().parents)
             missing = next((each for each in parents if not each.is_dir()), path)
-            text = f"Cannot write {path}: {missing} is not there, nor what was in it."
+            text = f"Cannot write {path}: there is no folder {missing}."
             raise GoneError(text) from error
         kept = "" if error.errno in _BROKEN else " Nothing finished is lost."
         raise OutputError(f"Cannot write {path}: {error.strerror or error}.{kept}") from error

@@ -294,7 +294,7 @@ def test_doctor_fails_where_a_run_would(tmp_path: Path) -> None:
     done = duobench("doctor", "--out", "file/run", folder=tmp_path, MUJOCO_GL="off")
     assert done.returncode == 1
     found = found_by_doctor(done)
-    assert found["output"].startswith("failed Cannot write file/run: Not a directory")
+    assert found["output"].startswith("failed Cannot write file/run: there is no folder ")
     assert found["images"].startswith("failed Rendering is switched off by MUJOCO_GL=off")
     assert found["figures"].startswith("ok")
 

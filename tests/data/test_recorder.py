@@ -188,6 +188,7 @@ def test_names_count_on_and_are_never_overwritten(tmp_path: Path) -> None:
     first.close()
     second.close()
     assert [path.stem for path in DataSet(tmp_path).episodes()] == ["00000", "00001", "00002"]
+    first, second = recorder(tmp_path), recorder(tmp_path)
     first.next_name = "00001"
     with pytest.raises(DataError, match=r"00001\.parquet exists already"):
         first.reset(seed=0)

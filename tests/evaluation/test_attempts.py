@@ -30,9 +30,9 @@ def raises(play: Play) -> RunFolder:
 
 
 def deletes(play: Play) -> RunFolder:
-    folder, results = play("random", episodes=2)
+    folder, results = play("hold", episodes=2)
     folder.record(results.tasks[0].records[1].key).unlink()
-    return play("random", episodes=2)[0]
+    return play("hold", episodes=2)[0]
 
 
 TOSSES = [(dies, "policy"), (raises, "error"), (deletes, "failure")]

@@ -15,7 +15,6 @@ from types import FrameType
 from typing import NoReturn
 
 from duobench.files import SCRATCH
-from duobench.sim.opengl import load_engine  # noqa: F401 - with which a verb begins
 
 SIGNALLED = 128
 """Exit code after a signal, less its number: 130 after Ctrl-C, as shells use it."""
@@ -25,6 +24,13 @@ _MEMORY = Path("/dev/shm")
 _STDOUT, _STDERR = 1, 2
 _SHOW_CURSOR = b"\x1b[?25h"
 """Live progress hides the cursor of a terminal."""
+
+
+def load_engine() -> None:
+    """Import MuJoCo, with which a verb begins that needs it; see `sim.opengl.load_engine`."""
+    from duobench.sim import opengl
+
+    opengl.load_engine()
 
 
 def leave(number: int = signal.SIGINT, _frame: FrameType | None = None) -> NoReturn:
