@@ -74,7 +74,7 @@ def test_what_is_no_salt_is_refused_and_not_shown(content: bytes, tmp_path: Path
     assert caught.value.__suppress_context__
     assert "secret" not in str(caught.value)
     assert DIGITS[1:] not in str(caught.value)
-    with pytest.raises(EvaluationError, match="there is no folder "):
+    with pytest.raises(EvaluationError, match="No such file"):
         read_salt(tmp_path / "nothing")
 
 
