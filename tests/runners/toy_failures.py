@@ -128,6 +128,16 @@ class Turns(HoldPolicy):
         return action * (not (self.is_bad and self.acts == 2))
 
 
+class Intends(HoldPolicy):
+    """Says in one episode that it wanted what is no action."""
+
+    intended_action: Any = None
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        self.intended_action = "nonsense" if seed == seed_of("wave", BAD, "train") else None
+
+
 class Looks(HoldPolicy):
     metadata = PolicyMetadata(name="looks", cameras=("head",), image_size=(24, 32))
 
