@@ -103,7 +103,8 @@ def test_result_that_nobody_asked_for_is_dropped(
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 4)
     ended = [each.how for each in folder.entries() if isinstance(each, Ended)]
-    assert sorted(ended) == ["failure"] * 4 + ["worker"] * (len(ended) - 4)
+    assert sum(how in ("success", "failure") for how in ended) == 4
+    assert {*ended} <= {"success", "failure", "worker"}
 
 
 def test_policy_that_spoils_its_clock_fails_its_episode_alone(play):
