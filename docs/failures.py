@@ -65,8 +65,9 @@ ROWS = (
         owner=POLICY,
         effect=FAILED,
         cells=(
-            *both("raises", "raises in reset", "exits"),
+            *both("raises", "raises in reset", "says machinery", "exits"),
             "here: raises",
+            "here: says machinery",
             "batched: raises",
         ),
     ),
@@ -116,6 +117,7 @@ ROWS = (
             "served: half a frame",
             "served: late and silent",
             "here: closes with 1011",
+            "local: closes files",
         ),
     ),
     Row(
@@ -163,6 +165,9 @@ ROWS = (
             "task: stage raises",
             "task: stage raises here",
             "task: words raise",
+            "task: words find nothing",
+            "task: stage blames others",
+            "task: stage blames others here",
             "task: stage raises, served",
         ),
     ),

@@ -4,10 +4,11 @@ A message says what was wrong, what was given, what would have worked, and what 
 """
 
 import difflib
+import os
 import re
 import sys
 import traceback
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -272,8 +273,19 @@ def foreign_traceback(error: BaseException) -> str:
 
     The text is then the same in whatever process, and by whatever way, that code was called.
     """
-    package = str(Path(__file__).parent)
-    trace, skip = error.__traceback__, 0
-    while trace is not None and trace.tb_frame.f_code.co_filename.startswith(package):
-        trace, skip = trace.tb_next, skip + 1
-    return traceback_text(error, skip).strip()
+    ours = [*_are_ours(error)]
+    return traceback_text(error, ours.index(False) if False in ours else len(ours)).strip()
+
+
+def is_machinery(error: BaseException) -> bool:
+    """Whether an error is a `MachineryError` of ours, not one that somebody else's code raised."""
+    return isinstance(error, MachineryError) and [*_are_ours(error)][-1:] == [True]
+
+
+def _are_ours(error: BaseException) -> Iterator[bool]:
+    """Whether each call that led to an error, the outermost first, is in our code."""
+    package = f"{Path(__file__).parent}{os.sep}"
+    trace = error.__traceback__
+    while trace is not None:
+        yield trace.tb_frame.f_code.co_filename.startswith(package)
+        trace = trace.tb_next

@@ -58,6 +58,16 @@ def test_noise_of_torch_follows_from_the_seed(play: Play, policy: type) -> None:
     assert SAME in first.page.read_text()
 
 
+def test_sets_of_texts_have_one_order_in_all_processes(
+    play: Play, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PYTHONHASHSEED", raising=False)
+    first, _ = play(named(toy_noise.Orders), "first", episodes=2, workers=1)
+    for name, workers in (("again", 1), ("beside", 2)):
+        again, _ = play(named(toy_noise.Orders), name, episodes=2, workers=workers)
+        assert compared(again) == compared(first)
+
+
 def test_served_episodes_side_by_side_keep_their_noise_of_torch_apart(play: Play) -> None:
     alone, _ = play(named(toy_noise.Diffuses), "alone")
     with closing(Serve()) as serve:

@@ -66,3 +66,11 @@ class Drifts(HoldPolicy):
 
     def act(self, observation: Mapping[str, Any]) -> np.ndarray:
         return super().act(observation) + float(os.environ.get("DUOBENCH_TEST_DRIFT", "0"))
+
+
+class Orders(HoldPolicy):
+    """Goes through a set of texts, whose order follows from hashes."""
+
+    def act(self, observation: Mapping[str, Any]) -> np.ndarray:
+        order = [*{f"part {k}" for k in range(16)}]
+        return super().act(observation) + 1e-3 * np.array([int(part[5:]) for part in order])

@@ -32,6 +32,7 @@ from tests.data.tools import room
 from tests.evaluation import toy_tasks
 from tests.evaluation.processes import children, is_running, wait_until
 from tests.evaluation.toy_tasks import seed_of
+from tests.runners import toy_failures
 
 TASKS = ("bin_sort",)
 SOMETIMES = "tests.runners.test_demonstrations:Sometimes"
@@ -287,6 +288,14 @@ def test_a_recording_of_another_episode_is_dropped(tmp_path, monkeypatch):
         played(data, "hold", workers=1, tasks=[toy_tasks.WAVE_NAME], keep_failures=True)
         assert (tmp_path / "swapped-once").exists()
     assert contents(sets[0]) == contents(sets[1])
+
+
+@pytest.mark.parametrize("workers", [0, 1])
+def test_what_a_policy_says_that_it_intended_is_its_own_fault(tmp_path, workers):
+    data, policy = DataSet(tmp_path), f"{toy_failures.__name__}:Intends"
+    (wave,) = find_tasks([toy_tasks.WAVE_NAME])
+    found = record(policy, [wave], data, episodes=3, keep_failures=True, workers=workers)
+    assert ["nonsense" in (each.error or "") for each in found] == [False, True, False]
 
 
 def test_a_full_disk_is_no_failure_of_the_policy(two, empty):

@@ -4,10 +4,7 @@ A policy is apart from the simulator, and is asked once before anything is playe
 """
 
 import os
-import shlex
 import socket
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -106,8 +103,8 @@ def test_result_that_nobody_asked_for_is_dropped(
     assert results.overall.errors == 0
     assert_same_episodes(folder, reference, 4)
     ended = [each.how for each in folder.entries() if isinstance(each, Ended)]
-    lost = [how for how in ended if how == "worker"]
-    assert len(ended) - len(lost) == 4
+    assert sum(how in ("success", "failure") for how in ended) == 4
+    assert {*ended} <= {"success", "failure", "worker"}
 
 
 def test_policy_that_spoils_its_clock_fails_its_episode_alone(play):
@@ -284,21 +281,3 @@ def test_time_of_the_policy_is_known_apart_from_waiting_for_it(play):
         assert each.policy >= 0.1 * (toy_tasks.HORIZON - 1)
         assert each.waiting > 0
     assert results.overall.errors == 0
-
-
-@pytest.mark.parametrize("closed", ["", ">&-", ">&- <&-", ">&- 2>&- <&-"])
-@pytest.mark.parametrize("policy", ["hold", f"{toy_tasks.__name__}:ClosesOutputs"])
-def test_closed_streams_of_a_program_or_a_policy_are_no_error(tmp_path, closed, policy):
-    code = (
-        "from duobench.results.folder import RunFolder\n"
-        "from duobench.results.suite import Suite, find_tasks\n"
-        "from duobench.runners.evaluate import evaluate\n"
-        f"suite = Suite(tasks=find_tasks(['{toy_tasks.WAVE_NAME}']), episodes=1)\n"
-        f"from pathlib import Path; folder = RunFolder(Path('{tmp_path / 'run'}'))\n"
-        f"assert not evaluate('{policy}', suite, folder, workers=1).overall.errors\n"
-    )
-    command = f"{shlex.join([sys.executable, '-c', code])} {closed}"
-    told = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
-    said = (told.stdout + told.stderr).replace("noise\n", "")
-    assert (told.returncode, said) == (0, "")
-    assert len(list(tmp_path.glob("run/records/*/*/*.json"))) == 1

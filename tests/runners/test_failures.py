@@ -100,6 +100,7 @@ def evil_server(
 
     def serve(connection: ServerConnection) -> None:
         seed = acts = 0
+        OPEN.add(connection)
         with suppress(ConnectionClosed, OSError):
             connection.send(pack({"duobench": HANDSHAKE | told}))
             for frame in connection:
@@ -115,6 +116,7 @@ def evil_server(
                         told["name"] = "other"
                 else:
                     connection.send(pack({"actions": request["agent_pos"][None]}))
+        OPEN.discard(connection)
 
     def admit(connection: ServerConnection, request: Request) -> Response | None:
         if request.path != HEALTH_PATH:
@@ -167,6 +169,17 @@ def two_answers(connection: ServerConnection) -> None:
         connection.send(array())
 
 
+def closes_all(connection: ServerConnection) -> None:
+    """What the end of a server does to all of its clients."""
+    OPEN.discard(connection)
+    time.sleep(0.3)
+    for each in (*OPEN, connection):
+        each.close(1011)
+
+
+OPEN: set[ServerConnection] = set()
+
+
 def is_late(_connection: ServerConnection) -> None:
     time.sleep(4.0)
 
@@ -191,6 +204,7 @@ EVIL: Mapping[str, Evil] = {
     "late": is_late,
     "closes": lambda connection: connection.close(),
     "closes with 1011": closes(1011),
+    "closes all": closes_all,
     "half a frame": half_a_frame,
     "late and silent": is_late,
     "is another": becomes_another,
@@ -321,6 +335,9 @@ CASES: Mapping[str, Case] = {
     "served: raises in reset": at_server("raises in reset", says="on purpose"),
     "local: exits": local("exits", says="SystemExit"),
     "served: exits": at_server("exits", says="SystemExit"),
+    "local: says machinery": local("says machinery", says="not my fault"),
+    "served: says machinery": at_server("says machinery", says="not my fault"),
+    "here: says machinery": local("says machinery", workers=0, says="not my fault"),
     "here: raises": local("raises", workers=0, says="on purpose"),
     "batched: raises": Case(
         policy=f"{toy_batches.__name__}:Breaks", bad=(("wave", 0), ("wave", 1)), says="broken"
@@ -364,6 +381,7 @@ CASES: Mapping[str, Case] = {
         "late", serving=evil("late", lives=False), options={"limits": LATE}, says="In 2 attempts"
     ),
     "here: closes with 1011": served("closes with 1011", workers=0, says="In 2 attempts"),
+    "local: closes files": local("closes files", says="cannot be reached"),
     "local: dies once": local("dies once"),
     "served: dies once": at_server("dies once"),
     "served: is gone": at_server(
@@ -383,6 +401,9 @@ CASES: Mapping[str, Case] = {
     "task: stage raises": task("STAGE", says=SLIP),
     "task: stage raises here": task("STAGE", workers=0),
     "task: words raise": task("WORDS", says=SLIP),
+    "task: words find nothing": task("NEXT"),
+    "task: stage blames others": task("LOST", says="not my fault"),
+    "task: stage blames others here": task("LOST", workers=0, says="not my fault"),
     "task: stage raises, served": task("STAGE", serving=evil("raises", when=at_no_time)),
     "simulator: dies": Case(
         policy="hold",
@@ -404,7 +425,8 @@ CASES: Mapping[str, Case] = {
 QUICK = {
     "local: raises first", "here: raises", "served: bfloat16", "served: two answers",
     "here: closes with 1011", "here: diverges", "task: accept raises here",
-    "task: stage raises here", "video: device is empty", "images: device is empty",
+    "task: stage raises here", "here: says machinery", "task: words find nothing",
+    "video: device is empty", "images: device is empty",
 }  # fmt: skip
 CELLS = [
     pytest.param(row, cell, id=cell, marks=() if cell in QUICK else pytest.mark.slow)
@@ -462,6 +484,26 @@ def test_failure_is_of_whom_the_page_says(
     if row.effect in (FAILED, TWICE):
         said = "\n".join(record.error or "" for record in records(folder).values())
     assert case.says in said
+
+
+@pytest.mark.slow
+def test_episode_is_alone_until_it_ends_after_a_policy_of_several_was_lost(
+    play: Any, tmp_path: Path
+) -> None:
+    def is_bad(seed: int, acts: int) -> bool:
+        time.sleep(0.02)
+        return seed == seed_of("wave", 6) and acts == 2
+
+    with evil_server(closes_all, is_bad) as port:
+        server = RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=WAIT_S)
+        play(PolicyChoice.parse("openpi", server=server), workers=2, episodes=12)
+    found = records(RunFolder(tmp_path / "run"))
+    bad = found.pop(("wave", 6))
+    assert bad.earlier in (("policy",), ("shared policy", "policy"))
+    assert bad.error is not None
+    assert all(each.error is None for each in found.values())
+    marked = sum(bool(each.earlier) for each in found.values())
+    assert marked == len(bad.earlier) - 1
 
 
 def records(folder: RunFolder) -> dict[tuple[str, int], EpisodeRecord]:

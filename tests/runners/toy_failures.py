@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from duobench.errors import ConnectionLostError
 from duobench.objects.prop import Prop
 from duobench.policy import HoldPolicy, PolicyMetadata
 from duobench.randomness import episode_seed
@@ -35,6 +36,15 @@ def dies() -> None:
 
 def raises() -> None:
     raise ZeroDivisionError("on purpose")
+
+
+def says_machinery() -> None:
+    raise ConnectionLostError("not my fault")
+
+
+def closes_files() -> None:
+    """Close what this process has open, its listening socket too."""
+    os.closerange(3, 1000)
 
 
 def exits() -> None:
@@ -62,6 +72,8 @@ def diverges() -> None:
 
 DOES: Mapping[str, Callable[[], None]] = {
     "raises": raises,
+    "says machinery": says_machinery,
+    "closes files": closes_files,
     "exits": exits,
     "dies": dies,
     "dies once": lambda: dies() if mark("died") else None,
@@ -116,6 +128,16 @@ class Turns(HoldPolicy):
         return action * (not (self.is_bad and self.acts == 2))
 
 
+class Intends(HoldPolicy):
+    """Says in one episode that it wanted what is no action."""
+
+    intended_action: Any = None
+
+    def reset(self, instruction: str, seed: int) -> None:
+        super().reset(instruction, seed)
+        self.intended_action = "nonsense" if seed == seed_of("wave", BAD, "train") else None
+
+
 class Looks(HoldPolicy):
     metadata = PolicyMetadata(name="looks", cameras=("head",), image_size=(24, 32))
 
@@ -143,6 +165,14 @@ def late_slip(moment: StateView) -> bool:
     return moment.simulation.data.time > 0.2 and broken()
 
 
+def empty(*_words: Any) -> Any:
+    return next(iter(()))
+
+
+def lost(*_words: Any) -> Any:
+    raise ConnectionLostError("not my fault")
+
+
 def _stage(predicate: Predicate) -> Stage:
     return Stage(name="done", instruction="Do it.", holds=predicate)
 
@@ -162,6 +192,8 @@ NAME = of_task(
 ARRANGE = of_task("arrange_raises", arrange=broken)
 STAGE = of_task("stage_raises", stages=(_stage(Predicate("slips", late_slip)),))
 WORDS = of_task("words_raise", stages=(_stage(Predicate("silent", never, otherwise=broken)),))
+NEXT = of_task("stage_has_none", stages=(_stage(Predicate("empty", never, otherwise=empty)),))
+LOST = of_task("stage_blames_others", stages=(_stage(Predicate("lost", lost)),))
 NOWHERE = of_task("nowhere", accept=lambda _layout: False)
 
 

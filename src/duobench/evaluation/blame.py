@@ -13,6 +13,7 @@ from duobench.errors import (
     TaskFailedError,
     escaped,
     foreign_traceback,
+    is_machinery,
     traceback_text,
 )
 
@@ -46,26 +47,35 @@ _PLACES: Mapping[str, Place] = {
 """Places by the module and the function that lead to them: the outermost one counts."""
 
 
-def place_of(error: BaseException) -> tuple[Place | None, TracebackType | None]:
-    """Where an error was raised, and its traceback from there on; None for any other place."""
-    trace = error.__traceback__
-    while trace is not None:
-        frame = trace.tb_frame
-        name = f"{frame.f_globals.get('__name__')}:{frame.f_code.co_qualname}"
-        for pattern, place in _PLACES.items():
-            if fnmatchcase(name, pattern):
-                return place, trace
-        trace = trace.tb_next
-    return None, None
+def _causes(error: BaseException) -> list[BaseException]:
+    """An error, and what it was raised from: a generator makes another of `StopIteration`."""
+    causes = [error]
+    while (cause := causes[-1].__cause__) is not None and cause not in causes:
+        causes.append(cause)
+    return causes
+
+
+def place_of(error: BaseException) -> tuple[Place | None, BaseException, TracebackType | None]:
+    """Where an error was raised, by which error, and its traceback from there on."""
+    for cause in _causes(error):
+        trace = cause.__traceback__
+        while trace is not None:
+            frame = trace.tb_frame
+            name = f"{frame.f_globals.get('__name__')}:{frame.f_code.co_qualname}"
+            for pattern, place in _PLACES.items():
+                if fnmatchcase(name, pattern):
+                    return place, cause, trace
+            trace = trace.tb_next
+    return None, error, None
 
 
 def fault_of(error: BaseException, task: str) -> MachineryError:
     """What an error stands for that is not the policy's."""
-    if isinstance(error, MachineryError):
+    if isinstance(error, MachineryError) and is_machinery(error):
         return error
-    place, trace = place_of(error)
+    place, cause, trace = place_of(error)
     if place is Place.TASK:
-        text = foreign_traceback(error.with_traceback(trace))
+        text = foreign_traceback(cause.with_traceback(trace))
         return TaskFailedError(f"The task {task!r} itself failed, not the policy.\n{text}")
     if isinstance(error, DuoBenchError):
         return MachineryError(str(error))
@@ -107,5 +117,5 @@ class Asking:
 
     def fault_of(self, error: BaseException, task: str) -> MachineryError | None:
         """What an error stands for that ended an episode; None if it is the policy's."""
-        is_own = error is self._raised or place_of(error)[0] is Place.ACTION
-        return None if is_own and not isinstance(error, MachineryError) else fault_of(error, task)
+        is_own = self._raised in _causes(error) or place_of(error)[0] is Place.ACTION
+        return None if is_own and not is_machinery(error) else fault_of(error, task)

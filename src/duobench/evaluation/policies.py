@@ -14,11 +14,11 @@ import gymnasium as gym
 
 from duobench.envs.sim_env import sim_of
 from duobench.errors import (
-    MachineryError,
     PolicyError,
     PolicyFailedError,
     check_known,
     foreign_traceback,
+    is_machinery,
 )
 from duobench.experts.expert import Expert, find_script
 from duobench.experts.motion import wait
@@ -247,7 +247,9 @@ class ContainedPolicy(SessionPolicy):
 def _containing() -> Iterator[None]:
     try:
         yield
-    except (KeyboardInterrupt, MachineryError):
+    except KeyboardInterrupt:
         raise
     except BaseException as error:
+        if is_machinery(error):
+            raise
         raise PolicyFailedError(foreign_traceback(error)) from error

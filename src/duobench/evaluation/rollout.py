@@ -145,10 +145,10 @@ def _steps(
     while True:
         with busy():
             answered = as_chunk(policy.act(observation), action_size)[: execution.execute]
+            if (wanted := getattr(policy, "intended_action", None)) is not None:
+                optional_method(env, "intend")(wanted)
         queue = np.concatenate([waiting, answered])
         chunk, waiting = queue[: len(answered)], queue[len(answered) :]
-        if (wanted := getattr(policy, "intended_action", None)) is not None:
-            optional_method(env, "intend")(wanted)
         while len(chunk):  # also after a step that was the last
             for step in execute(env, chunk, before=number, render_last=render_last):
                 observation, number, chunk = step.observation, step.number, chunk[1:]

@@ -11,11 +11,11 @@ from functools import partial
 from typing import Any, TypeVar
 
 from duobench.errors import (
-    MachineryError,
     PolicyError,
     PolicyFailedError,
     PolicyTimeoutError,
     foreign_traceback,
+    is_machinery,
 )
 from duobench.policy.batch import (
     Batching,
@@ -206,7 +206,7 @@ class InferenceLoop:
 
 def _fail(future: Future[Any], error: BaseException) -> None:
     """Give a future what was raised, `sys.exit` included, as an error of the policy."""
-    if isinstance(error, MachineryError):
+    if is_machinery(error):
         future.set_exception(BusyError(str(error)))
     elif isinstance(error, PolicyTimeoutError):
         future.set_exception(error)

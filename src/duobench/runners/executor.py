@@ -162,6 +162,8 @@ class ProcessExecutor:
         self._rehearsing: Worker | None = None
         self._first_answer: FirstAnswer | None = None
         self._at_horizon: dict[Episode, EpisodeRecord] = {}
+        self._isolated: Episode | None = None
+        """The episode that was begun last, if nothing is played beside it."""
         self._log = AttemptLog()
         self.unplayed = self._schedule.abandoned
         """Episodes that could not be played, because a process died in them each time or because
@@ -230,10 +232,11 @@ class ProcessExecutor:
         return self._ready
 
     def _dispatch(self) -> None:
-        playing = len(self._pool.playing)
-        isolated = self._schedule.has_quarantined
-        if isolated and playing:
+        episodes = [worker.episode for worker in self._pool.playing]
+        playing, isolated = len(episodes), self._schedule.has_quarantined
+        if self._isolated in episodes or (isolated and playing):
             return
+        self._isolated = None
         self._pool.start(1 if isolated else min(self._schedule.left + playing, self._most))
         for worker in self._pool.workers:
             if worker.is_ready and worker.episode is None and self._schedule.left:
@@ -241,6 +244,7 @@ class ProcessExecutor:
                 self._log.begin(episode)
                 worker.play(episode)
                 if isolated:
+                    self._isolated = episode
                     return
         self._pool.note_company()
 
@@ -336,6 +340,9 @@ class ProcessExecutor:
             return
         if worker is self._rehearsing:
             self._rehearse_again(worker, episode, report)
+            return
+        if how == POLICY and policy:
+            yield from self._lose(policy, report.fault)
             return
         worker.episode = None
         if how == POLICY and worker.is_alone:

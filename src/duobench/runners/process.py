@@ -177,6 +177,8 @@ class WorkerProcess:
         files = (theirs.fileno(), memory)
         # In safe mode (-P), the current folder does not come before the standard library.
         flags = subprocess._args_from_interpreter_flags()  # pyright: ignore[reportAttributeAccessIssue]
+        # Sets of texts have one order in every process.
+        environment = {"PYTHONHASHSEED": "0", **os.environ}
         command = [sys.executable, *flags, "-P", "-c", _START.format(module=module)]
         try:
             self._process = subprocess.Popen(
@@ -184,7 +186,7 @@ class WorkerProcess:
                 pass_fds=files,
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
-                env={name: value for name, value in os.environ.items() if name not in hidden},
+                env={each: value for each, value in environment.items() if each not in hidden},
             )
         except OSError as error:
             raise MachineryError(f"A process cannot be started: {error}.") from error

@@ -13,6 +13,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from duobench.errors import (
+    ConnectionLostError,
     MachineryError,
     MessageError,
     PolicyError,
@@ -22,7 +23,7 @@ from duobench.errors import (
 )
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, as_chunk
-from duobench.policy.serving.address import RemoteServer
+from duobench.policy.serving.address import LOOPBACK, RemoteServer
 from duobench.policy.serving.codec import read, unpack
 from duobench.policy.serving.connection import ConnectedPolicy, actions_of, reported
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
@@ -175,6 +176,14 @@ class OwnPolicy(OpenpiPolicy):
     """What it wanted its last action to be, if it has disturbed it."""
     busy_s: float = 0.0
     """Seconds that it took for its answers, without those for which they waited."""
+
+    def _connect(self) -> ClientConnection:
+        """Connect; a process of this machine that cannot be reached is lost, also if it lives."""
+        try:
+            return super()._connect()
+        except MachineryError as error:
+            is_near = self._server.parts.hostname == LOOPBACK
+            raise (ConnectionLostError(str(error)) if is_near else error) from error
 
     def _request(self, *words: Any, **options: Any) -> Any:
         answer = super()._request(*words, **options)

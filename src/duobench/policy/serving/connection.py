@@ -194,7 +194,7 @@ class ConnectedPolicy(ABC):
         try:
             self._connect()
         except MachineryError as gone:
-            return MachineryError(f"{fault} {gone}")
+            return gone.from_message(f"{fault} {gone}")
         self._drop()  # the episode begins anew
         return ConnectionLostError(fault)
 
