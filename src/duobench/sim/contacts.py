@@ -35,6 +35,9 @@ MAX_BACKING_ANGLE = math.radians(12.0)
 """Angle in radians between the way from a hand to a lid and the lid's normal up to which the hand
 is inside the lid's outline: the way to its edge from beside it is further aslant."""
 _MIN_BACKING_COSINE = math.cos(MAX_BACKING_ANGLE)
+MOST_BESIDE = 0.004
+"""How far in metres beside the outline a hand may be that is further aslant: what is so near is
+struck by an edge that is as thick, or is round."""
 
 
 class HingeAxis(NamedTuple):
@@ -262,9 +265,13 @@ class Contacts(ContactOwners):
                 if not 0.0 < gap < distance:
                     continue
                 opening = hinge.opening_at(ends[3:].tolist())
+                radius = length(opening)
                 lever = dot(ends[3:] - ends[:3], opening) / gap
-                if lever >= max(MIN_LEVER, _MIN_BACKING_COSINE * length(opening)):
-                    yield gap, length(opening)
+                cosine = lever / radius
+                beside = gap * math.sqrt(max(0.0, 1.0 - cosine * cosine))
+                least = MIN_PRESS_COSINE if beside <= MOST_BESIDE else _MIN_BACKING_COSINE
+                if lever >= MIN_LEVER and cosine >= least:
+                    yield gap, radius
 
     def grasped(self, side: Side, owner: str) -> bool:
         """Whether both fingers of a gripper press on an owner, towards each other.
