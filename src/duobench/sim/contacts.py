@@ -55,7 +55,9 @@ class HingeAxis(NamedTuple):
         is the lever of a push.
         """
         ax, ay, az = self.axis
-        x, y, z = (value - origin for value, origin in zip(point, self.anchor, strict=True))
+        px, py, pz = point
+        ox, oy, oz = self.anchor
+        x, y, z = px - ox, py - oy, pz - oz
         return ay * z - az * y, az * x - ax * z, ax * y - ay * x
 
 
@@ -112,7 +114,9 @@ class ContactOwners(ABC):
         return tuple(self._index)
 
     def _row(self, owner: str) -> int:
-        check_known("contact owner", owner, self._index)
+        # Looked up first: to check each time takes a tenth of a judgement.
+        if owner not in self._index:
+            check_known("contact owner", owner, self._index)
         return self._index[owner]
 
     @abstractmethod
@@ -292,15 +296,16 @@ class Contacts(ContactOwners):
             return False
         left, right = self._pad_bodies[side]
         across = self._pad_centres[right] - self._pad_centres[left]
-        across = (across / length(across)).tolist()
+        x, y, z = (across / length(across)).tolist()
         frames = self._data.contact.frame
-        return all(
-            any(
-                inwards * sign * dot(frames[number, :3], across) > MIN_PRESS_COSINE
-                for number, sign in self._normals([finger], row)
-            )
-            for finger, inwards in ((one, 1.0), (other, -1.0))
-        )
+        for finger, inwards in ((one, 1.0), (other, -1.0)):
+            for number, sign in self._normals([finger], row):
+                a, b, c = frames[number, :3].tolist()
+                if inwards * sign * (a * x + b * y + c * z) > MIN_PRESS_COSINE:
+                    break
+            else:
+                return False
+        return True
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""
