@@ -291,6 +291,9 @@ HIGHEST = 0.077
 UPRIGHT, ROOM = 1.42, 0.1
 """Tilt of a hand and angle of the lid together in radians from which on the hand fits under the
 lid, and how much further in it may go for each radian more, in metres."""
+MOST_SLIPPED = 15
+"""Control steps for which the lid lies on the hand below those in which the holder sinks and comes
+back, a second in all with most of these [task definitions]."""
 OUTWARD = 0.15
 """Share of the ways taken at random with a hand turned outwards."""
 KINDS = (0.5, 0.1, 0.2, 0.2)
@@ -408,6 +411,12 @@ SINCERE: dict[str, Way] = {
     "a hand that leans hard on the lid": way(script=along_the_lid(BRUSH, 0.04)),
     "the lid sinks onto the hand for a moment": way(script=slipped(PLAIN, 0.3, 10)),
     "the lid lies on the hand for a second": way(script=slipped(PLAIN, 0.4, 30)),
+    **{
+        f"the holder stays right below the lid, sunk by {sunk} rad": way(
+            script=wait_below(float(sunk))
+        )
+        for sunk in ("0.08", "0.12", "0.16")
+    },
 }
 
 
@@ -427,7 +436,7 @@ def sample(rng: np.random.Generator) -> Way:
     kinds = (
         put_in(how),
         one_after_the_other(how),
-        slipped(how, rng.uniform(0.05, 0.3), int(rng.integers(3, 30))),
+        slipped(how, rng.uniform(0.05, 0.3), int(rng.integers(3, MOST_SLIPPED))),
         along_the_lid(how, rng.uniform(0.0, 0.04)),
     )
     script = kinds[rng.choice(len(kinds), p=KINDS)]

@@ -39,7 +39,16 @@ from duobench.spatial import SE3
 from duobench.tasks.spring_door import FLOOR_REGION, OPEN_ANGLE
 from tests.steps import at_once, back, by, do, pause, to
 from tests.ways.opening import Opening
-from tests.ways.way import ONE, TURNS, Way, cheats, left_alone, random_tempo, ways_to
+from tests.ways.way import (
+    ONE,
+    TURNS,
+    Way,
+    WayFailedError,
+    cheats,
+    left_alone,
+    random_tempo,
+    ways_to,
+)
 
 _HOOK = (0.030, 0.020)
 """Where the fingertips are behind the bar: towards the door, and towards its hinge, in metres."""
@@ -236,6 +245,8 @@ PUSH, PUSHED = 0.1, -0.25
 its hinge, in metres."""
 AWAY = (0.4, -0.35, 0.3)
 """Where the right hand goes from the door, in metres."""
+HIGHEST = 0.060
+"""How high above the floor a hand that does not get lower lets go, in metres."""
 ABOVE_FLOOR = 0.030
 """Height above the floor at which the cube comes in, before it is let down, in metres."""
 
@@ -348,6 +359,8 @@ def _bring(arms: Arms, how: Putting) -> Script:
         x, y, _ = arms.targets[INSERTER].translation
         goal = SE3(arms.targets[INSERTER].rotation, np.array([x, y, lower]))
         yield from move(arms, {INSERTER: goal}, speed=0.1)
+    if arms.sim.min_height("cube") - oven.translation[2] - FLOOR > HIGHEST:
+        raise WayFailedError
     yield from release(arms, INSERTER, opening=LET_GO)
     out = arms.targets[INSERTER] @ SE3.at(z=-0.10 - how.place[0])
     yield from move(arms, {INSERTER: out}, speed=CAREFUL)

@@ -35,6 +35,9 @@ MAX_BACKING_ANGLE = math.radians(12.0)
 """Angle in radians between the way from a hand to a lid and the lid's normal up to which the hand
 is inside the lid's outline: the way to its edge from beside it is further aslant."""
 _MIN_BACKING_COSINE = math.cos(MAX_BACKING_ANGLE)
+MOST_BESIDE = 0.004
+"""How far in metres beside the outline a hand may be that is further aslant: what is so near is
+struck by an edge that is as thick, or is round."""
 
 
 class HingeAxis(NamedTuple):
@@ -52,7 +55,9 @@ class HingeAxis(NamedTuple):
         is the lever of a push.
         """
         ax, ay, az = self.axis
-        x, y, z = (value - origin for value, origin in zip(point, self.anchor, strict=True))
+        px, py, pz = point
+        ox, oy, oz = self.anchor
+        x, y, z = px - ox, py - oy, pz - oz
         return ay * z - az * y, az * x - ax * z, ax * y - ay * x
 
 
@@ -109,7 +114,9 @@ class ContactOwners(ABC):
         return tuple(self._index)
 
     def _row(self, owner: str) -> int:
-        check_known("contact owner", owner, self._index)
+        # Looked up first: to check each time takes a tenth of a judgement.
+        if owner not in self._index:
+            check_known("contact owner", owner, self._index)
         return self._index[owner]
 
     @abstractmethod
@@ -262,9 +269,13 @@ class Contacts(ContactOwners):
                 if not 0.0 < gap < distance:
                     continue
                 opening = hinge.opening_at(ends[3:].tolist())
+                radius = length(opening)
                 lever = dot(ends[3:] - ends[:3], opening) / gap
-                if lever >= max(MIN_LEVER, _MIN_BACKING_COSINE * length(opening)):
-                    yield gap, length(opening)
+                cosine = lever / radius
+                beside = gap * math.sqrt(max(0.0, 1.0 - cosine * cosine))
+                least = MIN_PRESS_COSINE if beside <= MOST_BESIDE else _MIN_BACKING_COSINE
+                if lever >= MIN_LEVER and cosine >= least:
+                    yield gap, radius
 
     def grasped(self, side: Side, owner: str) -> bool:
         """Whether both fingers of a gripper press on an owner, towards each other.
@@ -285,15 +296,16 @@ class Contacts(ContactOwners):
             return False
         left, right = self._pad_bodies[side]
         across = self._pad_centres[right] - self._pad_centres[left]
-        across = (across / length(across)).tolist()
+        x, y, z = (across / length(across)).tolist()
         frames = self._data.contact.frame
-        return all(
-            any(
-                inwards * sign * dot(frames[number, :3], across) > MIN_PRESS_COSINE
-                for number, sign in self._normals([finger], row)
-            )
-            for finger, inwards in ((one, 1.0), (other, -1.0))
-        )
+        for finger, inwards in ((one, 1.0), (other, -1.0)):
+            for number, sign in self._normals([finger], row):
+                a, b, c = frames[number, :3].tolist()
+                if inwards * sign * (a * x + b * y + c * z) > MIN_PRESS_COSINE:
+                    break
+            else:
+                return False
+        return True
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""

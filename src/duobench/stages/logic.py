@@ -38,6 +38,8 @@ class Memory:
     """What held at an earlier step."""
     reset: Predicate | None
     """What makes it forgotten, if anything does."""
+    only: Predicate | None = None
+    """What holds wherever one of both does, if that is known: where not, neither is asked."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -307,7 +309,9 @@ class Since(Predicate):
 
 
 @shared
-def since(predicate: Predicate, *, reset: Predicate | None = None) -> Since:
+def since(
+    predicate: Predicate, *, reset: Predicate | None = None, only: Predicate | None = None
+) -> Since:
     """`predicate` held at some earlier step of this episode, and `reset` has not held since.
 
     Args:
@@ -315,8 +319,9 @@ def since(predicate: Predicate, *, reset: Predicate | None = None) -> Since:
         reset: What makes it forgotten, if anything: it held at none of the steps from the one that
             is remembered to the last one. So `since(left, reset=right)` is true where the last of
             the two that held was `left`.
+        only: A part of both, without which neither holds.
     """
-    memory = Memory(event=predicate, reset=reset)
+    memory = Memory(event=predicate, reset=reset, only=only)
     name = f"since {predicate.name}" + ("" if reset is None else f" without {reset.name}")
     parts = (predicate,) if reset is None else (predicate, reset)
     return Since(name, lambda state: memory in state.remembered, parts, memory=memory)
@@ -354,7 +359,7 @@ def kept(
         digit = leaf(
             f"digit {place} of {name}", lambda state: number(state) / unit // 2**place % 2 >= 1
         )
-        return since(when & digit, reset=when & ~digit)
+        return since(when & digit, reset=when & ~digit, only=when)
 
     return Kept(bits=tuple(map(bit, range(int(most / unit).bit_length()))), unit=unit)
 

@@ -73,7 +73,9 @@ def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
     new: list[Memory] = []
     gone: list[Memory] = []
     for memory in memories:
-        event, reset = memory.event, memory.reset
+        event, reset, only = memory.event, memory.reset, memory.only
+        if only is not None and not only.ask(state):
+            continue
         if memory in before:
             if reset is not None and reset.ask(state):
                 gone.append(memory)

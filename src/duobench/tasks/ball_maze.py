@@ -118,7 +118,7 @@ TASK = Task(
         ),
         Stage(
             name="the ball rests at the goal",
-            instruction="Tilt the board until the ball stays in the red corner.",
+            instruction="Hold the board up and tilt it until the ball stays in the red corner.",
             holds=_ROLLING.arrived,
         ),
     ),

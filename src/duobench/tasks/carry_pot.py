@@ -88,7 +88,7 @@ TASK = Task(
         ),
         Stage(
             name="both arms carry the pot",
-            instruction="Grasp one handle with each arm, and lift the pot.",
+            instruction="Grasp one handle with each arm, and lift the pot from the table.",
             holds=_CARRIAGE.carried,
             stays=_CARRIAGE.underway | _CARRIAGE.put_down,
         ),
