@@ -174,6 +174,7 @@ class TaskHarness:
         """Send an action (16,), and judge what came of it."""
         # In float32, as a rollout does.
         action = np.asarray(action, dtype=np.float32)
+        self.requested = action
         duo = self.sim.duo
         self.sim.step(DuoCommand.from_flat(duo.clipped(action)))
         self.judge()

@@ -21,7 +21,7 @@ SETTLE = 45
 PATIENCE = 30
 """Control steps in a row at which a task is done when it is done for good: one second."""
 MOVED = 1e-3
-"""Change of a commanded joint (radians) or opening by which an arm was told to move."""
+"""Change of a requested joint (radians) or opening by which an arm was told to move."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,7 +54,7 @@ def play(bench: TaskHarness, way: Way, seed: int) -> Judgement:
             ever, streak = ever or holds, streak + 1 if holds else 0
             if watched:
                 together = together or len(hands_on(bench.sim)) > 1
-                now = bench.sim.duo.command().flat.reshape(len(SIDES), -1)
+                now = bench.requested.reshape(len(SIDES), -1)
                 moved |= {side for side in SIDES if np.abs(now - start)[side.index].max() > MOVED}
     except WayFailedError:
         failed = True

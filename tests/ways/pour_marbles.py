@@ -357,7 +357,7 @@ ADVERSARIES: dict[str, Way] = {
         5,
         (push_home, Pouring(place=(-0.085, 0.0))),
         deed=done,
-        lacks="left_cup go: the centre of left_cup is 6 mm outside its place",
+        lacks="mm outside its place at left_square",
     ),
     "half-open fingers are pressed on both cups": cheat(
         0,

@@ -133,7 +133,7 @@ def rolling(
         dropped & ~lain, PLACE_UNIT, lambda x, y: hypot(x - middle, y - middle) > MOST_MOVED
     )
     after = f"while {board} was not held up by both arms"
-    again = lifted & since(dropped, reset=lifted)
+    again = lifted & since(dropped & since(lifted), reset=lifted)
     lost = all_of(again, since(let_down, reset=lifted), ~lain | moved)
     spoilt = any_of(
         ~inside(ball, room),
