@@ -15,7 +15,7 @@ ATTEMPTS, TAKES = "attempts.json", "takes"
 task, which several sessions may add to."""
 ATTEMPTS_SCHEMA = 1
 RUN = "record.json"
-"""What `record` records."""
+"""Description of what `record` records."""
 SKIPPED = "Skipped before it began."
 """Why an attempt at which nobody did anything is not kept."""
 
@@ -56,11 +56,11 @@ class Comparison:
     """Files of a task beside what was noted about attempts at it."""
 
     missing: tuple[Path, ...]
-    """What was kept, and is not there."""
+    """Kept episodes without a file."""
     surplus: tuple[Path, ...]
-    """What is there, and was not noted."""
+    """Files of episodes that were not noted."""
     foreign: tuple[Path, ...]
-    """What is there and keeps a recording from going on: it is not what its name says."""
+    """Files that are not what their name says, and keep a recording from going on."""
 
     def __str__(self) -> str:
         """As a sentence part; empty where nothing differs."""

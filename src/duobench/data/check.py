@@ -86,7 +86,7 @@ def find_problems(
 
 
 def _compared(data: DataSet) -> Iterator[Problem]:
-    """What differs from what attempts say, and would keep a recording from going on."""
+    """Differences from the attempts that would keep a recording from going on."""
     run = data.path / RUN
     try:
         about = read_object(run, FileError)

@@ -19,14 +19,14 @@ from duobench.errors import (
 
 
 class Place(Enum):
-    """Where errors are raised while an episode is played."""
+    """Places at which errors are raised while an episode is played."""
 
     RENDERING = auto()
     """Images of the policy, and videos."""
     TASK = auto()
     """A task's layouts, objects and stages."""
     ACTION = auto()
-    """What an action does to the physics, which follows from nothing but the action."""
+    """Physics of an action, which follows from nothing but the action."""
 
 
 _PLACES: Mapping[str, Place] = {
@@ -56,7 +56,7 @@ def _causes(error: BaseException) -> list[BaseException]:
 
 
 def place_of(error: BaseException) -> tuple[Place | None, BaseException, TracebackType | None]:
-    """Where an error was raised, by which error, and its traceback from there on."""
+    """Place at which an error was raised, by which error, and its traceback from there on."""
     for cause in _causes(error):
         trace = cause.__traceback__
         while trace is not None:
@@ -70,7 +70,7 @@ def place_of(error: BaseException) -> tuple[Place | None, BaseException, Traceba
 
 
 def fault_of(error: BaseException, task: str) -> MachineryError:
-    """What an error stands for that is not the policy's."""
+    """Fault that an error stands for which is not the policy's."""
     if isinstance(error, MachineryError) and is_machinery(error):
         return error
     place, cause, trace = place_of(error)
@@ -100,7 +100,7 @@ def before_policy(task: str) -> Iterator[None]:
 
 
 class Asking:
-    """What a policy has raised while it was asked."""
+    """Errors that a policy has raised while it was asked."""
 
     def __init__(self) -> None:
         self._raised: BaseException | None = None
@@ -116,6 +116,6 @@ class Asking:
             raise
 
     def fault_of(self, error: BaseException, task: str) -> MachineryError | None:
-        """What an error stands for that ended an episode; None if it is the policy's."""
+        """Fault behind an error that ended an episode; None if it is the policy's."""
         is_own = self._raised in _causes(error) or place_of(error)[0] is Place.ACTION
         return None if is_own and not is_machinery(error) else fault_of(error, task)

@@ -95,7 +95,7 @@ def go_on_with(noise: Noise) -> None:
 
 
 def tried(call: Callable[[], T]) -> tuple[T, bool]:
-    """What a call gives with generators of `MAKING_SEED`, and whether it has moved them.
+    """Result of a call with generators of `MAKING_SEED`, and whether it has moved them.
 
     The first calls of an object may import torch, or make a model and take random numbers for that:
     with this seed it is the same in every process, whatever is played there first.

@@ -25,7 +25,7 @@ REPEATABILITY: Mapping[bool | None, str] = {
     True: "With one seed, its first answer was the same twice.",
     False: f"This policy is {NOT_REPEATABLE}: with one seed, its first answers were not the same.",
 }
-"""What a run says of its policy after it was asked the same twice, or again by a later command."""
+"""Sentences of a run on its policy, which was asked the same twice, or again by a later command."""
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
 """A number that is a word of its own, not a part of a name."""
 

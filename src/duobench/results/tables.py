@@ -308,10 +308,22 @@ def comparison_json(comparison: RunComparison) -> str:
 
 
 _FACTS = (
-    *("policy", "policy_name", "policy_version", "privileged", "repeatable", "domain"),
+    "policy",
+    "policy_name",
+    "policy_version",
+    "privileged",
+    "repeatable",
+    "domain",
     "trained_on",
-    *("suite_version", "look", "shift", "first_episode"),
-    *("expected_episodes", "suite", "execute", "latency", "versions"),
+    "suite_version",
+    "look",
+    "shift",
+    "first_episode",
+    "expected_episodes",
+    "suite",
+    "execute",
+    "latency",
+    "versions",
 )
 
 

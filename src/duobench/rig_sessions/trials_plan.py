@@ -94,7 +94,7 @@ class TrialsPlan:
         return Episode(task=self.task, index=trial.episode)
 
     def key(self, trial: RigEpisode) -> Key:
-        """What names the record of a trial in the run."""
+        """Key of the record of a trial in the run."""
         return self.run.key(self.episode(trial), self.policies[trial.policy].policy)
 
     def ordered_as(self, before: TrialsPlan) -> TrialsPlan:

@@ -86,7 +86,7 @@ class TrialsReport:
     """The same policy by policy; empty while names are hidden, and where none is invalid."""
     missing: int
     differing: str
-    """What is missing of what the log tells, in sentences; empty if nothing."""
+    """Sentences on what is missing of what the log tells; empty if nothing."""
     verdicts: tuple[str, ...]
     """What tests say about any two policies, in words."""
     rigs: str

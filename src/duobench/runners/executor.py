@@ -111,7 +111,7 @@ class LocalExecutor:
     def _after(
         self, episode: Episode, fault: MachineryError, log: AttemptLog
     ) -> EpisodeResult | None:
-        """What a fault makes of an episode; None if it is played again, or not any more."""
+        """Result of an episode after a fault; None if it is played again, or not any more."""
         record, how = self._progress, end_of(fault)
         if how == POLICY and record is not None and record.end is not None:
             return EpisodeResult(record=record)  # it was played on after its horizon
@@ -214,7 +214,7 @@ class ProcessExecutor:
             yield EpisodeResult(record=self._at_horizon.pop(episode))
 
     def failures(self) -> Iterator[EpisodeResult]:
-        """What is unplayed, as episodes that failed with an error, but not where the task did."""
+        """Unplayed episodes as failures with an error, but not those whose task failed."""
         for episode, why in self.unplayed.items():
             if not isinstance(why, TaskFailedError):
                 error = UnplayedError(f"It was not played: {why}")

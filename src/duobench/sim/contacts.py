@@ -247,7 +247,7 @@ class Contacts(ContactOwners):
     def behind(
         self, side: Side, owner: str, hinge: HingeAxis, distance: float
     ) -> Iterator[tuple[float, float]]:
-        """Where a gripper is on the side of an owner from which it would push it open.
+        """Yield where a gripper is on the side of an owner from which it would push it open.
 
         A finger or the palm is at most `distance` metres from it, along the owner's normal there,
         so that the owner would turn onto the hand if it were let go. It measures between geoms,

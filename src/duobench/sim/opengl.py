@@ -19,6 +19,7 @@ from typing import Any, cast
 
 from duobench.errors import RenderingError
 from duobench.machine import (
+    DEVICE,
     OPENGL_PACKAGES,
     OSMESA_PACKAGES,
     is_software_renderer,
@@ -28,11 +29,9 @@ from duobench.machine import (
 ASKED = "MUJOCO_GL"
 """Environment variable with which people choose what renders, for MuJoCo and for us."""
 BACKENDS = ("egl", "osmesa")
-"""What renders without a display, best first: what we take."""
+"""Libraries that render without a display, best first: all that we take."""
 CHOSEN = "DUOBENCH_GL"
 """Environment variable that carries the choice to child processes, so that they need not probe."""
-DEVICE = "MUJOCO_EGL_DEVICE_ID"
-"""Environment variable with which people choose a graphics device for EGL."""
 PROBE_TIMEOUT_S = 30.0
 """A child that has not rendered by then hangs; it needs less than a second on an idle machine."""
 PARALLEL_PROBES = 8
@@ -53,9 +52,14 @@ _OFF = ("disable", "disabled", "off", "false", "0")
 _log = logging.getLogger(__name__)
 _SUSPECTS = (
     DEVICE,
-    *("__EGL_VENDOR_LIBRARY_FILENAMES", "__EGL_VENDOR_LIBRARY_DIRS", "EGL_PLATFORM"),
-    *("LIBGL_DRIVERS_PATH", "LIBGL_ALWAYS_SOFTWARE", "GALLIUM_DRIVER"),
-    *("MESA_LOADER_DRIVER_OVERRIDE", "MESA_GL_VERSION_OVERRIDE"),
+    "__EGL_VENDOR_LIBRARY_FILENAMES",
+    "__EGL_VENDOR_LIBRARY_DIRS",
+    "EGL_PLATFORM",
+    "LIBGL_DRIVERS_PATH",
+    "LIBGL_ALWAYS_SOFTWARE",
+    "GALLIUM_DRIVER",
+    "MESA_LOADER_DRIVER_OVERRIDE",
+    "MESA_GL_VERSION_OVERRIDE",
 )
 """Environment variables that may be why nothing renders; where they are set, it is said."""
 
@@ -132,7 +136,7 @@ def choose(processes: int = 1) -> str:
 
 
 def _asked() -> str:
-    """What people have chosen; empty where they leave it to us."""
+    """Choice of a person; empty where it is left to us."""
     name = os.environ.get(ASKED, "").lower().strip()
     if name in _OFF:
         raise RenderingError(
@@ -147,7 +151,7 @@ def _asked() -> str:
 
 
 def _candidates() -> Sequence[str]:
-    """What is tried, where nobody has chosen."""
+    """Libraries to try where no person has chosen."""
     if DEVICE in os.environ:  # a device of EGL was asked for: nothing else takes its place
         return BACKENDS[:1]
     bound = os.environ.get("PYOPENGL_PLATFORM", "").lower()
@@ -234,7 +238,7 @@ def _check_device(library: Any) -> None:
 
 
 def _advice() -> str:
-    """What to do where nothing renders."""
+    """Advice where nothing renders."""
     suspects = [f"{name}={os.environ[name]!r}" for name in _SUSPECTS if name in os.environ]
     first = f"Perhaps because of {', '.join(suspects)}: unset it first.\n" if suspects else ""
     return first + HELP

@@ -66,7 +66,7 @@ class Renderer:
         self._process: RenderingProcess | None = None
         self._key = 0
         self._shown: list[Any] = [None, None]
-        """What the process was told last: what the model shows, and the look."""
+        """Last told to the process: what the model shows, and the look."""
         self._free: weakref.finalize[Any, Any] | None = None
         self._look, self._appearance = Look(), None
         self.set_look(look or Look())

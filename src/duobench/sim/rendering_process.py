@@ -42,7 +42,7 @@ from duobench.sim.opengl import (
 from duobench.types import Array
 
 FRAME_TIMEOUT_S = 50.0
-"""What has not come by then, while this process ran, never comes."""
+"""Seconds, while this process runs, after which an answer never comes."""
 _SLICE_S = 0.25
 """The limit is counted in such parts; one in which this process was stopped is one."""
 ROOM = 128 << 20
@@ -52,17 +52,29 @@ _HEAD = 8
 _MODEL = "model.mjb"
 _FAMILIES = ("geom", "mat", "light", "cam")
 _STRUCTS = ("stat", "vis.global_", "vis.headlight", "vis.map")
-"""What of a model an image depends on, and may be changed while it is simulated."""
+"""Fields of a model that an image depends on, and that may change while it is simulated."""
 _DATA = (
-    *("qpos", "xpos", "xquat", "xmat", "xipos", "ximat", "subtree_com"),
-    *("geom_xpos", "geom_xmat", "site_xpos", "site_xmat"),
-    *("cam_xpos", "cam_xmat", "light_xpos", "light_xdir"),
+    "qpos",
+    "xpos",
+    "xquat",
+    "xmat",
+    "xipos",
+    "ximat",
+    "subtree_com",
+    "geom_xpos",
+    "geom_xmat",
+    "site_xpos",
+    "site_xmat",
+    "cam_xpos",
+    "cam_xmat",
+    "light_xpos",
+    "light_xdir",
 )
-"""What of a state an image depends on, beside the time."""
+"""Fields of a state that an image depends on, beside the time."""
 
 
 class Pictured:
-    """What an image of a model depends on: taken out of one process, put into another."""
+    """State that an image of a model depends on: taken out of one process, put into another."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         names = [name for name in dir(model) if name.partition("_")[0] in _FAMILIES]
@@ -74,7 +86,7 @@ class Pictured:
         ]
 
     def of_model(self) -> tuple[bytes, list[Any]]:
-        """What the model shows now."""
+        """Fields of the model as they are now."""
         values = [np.asarray(getattr(struct, name)).tolist() for struct, name in self._fields]
         return _joined(self._arrays), values
 
@@ -86,7 +98,7 @@ class Pictured:
 
     @staticmethod
     def of_data(data: mujoco.MjData) -> tuple[float, bytes]:
-        """What a state shows."""
+        """Time and fields of a state."""
         return data.time, _joined([getattr(data, name) for name in _DATA])
 
     @staticmethod
@@ -193,7 +205,7 @@ class RenderingProcess:
         self._freed.append(number)
 
     def ask(self, what: str, *arguments: Any) -> Any:
-        """What the process answers; anything that comes between ends it.
+        """Answer of the process; anything that comes between ends it.
 
         Raises:
             RenderingError: It cannot, or did not answer in time, or ended.
@@ -223,7 +235,7 @@ class RenderingProcess:
         return answer
 
     def _answer(self) -> Any:
-        """What it answers within the limit of time."""
+        """Answer within the limit of time."""
         for _ in range(math.ceil(FRAME_TIMEOUT_S / _SLICE_S)):
             with suppress(TimeoutError):
                 return self._channel.receive()
@@ -291,7 +303,7 @@ def serve(backend: str, parent: int) -> None:
 
 
 class _Served:
-    """What the rendering process does; its public methods are what can be asked for."""
+    """Work of the rendering process; its public methods can be asked for."""
 
     def __init__(self, backend: str) -> None:
         self._backend = backend
@@ -299,7 +311,7 @@ class _Served:
         self._current: OffscreenRenderer | None = None
 
     def answer(self, what: str, arguments: tuple[Any, ...], freed: list[int]) -> Any:
-        """What a method gives, or an error: whatever is raised here is of rendering."""
+        """Result of a method, or an error: whatever is raised here is of rendering."""
         try:
             for number in freed:
                 self._free(number)
@@ -310,7 +322,7 @@ class _Served:
             return RenderingError(f"An image could not be rendered: {in_words(error)}")
 
     def info(self) -> RenderingInfo:
-        """What renders."""
+        """Library, renderer and driver in use."""
         context = open_context(self._backend, 1, 1)
         info = info_of(self._backend)
         context.free()

@@ -39,7 +39,7 @@ class Memory:
     reset: Predicate | None
     """What makes it forgotten, if anything does."""
     only: Predicate | None = None
-    """What holds wherever one of both does, if that is known: where not, neither is asked."""
+    """Predicate that holds wherever one of both does, if known: where not, neither is asked."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -332,7 +332,7 @@ class Kept:
     """A number as it was at the last step at which something held; made by `kept`."""
 
     bits: tuple[Since, ...]
-    """What is remembered: the binary digits of its whole units, lowest first."""
+    """Memories of the binary digits of its whole units, lowest first."""
     unit: float
 
     def value(self, state: StateView) -> float:

@@ -29,7 +29,7 @@ from duobench.errors import BackendError
 from duobench.hardware.canonical import NATIVE
 from duobench.hardware.clock import SystemClock, VirtualClock
 from duobench.hardware.doctor.checks import Check, Outcome, write_checks
-from duobench.machine import unsupported
+from duobench.machine import DEVICE, unsupported
 from duobench.randomness import SUITE_VERSION
 from duobench.tasks import catalog
 from duobench.types import HEAD, POLICY_CAMERAS
@@ -46,12 +46,15 @@ ROOM_GB, LEAST_ROOM_GB = 1.0, 0.1
 """Free space for the output that is enough, and that is too little for anything."""
 HANDLES = 256
 """Open files that are enough for many workers."""
-DEVICE = "MUJOCO_EGL_DEVICE_ID"
 _VARIABLES = (
-    *("MUJOCO_GL", DEVICE, "PYOPENGL_PLATFORM", "CUDA_VISIBLE_DEVICES"),
-    *("NVIDIA_DRIVER_CAPABILITIES", "OMP_NUM_THREADS"),
+    "MUJOCO_GL",
+    DEVICE,
+    "PYOPENGL_PLATFORM",
+    "CUDA_VISIBLE_DEVICES",
+    "NVIDIA_DRIVER_CAPABILITIES",
+    "OMP_NUM_THREADS",
 )
-"""What other programs and scripts of jobs set, and a run heeds."""
+"""Variables that other programs and scripts of jobs set, and a run heeds."""
 _NAMED = ("PYTHONPATH", "LD_PRELOAD", "LD_LIBRARY_PATH", "TMPDIR", "MPLCONFIGDIR")
 """The same, of which the value is nobody's business."""
 

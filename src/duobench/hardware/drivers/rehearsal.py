@@ -125,7 +125,7 @@ class RehearsalPort:
 
 
 class RehearsalViews:
-    """What all cameras of the world see, rendered ten times a second, by a process of its own."""
+    """Images of all cameras of the world, ten times a second, by a process of its own."""
 
     def __init__(self, clock: Clock, world: RehearsalWorld) -> None:
         self._clock, self._world = clock, world

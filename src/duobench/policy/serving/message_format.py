@@ -33,7 +33,7 @@ _POSES: tuple[str, ...] = ("left_pose", "right_pose")
 _RATIO = 9 / 16
 """Height over width of what a camera sees."""
 Gripper = Literal["open_is_one", "closed_is_one", "closed_is_one_open_is_minus_one"]
-"""What numbers of a gripper mean to a server."""
+"""Meanings of the numbers of a gripper to a server."""
 _OPENINGS: dict[str, tuple[float, float]] = {
     "open_is_one": (0.0, 1.0),
     "closed_is_one": (1.0, -1.0),
@@ -53,7 +53,7 @@ class ActionFormat:
     mode: str = "joint"
     """The environment's action mode that they are meant for."""
     gripper: Gripper | None = None
-    """What numbers of a gripper mean in actions; None takes what they mean in states."""
+    """Meaning of the numbers of a gripper in actions; None takes that in states."""
 
     def __post_init__(self) -> None:
         action_modes.get(self.mode)
@@ -83,7 +83,7 @@ class MessageFormat:
     prompt: str = "prompt"
     """Their key for the instruction."""
     gripper: Gripper = "open_is_one"
-    """What numbers of a gripper mean in states."""
+    """Meaning of the numbers of a gripper in states."""
     actions: ActionFormat = field(default_factory=ActionFormat)
     """How they give actions."""
 
