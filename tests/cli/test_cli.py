@@ -283,6 +283,7 @@ def test_doctor_looks_at_what_is_left_to_it_by_others(tmp_path: Path) -> None:
     assert found["figures"].startswith("note drawn by Matplotlib")
     assert found["locale"].startswith("note names of files in utf-8, output in ascii")
     assert found["variables"].startswith("note ")
+    assert "https_proxy" in found["variables"]
     assert found["variables"].endswith("OMP_NUM_THREADS is a whole number from 1 on.")
     assert found["videos"].startswith("ok encoded by libvpx-vp9")
     assert "secret" not in done.stdout

@@ -55,8 +55,17 @@ _VARIABLES = (
     "OMP_NUM_THREADS",
 )
 """Variables that other programs and scripts of jobs set, and a run heeds."""
-_NAMED = ("PYTHONPATH", "LD_PRELOAD", "LD_LIBRARY_PATH", "TMPDIR", "MPLCONFIGDIR")
-"""The same, of which the value is nobody's business."""
+_PROXIES = ("HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY", "NO_PROXY")
+_NAMED = (
+    "PYTHONPATH",
+    "LD_PRELOAD",
+    "LD_LIBRARY_PATH",
+    "TMPDIR",
+    "MPLCONFIGDIR",
+    *_PROXIES,
+    *map(str.lower, _PROXIES),
+)
+"""The same, of which the value is private; connections to policies take no proxy."""
 
 
 def doctor(out: Path | None = None) -> None:
