@@ -359,7 +359,8 @@ def _bring(arms: Arms, how: Putting) -> Script:
         x, y, _ = arms.targets[INSERTER].translation
         goal = SE3(arms.targets[INSERTER].rotation, np.array([x, y, lower]))
         yield from move(arms, {INSERTER: goal}, speed=0.1)
-    if arms.sim.min_height("cube") - oven.translation[2] - FLOOR > HIGHEST:
+    height = arms.sim.min_height("cube") - oven.translation[2] - FLOOR
+    if height > HIGHEST >= how.drop:
         raise WayFailedError
     yield from release(arms, INSERTER, opening=LET_GO)
     out = arms.targets[INSERTER] @ SE3.at(z=-0.10 - how.place[0])

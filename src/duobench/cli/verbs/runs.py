@@ -302,6 +302,7 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     reader = RunFolder(folder)
     whole = reader.path.resolve()  # which has a name, also where `.` was given
     path = out or relative(whole.with_name(f"{whole.name}{BUNDLE_SUFFIX}"))
+    check_outside(path, reader.path)
     _tell_missing(reader)
     manifest = write_bundle(reader, path)
     if manifest.missing:
