@@ -425,8 +425,10 @@ class Rig:
 
 
 HARDWARE = {
-    *(ArmDriver.FRANKY, GripperDriver.ROBOTIQ),
-    *(CameraDriver.REALSENSE, CameraDriver.UVC),
+    ArmDriver.FRANKY,
+    GripperDriver.ROBOTIQ,
+    CameraDriver.REALSENSE,
+    CameraDriver.UVC,
 }
 """Drivers of what is no simulation."""
 

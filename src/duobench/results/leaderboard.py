@@ -39,8 +39,14 @@ EPISODES = 100
 """Episodes of each task that count, 0 to 99, as in the paper."""
 CHOSEN_BY_POLICY = frozenset(
     {
-        *("cameras", "image_size", "object_state", "action_mode", "binary_gripper", "chunk"),
-        *("render_mode", "render_size"),
+        "cameras",
+        "image_size",
+        "object_state",
+        "action_mode",
+        "binary_gripper",
+        "chunk",
+        "render_mode",
+        "render_size",
     }
 )
 """Fields of a configuration that are a policy's own affair; all others have their defaults."""

@@ -36,8 +36,16 @@ DOCUMENT = "mixed.json"
 MIXED_SCHEMA = 3
 WHERE = {SIM: "in simulation", REAL: "on real arms"}
 CSV_HEADER = (
-    *("task", "policy", "trained_on", "evaluated_in", "episodes", "successes", "success_rate"),
-    *("wilson_low", "wilson_high", "mean_final_progress"),
+    "task",
+    "policy",
+    "trained_on",
+    "evaluated_in",
+    "episodes",
+    "successes",
+    "success_rate",
+    "wilson_low",
+    "wilson_high",
+    "mean_final_progress",
 )
 
 
@@ -219,7 +227,12 @@ def _latex(table: MixedTable) -> str:
     )
     lines = [
         rf"\begin{{tabular}}{{ll{'c' * len(table.columns)}}}",
-        *(r"\toprule", heads, r"\midrule", *rows, r"\bottomrule", r"\end{tabular}"),
+        r"\toprule",
+        heads,
+        r"\midrule",
+        *rows,
+        r"\bottomrule",
+        r"\end{tabular}",
     ]
     return "\n".join(lines) + "\n"
 
@@ -249,7 +262,10 @@ def _scores(table: MixedTable) -> Iterator[tuple[str, Place, Score]]:
 def _csv(table: MixedTable) -> str:
     lines = [
         [
-            *(task, *place, found.episodes, found.successes),
+            task,
+            *place,
+            found.episodes,
+            found.successes,
             *(f"{number:.6f}" for number in (found.success_rate or 0.0, *found.interval)),
             f"{found.mean_final_progress or 0.0:.6f}",
         ]

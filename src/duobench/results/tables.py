@@ -37,9 +37,22 @@ _LATEX = str.maketrans(
 )
 _MARKDOWN = str.maketrans({char: f"\\{char}" for char in "\\`*_[]<>|"})
 CSV_HEADER = (
-    *("kind", "category", "row", "key", "name", "group", "policy_version", "suite_version"),
-    *("episodes", "successes", "success_rate", "wilson_low", "wilson_high"),
-    *("mean_final_progress", "best_of_group", "note"),
+    "kind",
+    "category",
+    "row",
+    "key",
+    "name",
+    "group",
+    "policy_version",
+    "suite_version",
+    "episodes",
+    "successes",
+    "success_rate",
+    "wilson_low",
+    "wilson_high",
+    "mean_final_progress",
+    "best_of_group",
+    "note",
 )
 """Columns of the table as CSV, one line for each policy in each row."""
 
@@ -229,11 +242,18 @@ def csv_rows(comparison: RunComparison) -> list[list[object]]:
             interval = [f"{end:.6g}" for end in cell.interval] if cell.interval else ["", ""]
             lines.append(
                 [
-                    *(row.kind, row.category, name, one.key, one.name, one.group),
+                    row.kind,
+                    row.category,
+                    name,
+                    one.key,
+                    one.name,
+                    one.group,
                     part.candidate.metadata.version or "" if part else "",
                     part.suite.version if part else "",
-                    *(cell.episodes, "" if cell.successes is None else cell.successes),
-                    *(f"{cell.rate:{digits}}", *interval),
+                    cell.episodes,
+                    "" if cell.successes is None else cell.successes,
+                    f"{cell.rate:{digits}}",
+                    *interval,
                     "" if cell.progress is None else f"{cell.progress:{digits}}",
                     int(comparison.is_best(row, one)),
                     "" if part else Group.ELSEWHERE.value,

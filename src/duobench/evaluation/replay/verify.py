@@ -37,8 +37,17 @@ TOLERANCE = 1e-6
 """Difference of a pose that another processor may make, in metres or in parts of a quaternion."""
 LONGEST_CLAIM = 120
 _OUTCOME = (
-    *("seed", "horizon", "max_stage", "steps", "stage_changes", "final_stage", "success"),
-    *("success_at_end", "terminated", "truncated", "instruction"),
+    "seed",
+    "horizon",
+    "max_stage",
+    "steps",
+    "stage_changes",
+    "final_stage",
+    "success",
+    "success_at_end",
+    "terminated",
+    "truncated",
+    "instruction",
 )
 
 

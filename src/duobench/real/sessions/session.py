@@ -57,8 +57,11 @@ _ALLOWED: dict[Phase, tuple[type, ...]] = {
     Phase.MOVING: (messages.GiveUp,),
     Phase.PLAYING: (*_LABELS, messages.GiveUp),
     Phase.JUDGING: (
-        *(*_LABELS, messages.AtEnd, messages.Note),
-        *(messages.Finish, messages.Invalid),
+        *_LABELS,
+        messages.AtEnd,
+        messages.Note,
+        messages.Finish,
+        messages.Invalid,
     ),
     Phase.OVER: (),
 }
