@@ -181,7 +181,8 @@ def _manifest(parts: dict[str, bytes]) -> Manifest:
     if not {_MANIFEST, DESCRIPTION} <= parts.keys():
         raise FileError(f"It has no {_MANIFEST} or no {DESCRIPTION}.")
     manifest = decode(parts.pop(_MANIFEST), Manifest, BUNDLE_SCHEMA)
-    if different := parts.keys() ^ manifest.parts.keys():
+    different = parts.keys() ^ manifest.parts.keys()
+    if different:
         raise FileError(f"{min(different)} is in its manifest or in it, not in both.")
     for name, content in parts.items():
         if hashlib.sha256(content).hexdigest() != manifest.parts[name]:

@@ -170,7 +170,8 @@ def read_mixed(sources: Sequence[str]) -> MixedTable:
 def _joined(parts: Sequence[RunPart]) -> RunPart:
     """What several evaluations of one training played, each on other tasks, as one."""
     first = parts[0]
-    if len(versions := {part.suite.version for part in parts}) > 1:
+    versions = {part.suite.version for part in parts}
+    if len(versions) > 1:
         raise EvaluationError(
             f"{first.candidate.name} played different suites ({', '.join(sorted(versions))}), "
             "whose scores cannot be added up; take runs of one of them."
@@ -255,7 +256,8 @@ def _scores(table: MixedTable) -> Iterator[tuple[str, Place, Score]]:
     for row in table.rows:
         name = row.tasks[0].id if row.kind is RowKind.TASK else "all"
         for place in table.entrants:
-            if (found := table.score(row, place)) is not None:
+            found = table.score(row, place)
+            if found is not None:
                 yield name, place, found
 
 

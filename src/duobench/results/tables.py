@@ -119,7 +119,8 @@ def verdict(pair: Pair) -> str:
     beats = "solves more than" if pair.crosses_groups else "is better than"
     found: list[str] = []
     for better, who, other in ((1, a, b), (-1, b, a)):
-        if won := [test.row.label for test in tests if test.better == better]:
+        won = [test.row.label for test in tests if test.better == better]
+        if won:
             found.append(f"{who} {beats} {other} in {_share(won, tests)}")
     if not found:
         found.append(f"{a} and {b} cannot be told apart in {_share([], tests)}")
@@ -236,7 +237,8 @@ def csv_rows(comparison: RunComparison) -> list[list[object]]:
     for row in comparison.rows:
         name = row.tasks[0].id if row.kind is RowKind.TASK else row.label
         for one in comparison.entrants:
-            if (cell := one.cell(row.tasks)) is None:
+            cell = one.cell(row.tasks)
+            if cell is None:
                 continue
             part, digits = one.part, ".6g" if cell.interval else ".2f"
             interval = [f"{end:.6g}" for end in cell.interval] if cell.interval else ["", ""]

@@ -154,7 +154,8 @@ def verify(
             findings[key] = _finding(key, Verdict.CONTRADICTED, str(error))
             continue
         records.append(record)
-        if wrong := _other_versions(run, record) or _other_attempts(attempts, record):
+        wrong = _other_versions(run, record) or _other_attempts(attempts, record)
+        if wrong:
             findings[key] = _finding(key, Verdict.CONTRADICTED, wrong)
         elif reason := unknown.get(record.task) or why_not(record):
             findings[key] = _finding(key, Verdict.UNVERIFIABLE, reason)

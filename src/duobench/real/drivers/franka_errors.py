@@ -97,7 +97,8 @@ def fault_of_exception(error: BaseException, lost: tuple[type[BaseException], ..
     text = str(error).strip() or type(error).__name__
     if isinstance(error, lost):
         return FaultKind.COMMUNICATION.fault(text)
-    if names := re.findall(r'"(\w+)"', text):
+    names = re.findall(r'"(\w+)"', text)
+    if names:
         return _kind_of(names).fault(text)
     if _PEOPLE.search(text):
         return FaultKind.PERSON.fault(text)

@@ -156,7 +156,8 @@ class FrankyArm:
                 raise BackendError(f"The arm at {address} does not recover from its errors.")
             self._fault = None
         self._poll()
-        if (fault := self.read().fault) is not None:
+        fault = self.read().fault
+        if fault is not None:
             raise BackendError(f"The arm at {address} does not recover: {fault.text}")
 
     def close(self) -> None:

@@ -271,7 +271,8 @@ class RigSession:
                     self.phase = Phase.MOVING  # no press counts any more
                     return reason
                 case messages.Finish():
-                    if not (objection := self.objection(played)):
+                    objection = self.objection(played)
+                    if not objection:
                         self.phase = Phase.MOVING
                         return ""
                     self.message = objection
