@@ -12,7 +12,12 @@ author = "The DuoBench authors"
 copyright = "the DuoBench authors, Apache-2.0"
 release = version = __version__
 
-extensions = ["myst_parser", "sphinx_design", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = [
+    "myst_parser",
+    "sphinx_design",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["files/**"]
 

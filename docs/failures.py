@@ -44,7 +44,11 @@ ROWS = (
         what="it raises; it expects what no environment has",
         owner=POLICY,
         effect=NOTHING,
-        cells=("local: cannot be made", "local: expects no camera", "served: is no server"),
+        cells=(
+            "local: cannot be made",
+            "local: expects no camera",
+            "served: is no server",
+        ),
     ),
     Row(
         moment="making the policy",
@@ -196,7 +200,11 @@ ROWS = (
         what="it or a video needs images, and nothing can render them",
         owner=MACHINERY,
         effect=NOTHING,
-        cells=("images: device is empty", "images: no such library", "video: no such library"),
+        cells=(
+            "images: device is empty",
+            "images: no such library",
+            "video: no such library",
+        ),
     ),
     Row(
         moment="any",

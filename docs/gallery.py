@@ -73,7 +73,12 @@ class StateRecorder:
         self.reached: list[tuple[int, int]] = []
         """Control step and stage, each time the stage rose."""
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+    def on_episode_start(
+        self,
+        env: gym.Env,  # noqa: ARG002 - the protocol's signature
+        observation: Observation,  # noqa: ARG002 - the protocol's signature
+        info: Info,  # noqa: ARG002
+    ) -> None:
         """Keep the start."""
         self.states.append(self._simulation.get_state())
 
@@ -129,7 +134,8 @@ def draw(name: str, folder: Path) -> list[PIL.Image.Image]:
     draw_start(simulation, recorder, own)
     draw_stages(simulation, recorder, shot(name), own)
     lines = (
-        f'"{key}": {json.dumps(value)}' for key, value in sources(task, recorder.reached).items()
+        f'"{key}": {json.dumps(value)}'
+        for key, value in sources(task, recorder.reached).items()
     )
     (own / DRAWN).write_text("{" + ",\n".join(lines) + "}\n", encoding="utf-8")
     film = list(filmed(simulation, recorder, shot(name)))
@@ -144,8 +150,12 @@ def filmed(
     """Show the whole episode in few images."""
     height, width = FILM_SIZE
     aim(simulation, plan.view)
-    with Renderer(simulation.model, height=height, width=width, samples=FILM_SAMPLES) as renderer:
-        for step in np.linspace(0, len(recorder.states) - 1, FILM_FRAMES).round().astype(int):
+    with Renderer(
+        simulation.model, height=height, width=width, samples=FILM_SAMPLES
+    ) as renderer:
+        for step in (
+            np.linspace(0, len(recorder.states) - 1, FILM_FRAMES).round().astype(int)
+        ):
             simulation.set_state(recorder.states[step])
             yield PIL.Image.fromarray(renderer.render(simulation.data, OVERVIEW))
 
@@ -157,16 +167,22 @@ def draw_start(simulation: Simulation, recorder: StateRecorder, folder: Path) ->
         ((OVERVIEW,), START_SIZE, SAMPLES),
         (POLICY_CAMERAS, CAMERA_SIZE, 1),
     ):
-        with Renderer(simulation.model, height=height, width=width, samples=samples) as renderer:
+        with Renderer(
+            simulation.model, height=height, width=width, samples=samples
+        ) as renderer:
             for camera, image in renderer.render_all(simulation.data, cameras).items():
                 save(image, folder / camera_file(camera))
 
 
-def draw_stages(simulation: Simulation, recorder: StateRecorder, plan: Shot, folder: Path) -> None:
+def draw_stages(
+    simulation: Simulation, recorder: StateRecorder, plan: Shot, folder: Path
+) -> None:
     """Draw each stage that was not skipped, from where the plan says."""
     height, width = STAGE_SIZE
     last = recorder.reached[-1][1]
-    with Renderer(simulation.model, height=height, width=width, samples=SAMPLES) as renderer:
+    with Renderer(
+        simulation.model, height=height, width=width, samples=SAMPLES
+    ) as renderer:
         for step, stage in moments(recorder.reached):
             aim(simulation, (plan.last or plan.view) if stage == last else plan.view)
             simulation.set_state(recorder.states[step])
@@ -202,7 +218,9 @@ def sweep(folder: Path) -> None:
 def main() -> None:
     """Draw what is asked for; if that is everything, write the page and the cover."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("tasks", nargs="*", metavar="task", help="ids; default: all, and the page")
+    parser.add_argument(
+        "tasks", nargs="*", metavar="task", help="ids; default: all, and the page"
+    )
     parser.add_argument("--out", type=Path, default=DRAWER, help="folder of the page")
     given = parser.parse_args()
     folder = given.out / FOLDER
@@ -215,7 +233,8 @@ def main() -> None:
     sweep(folder)
     (given.out / PAGE).write_text(page(folder), encoding="utf-8")
     frames = (
-        cover({name: film[number] for name, film in films.items()}) for number in range(FILM_FRAMES)
+        cover({name: film[number] for name, film in films.items()})
+        for number in range(FILM_FRAMES)
     )
     move(frames, given.out / COVER, quality=COVER_QUALITY, method=6)
 

@@ -28,7 +28,9 @@ def cover(images: Mapping[str, PIL.Image.Image]) -> PIL.Image.Image:
     """Put one image of each task together, in rows of equal width, the larger ones first."""
     font = ImageFont.load_default(size=14)
     boxes = cells()
-    sheet = PIL.Image.new("RGB", (COVER_WIDTH, max(bottom for *_, bottom in boxes.values())))
+    sheet = PIL.Image.new(
+        "RGB", (COVER_WIDTH, max(bottom for *_, bottom in boxes.values()))
+    )
     for name, (left, top, right, bottom) in boxes.items():
         sheet.paste(images[name].resize((right - left, bottom - top)), (left, top))
         ImageDraw.Draw(sheet).text(
@@ -151,5 +153,7 @@ def explanation(name: str) -> str:
     text = cleandoc(import_module(f"duobench.tasks.{name}").__doc__ or "")
     found = re.search(r"^Task:\n((?:    .*\n)+)", text, flags=re.MULTILINE)
     if found is None:
-        raise DuoBenchError(f"The docstring of duobench.tasks.{name} has no section 'Task:'.")
+        raise DuoBenchError(
+            f"The docstring of duobench.tasks.{name} has no section 'Task:'."
+        )
     return " ".join(found[1].split())

@@ -81,12 +81,16 @@ def model_digest(task: Task) -> str:
         ([spec.stat], "center extent"),
     ):
         for element in elements:
-            values = {field: _plain(getattr(element, field)) for field in fields.split()}
+            values = {
+                field: _plain(getattr(element, field)) for field in fields.split()
+            }
             total.update(f"{values}\n".encode())
     for mesh in spec.meshes:
         if mesh.name in shown:
             # Each point once: the cut of a surface into triangles may differ, and hardly shows.
-            points = {tuple(point) for point in _plain(np.reshape(mesh.uservert, (-1, 3)))}
+            points = {
+                tuple(point) for point in _plain(np.reshape(mesh.uservert, (-1, 3)))
+            }
             total.update(f"{mesh.name} {sorted(points)}\n".encode())
     return total.hexdigest()
 

@@ -53,12 +53,16 @@ def sheet(name: str, camera: str, samples: int) -> PIL.Image.Image:
     rows = -(-len(NAMES) // COLUMNS)
     whole = PIL.Image.new("RGB", (COLUMNS * width, rows * height))
     font = ImageFont.load_default(size=15)
-    with Renderer(simulation.model, height=height, width=width, samples=samples) as renderer:
+    with Renderer(
+        simulation.model, height=height, width=width, samples=samples
+    ) as renderer:
         for number, one in enumerate(NAMES):
             renderer.set_look(look(one))
             row, column = divmod(number, COLUMNS)
             at = column * width, row * height
-            whole.paste(PIL.Image.fromarray(renderer.render(simulation.data, camera)), at)
+            whole.paste(
+                PIL.Image.fromarray(renderer.render(simulation.data, camera)), at
+            )
             ImageDraw.Draw(whole).text(
                 (at[0] + 7, at[1] + 4), one, font=font, fill="white", stroke_width=2,
                 stroke_fill="black",
@@ -85,7 +89,10 @@ def main() -> None:
     given = parser.parse_args()
     folder = given.out / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    files = {f"{name}.jpg": (name, OVERVIEW, SAMPLES) for name in given.tasks or catalog.names()}
+    files = {
+        f"{name}.jpg": (name, OVERVIEW, SAMPLES)
+        for name in given.tasks or catalog.names()
+    }
     if not given.tasks:
         files[HEAD_FILE] = HEAD_TASK, HEAD, 1
         for old in folder.glob("*.jpg"):
@@ -95,7 +102,9 @@ def main() -> None:
         image.save(folder / file, quality=QUALITY, optimize=True)
         console().print(str(folder / file), soft_wrap=True)
     if not given.tasks:
-        (folder / DRAWN).write_text(json.dumps(sources(), indent=1) + "\n", encoding="utf-8")
+        (folder / DRAWN).write_text(
+            json.dumps(sources(), indent=1) + "\n", encoding="utf-8"
+        )
 
 
 if __name__ == "__main__":

@@ -58,7 +58,9 @@ def together(name: str) -> Iterator[Drawn]:
     """Return the parts of a task as they go together, a little apart; nothing for most tasks."""
     task = catalog.get(name)
     solids = {
-        prop.name: prop.prints({prop.choice or "": "0"}) for prop in task.props if name in APART
+        prop.name: prop.prints({prop.choice or "": "0"})
+        for prop in task.props
+        if name in APART
     }
     if name == "hinge_chest":
         box, lid = solids["chest"]
@@ -79,7 +81,9 @@ def together(name: str) -> Iterator[Drawn]:
         (gate,) = solids["gate"]
         yield from pieces(gate, (SE3(), SE3.at(z=0.05), SE3.at(z=0.10)))
     elif name == "join_blocks":
-        (light,), (dark,), (wall,) = (solids[k] for k in ("light_block", "dark_block", "wall"))
+        (light,), (dark,), (wall,) = (
+            solids[k] for k in ("light_block", "dark_block", "wall")
+        )
         step = BAR[0] + 0.040
         yield from pieces(light, (SE3.at(-2 * step, 0.0, PEG_HEIGHT),))
         yield from pieces(dark, (SE3.at(-step, 0.0, PEG_HEIGHT),))
@@ -92,7 +96,13 @@ def together(name: str) -> Iterator[Drawn]:
         yield from pieces(board, (SE3(),))
 
 
-APART = ("hinge_chest", "ball_maze", "join_blocks", "transfer_gate", "transfer_reorient")
+APART = (
+    "hinge_chest",
+    "ball_maze",
+    "join_blocks",
+    "transfer_gate",
+    "transfer_reorient",
+)
 """Tasks of which parts go together."""
 
 
@@ -125,7 +135,10 @@ def render(drawn: Sequence[Drawn], *, stands: bool) -> np.ndarray:
     spec.visual.headlight.ambient = (0.45, 0.45, 0.46)
     spec.visual.headlight.diffuse = (0.0, 0.0, 0.0)
     spec.visual.headlight.specular = (0.0, 0.0, 0.0)
-    for eye, light, shadow in (((-0.5, -0.9, 1.8), 0.5, True), ((1.0, -0.4, 0.6), 0.2, False)):
+    for eye, light, shadow in (
+        ((-0.5, -0.9, 1.8), 0.5, True),
+        ((1.0, -0.4, 0.6), 0.2, False),
+    ):
         spec.worldbody.add_light(
             type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
             pos=middle + 4 * radius * np.array(eye),
@@ -155,7 +168,9 @@ def render(drawn: Sequence[Drawn], *, stands: bool) -> np.ndarray:
     half = math.tan(math.radians(FIELD_OF_VIEW) / 2)
     aspect = SIZE[1] / SIZE[0]
     away = points - middle
-    needed = np.maximum(np.abs(away @ up) / half, np.abs(away @ across) / (half * aspect))
+    needed = np.maximum(
+        np.abs(away @ up) / half, np.abs(away @ across) / (half * aspect)
+    )
     distance = 1.06 * float((needed + away @ back).max())
     spec.worldbody.add_camera(
         name="camera",
@@ -173,7 +188,9 @@ def render(drawn: Sequence[Drawn], *, stands: bool) -> np.ndarray:
 def save(image: np.ndarray, path: Path) -> None:
     """Write an image as JPEG."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    PIL.Image.fromarray(image).save(path, quality=QUALITY, optimize=True, progressive=True)
+    PIL.Image.fromarray(image).save(
+        path, quality=QUALITY, optimize=True, progressive=True
+    )
 
 
 def main() -> None:
@@ -187,7 +204,8 @@ def main() -> None:
         if name in APART:
             save(render(list(together(name)), stands=True), out / together_file(name))
     (out / DRAWN).write_text(
-        json.dumps({name: digest(job(name)) for name in JOBS}, indent=1) + "\n", encoding="utf-8"
+        json.dumps({name: digest(job(name)) for name in JOBS}, indent=1) + "\n",
+        encoding="utf-8",
     )
     if out == DRAWER / FOLDER:
         (DRAWER / PAGE).write_text(page(out), encoding="utf-8")

@@ -47,8 +47,12 @@ def digest(what: PrintJob) -> str:
     """Return a hash of what the pictures of a job show, the same on every machine."""
     total = hashlib.sha256()
     for part in what.parts:
-        points = {tuple(point) for point in (part.mesh.vertices.round(7) + 0.0).tolist()}
-        total.update(f"{part.name} {part.rgba} {part.count} {sorted(points)}\n".encode())
+        points = {
+            tuple(point) for point in (part.mesh.vertices.round(7) + 0.0).tolist()
+        }
+        total.update(
+            f"{part.name} {part.rgba} {part.count} {sorted(points)}\n".encode()
+        )
     return total.hexdigest()
 
 
@@ -63,7 +67,11 @@ def section(name: str, pictures: Path) -> Iterator[str]:
     recipe = recipe_of(job(name))
     yield f"## {recipe.title}"
     yield ""
-    yield f"`duobench print {recipe.id}`" if recipe.id != COUPON else "Part of every folder."
+    yield (
+        f"`duobench print {recipe.id}`"
+        if recipe.id != COUPON
+        else "Part of every folder."
+    )
     for file, words in (
         (f"{recipe.id}.jpg", f"The parts of {recipe.title} on the bed"),
         (together_file(recipe.id), f"How the parts of {recipe.title} go together"),
@@ -86,7 +94,10 @@ def section(name: str, pictures: Path) -> Iterator[str]:
     else:
         yield from ("", "Nothing of this task is printed.")
     for title, lines in (
-        ("Put together:", [f"{n}. {line}" for n, line in enumerate(recipe.assembly, 1)]),
+        (
+            "Put together:",
+            [f"{n}. {line}" for n, line in enumerate(recipe.assembly, 1)],
+        ),
         ("Bought:", list(shopping_lines(recipe.bought))),
         ("Notes:", [f"- {line}" for line in recipe.notes]),
     ):

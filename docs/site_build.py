@@ -19,7 +19,10 @@ from sphinx.cmd.build import build_main  # noqa: E402
 MENDED = (
     (r"<pre>", '<pre tabindex="0">'),
     (r'<div class="table-wrapper', '<div tabindex="0" class="table-wrapper'),
-    (r'<aside class="sidebar-drawer', '<aside aria-label="All pages" class="sidebar-drawer'),
+    (
+        r'<aside class="sidebar-drawer',
+        '<aside aria-label="All pages" class="sidebar-drawer',
+    ),
     (r'<div id="search-results">', '<h1>Search</h1><div id="search-results">'),
     (r'<aside class="toc-drawer', '<aside aria-label="On this page" class="toc-drawer'),
     (r"(?s)<dl>\n((?:<dd>.*?</dd>\n)+)</dl>", r'<span class="sig-lines">\1</span>'),
@@ -43,13 +46,27 @@ def mend(page: Path) -> None:
 def main() -> None:
     """Lay out what Sphinx reads, run it, and mend its pages."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "site", help="folder of all of it")
+    parser.add_argument(
+        "--out", type=Path, default=ROOT / "site", help="folder of all of it"
+    )
     out: Path = parser.parse_args().out
     source, extra, built = out / "source", out / "extra", out / "html"
     stage(source, extra)
     shutil.rmtree(built, ignore_errors=True)  # pages that are no more
-    words = ["-b", "html", "-c", str(DOCS), "-d", str(out / "doctrees"), "-W", "--keep-going", "-q"]
-    if code := build_main([*words, "-D", f"html_extra_path={extra}", str(source), str(built)]):
+    words = [
+        "-b",
+        "html",
+        "-c",
+        str(DOCS),
+        "-d",
+        str(out / "doctrees"),
+        "-W",
+        "--keep-going",
+        "-q",
+    ]
+    if code := build_main(
+        [*words, "-D", f"html_extra_path={extra}", str(source), str(built)]
+    ):
         sys.exit(code)
     for page in built.rglob("*.html"):
         if page.parent.name != "replays":

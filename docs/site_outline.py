@@ -73,7 +73,14 @@ DRAWERS: Mapping[str, Drawer] = {
         title="Reference",
         about="Every name, option, field, frame and message.",
         chapters={
-            "Look it up": ("python", "command_line", "options", "schemas", "frames", "messages"),
+            "Look it up": (
+                "python",
+                "command_line",
+                "options",
+                "schemas",
+                "frames",
+                "messages",
+            ),
             "Measured": ("results", "baselines"),
         },
     ),

@@ -49,23 +49,39 @@ PACKAGES = (
 )
 """Whose names are public, in the order in which people meet them."""
 OPTIONS = {
-    "Environments": ("`duobench.make(task, **options)` takes the fields as keywords.", EnvConfig),
+    "Environments": (
+        "`duobench.make(task, **options)` takes the fields as keywords.",
+        EnvConfig,
+    ),
     "Shifts": ("`EnvConfig.shift`, `duobench eval --shift`.", Shift),
-    "Evaluations": ("Options of `duobench eval` that choose what is played.", SuiteChoice),
+    "Evaluations": (
+        "Options of `duobench eval` that choose what is played.",
+        SuiteChoice,
+    ),
     "Exports": ("Options of `duobench export lerobot`.", ExportOptions),
     "Policies": ("What a policy says of itself in `metadata`.", PolicyMetadata),
 }
 SCHEMAS = {
     "A run": ("`run.json` of a folder that `duobench eval` writes.", Run),
     "A record": ("One file an episode in `records/`.", EpisodeRecord),
-    "An episode of a data set": ("Metadata in the header of each Parquet file.", EpisodeInfo),
+    "An episode of a data set": (
+        "Metadata in the header of each Parquet file.",
+        EpisodeInfo,
+    ),
     "A rig": ("The file that describes real arms.", Rig),
 }
+LONGEST = 60
+"""Characters of a default that is shown whole."""
 
 
 def command_line() -> str:
     """Every verb, with what its parser takes."""
-    lines = ["# The command line", "", "From the parsers: what `duobench VERB --help` says.", ""]
+    lines = [
+        "# The command line",
+        "",
+        "From the parsers: what `duobench VERB --help` says.",
+        "",
+    ]
     for words, verb in verbs(VERBS):
         parser = parser_of(verb, words)
         lines += [f"## duobench {words}", "", plain(parser.description or ""), ""]
@@ -89,7 +105,9 @@ def verbs(
 def parser_of(verb: Callable[..., None], words: str) -> argparse.ArgumentParser:
     """Return the parser that reads a verb's arguments."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # nothing else gives it as values
+        warnings.simplefilter(
+            "ignore", DeprecationWarning
+        )  # nothing else gives it as values
         return tyro.extras.get_parser(
             verb, prog=f"duobench {words}", config=(tyro.conf.EnumChoicesFromValues,)
         )
@@ -110,7 +128,11 @@ def options() -> str:
 def schemas() -> str:
     """Fields of files, and of what they hold."""
     rows = [
-        (f"`{one.name}`", np.dtype(one.dtype).name, "per step" if one.of_action else "per state")
+        (
+            f"`{one.name}`",
+            np.dtype(one.dtype).name,
+            "per step" if one.of_action else "per state",
+        )
         for one in COLUMNS
     ]
     told = "## Columns of an episode\n\n`Recording` says [what they hold](python.md)."
@@ -120,7 +142,12 @@ def schemas() -> str:
 
 def classes_page(title: str, of: Mapping[str, tuple[str, type]]) -> str:
     """Return a page on the fields of data classes, with those that are fields of them."""
-    lines = [f"# {title}", "", "From the data classes, whose names stand behind each heading.", ""]
+    lines = [
+        f"# {title}",
+        "",
+        "From the data classes, whose names stand behind each heading.",
+        "",
+    ]
     told: set[type] = set()
     for heading, (about, cls) in of.items():
         lines += [f"## {heading}: `{cls.__name__}`", "", about, "", fields_table(cls)]
@@ -152,8 +179,14 @@ def fields_table(cls: type) -> str:
     told = said_of(cls)
     rows = []
     for field in dataclasses.fields(cls):
-        kind = field.type if isinstance(field.type, str) else inspect.formatannotation(field.type)
-        rows.append((f"`{field.name}`", code(kind), default(field), cell(told[field.name])))
+        kind = (
+            field.type
+            if isinstance(field.type, str)
+            else inspect.formatannotation(field.type)
+        )
+        rows.append(
+            (f"`{field.name}`", code(kind), default(field), cell(told[field.name]))
+        )
     return table(("field", "type", "default", "meaning"), rows)
 
 
@@ -174,7 +207,11 @@ def default(field: dataclasses.Field[object]) -> str:
     if field.default is not dataclasses.MISSING:
         value = field.default
         shown = repr(value)
-        return code(type(value).__name__ if len(shown) > 60 or " object at " in shown else shown)  # noqa: PLR2004
+        return code(
+            type(value).__name__
+            if len(shown) > LONGEST or " object at " in shown
+            else shown
+        )
     return "" if field.default_factory is dataclasses.MISSING else "empty"
 
 
@@ -212,7 +249,12 @@ def python() -> str:
     shown = examples()
     for package in PACKAGES:
         module = importlib.import_module(package)
-        lines += [f"## {package}", "", plain((module.__doc__ or "").partition("\n\n")[0]), ""]
+        lines += [
+            f"## {package}",
+            "",
+            plain((module.__doc__ or "").partition("\n\n")[0]),
+            "",
+        ]
         for name in sorted(module.__all__, key=str.lower):
             lines += [*described(f"{package}.{name}", getattr(module, name))]
             if (example := shown.pop(f"{package}.{name}", "")) != "":
@@ -227,18 +269,34 @@ def python() -> str:
 def described(name: str, value: object) -> Iterator[str]:
     """Give the lines by which autodoc describes a public name; of a value, its type alone."""
     if inspect.isclass(value):
-        yield from ("```{eval-rst}", f".. autoclass:: {name}", "   :members:", "```", "")
-    elif isinstance(inspect.unwrap(value), types.FunctionType):  # also one that is cached
+        yield from (
+            "```{eval-rst}",
+            f".. autoclass:: {name}",
+            "   :members:",
+            "```",
+            "",
+        )
+    elif isinstance(
+        inspect.unwrap(value), types.FunctionType
+    ):  # also one that is cached
         yield from ("```{eval-rst}", f".. autofunction:: {name}", "```", "")
     else:
         kind = type(value).__name__
-        yield from ("```{eval-rst}", f".. py:data:: {name}", f"   :type: {kind}", "```", "")
+        yield from (
+            "```{eval-rst}",
+            f".. py:data:: {name}",
+            f"   :type: {kind}",
+            "```",
+            "",
+        )
 
 
 def examples() -> dict[str, str]:
     """Return the examples by the name that they stand under."""
     text = EXAMPLES.read_text(encoding="utf-8")
-    found = re.findall(r"^## (\S+)\n(.*?)(?=^## |\Z)", text, flags=re.DOTALL | re.MULTILINE)
+    found = re.findall(
+        r"^## (\S+)\n(.*?)(?=^## |\Z)", text, flags=re.DOTALL | re.MULTILINE
+    )
     return {name: example.strip("\n") + "\n" for name, example in found}
 
 

@@ -61,7 +61,9 @@ def stage(source: Path, extra: Path) -> None:
         text = moved(path.read_text(encoding="utf-8"), path, place, places, source)
         write(source / place, keywords(place.stem) + dressed(text, place))
     for folder in ("gallery", "looks", "printing"):
-        shutil.copytree(DOCS / "tasks" / folder, source / "tasks" / folder, dirs_exist_ok=True)
+        shutil.copytree(
+            DOCS / "tasks" / folder, source / "tasks" / folder, dirs_exist_ok=True
+        )
     shutil.copytree(DOCS / "tasks" / "replays", extra / "tasks" / "replays")
 
 
@@ -76,7 +78,9 @@ def sources() -> dict[Path, Path]:
     named = [name for drawer in DRAWERS for name in pages(drawer)]
     if sorted(named) != sorted([*found, *made]):
         odd = {*named}.symmetric_difference({*found, *made})
-        raise ValueError(f"site_outline.py and docs/ differ in {', '.join(sorted(odd))}")
+        raise ValueError(
+            f"site_outline.py and docs/ differ in {', '.join(sorted(odd))}"
+        )
     places = {
         found[name]: Path(drawer) / f"{name}.md"
         for drawer in DRAWERS
@@ -86,7 +90,9 @@ def sources() -> dict[Path, Path]:
     return {FIRST: Path("index.md"), **places}
 
 
-def moved(text: str, path: Path, place: Path, places: Mapping[Path, Path], source: Path) -> str:
+def moved(
+    text: str, path: Path, place: Path, places: Mapping[Path, Path], source: Path
+) -> str:
     """Return a page whose links lead to the site's pages; files that it links are copied."""
 
     def lead(found: re.Match[str]) -> str:
@@ -96,11 +102,15 @@ def moved(text: str, path: Path, place: Path, places: Mapping[Path, Path], sourc
             return found[0]
         named = Path(os.path.normpath(path.parent / file))
         if not named.exists():
-            raise ValueError(f"{path.relative_to(ROOT)} links {target}, which is not there")
+            raise ValueError(
+                f"{path.relative_to(ROOT)} links {target}, which is not there"
+            )
         if named in places:
             new = os.path.relpath(places[named], place.parent)
             return f"{picture}[{words}]({new}{mark}{anchor})"
-        if named.suffix == ".html":  # a page of its own, which is shown and not downloaded
+        if (
+            named.suffix == ".html"
+        ):  # a page of its own, which is shown and not downloaded
             at = os.path.relpath(named.relative_to(DOCS), place.parent)
             return f'<a href="{at}">{words}</a>'
         if named.is_dir():
@@ -149,7 +159,9 @@ def doors() -> str:
 
 def trees() -> str:
     """Return the table of contents of the first page, which the side shows."""
-    lines = "\n".join(f"{drawer.title} <{folder}/index>" for folder, drawer in DRAWERS.items())
+    lines = "\n".join(
+        f"{drawer.title} <{folder}/index>" for folder, drawer in DRAWERS.items()
+    )
     return f"\n```{{toctree}}\n:hidden:\n\n{lines}\n```\n"
 
 

@@ -76,7 +76,9 @@ def section_of(name: str, heading: str) -> str:
     text = cleandoc(import_module(f"duobench.tasks.{name}").__doc__ or "")
     found = re.search(rf"^{heading}:\n((?:    .*\n?|\n)+)", text, flags=re.MULTILINE)
     if found is None:
-        raise ValueError(f"The docstring of duobench.tasks.{name} has no section {heading!r}.")
+        raise ValueError(
+            f"The docstring of duobench.tasks.{name} has no section {heading!r}."
+        )
     return " ".join(found[1].split())
 
 
@@ -84,7 +86,9 @@ def stages(task: Task) -> Iterator[str]:
     """What is reached, and what a policy that asks is told to do for it."""
     yield "## Stages"
     yield ""
-    rows = [(n, one.name, told(one.instruction)) for n, one in enumerate(task.stages, 1)]
+    rows = [
+        (n, one.name, told(one.instruction)) for n, one in enumerate(task.stages, 1)
+    ]
     yield table(("stage:", "what is reached", "what to do"), rows)
     yield "[The rule](stages.md) of stages is the same in every task. The scripted expert, a "
     yield "moment after each:"
@@ -176,7 +180,9 @@ def reached(task: Task) -> Iterator[str]:
     yield "## Known results"
     yield ""
     rows = [*expert(task), *learned(task)]
-    yield table(("here", "success %:", "95 % interval:", "final progress:", "episodes:"), rows)
+    yield table(
+        ("here", "success %:", "95 % interval:", "final progress:", "episodes:"), rows
+    )
     yield "The expert reads the simulator, and networks on object states are told where objects "
     yield "are: both are privileged. [Results](../reference/results.md), "
     yield "[baselines](../reference/baselines.md)."
@@ -189,7 +195,9 @@ def reached(task: Task) -> Iterator[str]:
         for policy, title in source.policies.items():
             value = value_of(source, policy, [task.id])
             if isinstance(value, int):
-                rows.append((f"{title} ({name})", f"{100 * value / source.rollouts:.1f}", ""))
+                rows.append(
+                    (f"{title} ({name})", f"{100 * value / source.rollouts:.1f}", "")
+                )
             elif value is not None:
                 rows.append((f"{title} ({name})", f"{value[0]:g}", f"{value[1]:.2f}"))
     yield table(("elsewhere", "success %:", "final progress:"), rows)
@@ -197,7 +205,9 @@ def reached(task: Task) -> Iterator[str]:
 
 def expert(task: Task) -> Iterator[tuple[str, ...]]:
     """The row of the page of results."""
-    found = re.search(rf"^\| `{task.id}` \| (\d+) \|", RESULTS.read_text("utf-8"), re.MULTILINE)
+    found = re.search(
+        rf"^\| `{task.id}` \| (\d+) \|", RESULTS.read_text("utf-8"), re.MULTILINE
+    )
     if found is None:
         raise ValueError(f"{RESULTS.name} has no row of {task.id!r}")
     yield ("scripted expert", found[1], "", "", "100")
@@ -212,7 +222,9 @@ def learned(task: Task) -> Iterator[tuple[str, ...]]:
         runs = [json.loads(file.read_text(encoding="utf-8")) for file in files]
         if not runs:
             continue
-        episodes, successes = (sum(run[key] for run in runs) for key in ("episodes", "successes"))
+        episodes, successes = (
+            sum(run[key] for run in runs) for key in ("episodes", "successes")
+        )
         rates = [run["successes"] / run["episodes"] for run in runs]
         low, high = baselines.interval(rates, runs[0]["episodes"])
         progress = sum(run["progress"] * run["episodes"] for run in runs) / episodes

@@ -62,14 +62,20 @@ def table(headings: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
     """Return a table in Markdown; a heading that ends in a colon is that of a column of numbers."""
     names = list(headings)
     marks = ["---:" if name.endswith(":") else "---" for name in names]
-    lines = [[name.rstrip(":") for name in names], marks, *(map(str, row) for row in rows)]
+    lines = [
+        [name.rstrip(":") for name in names],
+        marks,
+        *(map(str, row) for row in rows),
+    ]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def tasks() -> str:
     """All of them."""
     found = map(catalog.get, catalog.names())
-    rows = [(f"`{task.id}`", task.category, task.max_stage, task.horizon) for task in found]
+    rows = [
+        (f"`{task.id}`", task.category, task.max_stage, task.horizon) for task in found
+    ]
     return table(("task", "category", "stages", "horizon"), rows)
 
 
@@ -117,23 +123,41 @@ def _symmetry(prop: Prop) -> str:
             if (whole - turned).volume() < SAME * whole.volume():
                 found.setdefault(words, []).append(name)
                 break
-    return ", ".join(f"{words} about {' '.join(axes)}" for words, axes in found.items()) or "none"
+    return (
+        ", ".join(f"{words} about {' '.join(axes)}" for words, axes in found.items())
+        or "none"
+    )
 
 
 def names(of: tuple[str, ...]) -> Callable[[], str]:
     """A list of names of numbers, one side a line."""
     half = len(of) // len(SIDES)
-    return lambda: "```text\n" + " ".join(of[:half]) + "\n" + " ".join(of[half:]) + "\n```\n"
+    return lambda: (
+        "```text\n" + " ".join(of[:half]) + "\n" + " ".join(of[half:]) + "\n```\n"
+    )
 
 
 def joints() -> str:
     """Ranges, speeds and home of an arm's joints."""
     arm = zip(JOINT_RANGES, VELOCITY_LIMITS, *HOME_JOINTS, strict=True)
     rows = [
-        (number, f"{low:.4f}", f"{high:.4f}", f"{speed:.2f}", f"{left:.4f}", f"{right:.4f}")
+        (
+            number,
+            f"{low:.4f}",
+            f"{high:.4f}",
+            f"{speed:.2f}",
+            f"{left:.4f}",
+            f"{right:.4f}",
+        )
         for number, ((low, high), speed, left, right) in enumerate(arm, 1)
     ]
-    headings = ("smallest", "largest", "speed limit, rad/s", "home, left", "home, right")
+    headings = (
+        "smallest",
+        "largest",
+        "speed limit, rad/s",
+        "home, left",
+        "home, right",
+    )
     return table(("joint", *headings), rows)
 
 
@@ -192,7 +216,13 @@ def cameras() -> str:
 def suites() -> str:
     """The suites by name."""
     rows = [
-        (f"`{one.name}`", one.revision, one.episodes, one.execution.execute, one.purpose)
+        (
+            f"`{one.name}`",
+            one.revision,
+            one.episodes,
+            one.execution.execute,
+            one.purpose,
+        )
         for one in SUITES.values()
     ]
     chunk = "actions executed of a chunk"
@@ -207,7 +237,9 @@ def owners() -> str:
 
 def serving_modes() -> str:
     """Action modes by the words of vla-eval."""
-    rows = [(*(f"`{word}`" for word in key), f"`{mode}`") for key, mode in MODES.items()]
+    rows = [
+        (*(f"`{word}`" for word in key), f"`{mode}`") for key, mode in MODES.items()
+    ]
     headings = (
         "`control_mode`",
         "`relative_to`",
@@ -218,7 +250,11 @@ def serving_modes() -> str:
 
 def lowered() -> str:
     """Tasks whose levels of an axis are lower than those of the others."""
-    found = [(axis, *each) for axis, tasks in levels.LOWERED.items() for each in tasks.items()]
+    found = [
+        (axis, *each)
+        for axis, tasks in levels.LOWERED.items()
+        for each in tasks.items()
+    ]
     rows = [(f"`{axis}`", f"`{task}`", level) for axis, task, level in found]
     return table(("lowered on", "task", "bounds of level"), rows)
 
@@ -252,7 +288,9 @@ def _print_of(solid: Solid) -> tuple[str, str, str]:
 
 def learned(*setting: str, what: str = "table") -> Callable[[], str]:
     """What the baselines on object states reached, as their own program prints it."""
-    return lambda: "\n".join([*getattr(baselines, what)(baselines.RESULTS, *setting), ""])
+    return lambda: "\n".join(
+        [*getattr(baselines, what)(baselines.RESULTS, *setting), ""]
+    )
 
 
 Places = Mapping[str, Callable[[], str]]
@@ -303,7 +341,9 @@ def written(name: str) -> str:
     text = page_of(name).read_text(encoding="utf-8")
     places = [found["name"] for found in PLACE.finditer(text)]
     if sorted(places) != sorted(TABLES[name]):
-        raise ValueError(f"{name}.md has places for {places}, not for {list(TABLES[name])}")
+        raise ValueError(
+            f"{name}.md has places for {places}, not for {list(TABLES[name])}"
+        )
     return PLACE.sub(lambda at: f"{at[1]}\n{TABLES[name][at['name']]()}\n{at[4]}", text)
 
 

@@ -18,7 +18,9 @@ def _leave(number: int, _frame: FrameType | None) -> None:
 def main() -> None:
     """Run the command."""
     before = signal.getsignal(signal.SIGINT)
-    if before is signal.default_int_handler:  # not where it is ignored, as in the background
+    if (
+        before is signal.default_int_handler
+    ):  # not where it is ignored, as in the background
         signal.signal(signal.SIGINT, _leave)
     if sys.platform == "win32":  # before what asks for POSIX is imported
         from duobench.core.machine import unsupported

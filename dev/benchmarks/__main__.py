@@ -51,7 +51,11 @@ def measurements(kinds: Sequence[str], tasks: Sequence[str]) -> Iterator[Measure
         if kind in ONCE:
             yield from ONCE[kind]()
             continue
-        measure = PER_TASK[kind] if kind != WARP else import_module("dev.benchmarks.warp").measure
+        measure = (
+            PER_TASK[kind]
+            if kind != WARP
+            else import_module("dev.benchmarks.warp").measure
+        )
         for task in tasks:
             yield from measure(task)
 
@@ -61,7 +65,11 @@ def machine() -> str:
     cpu = platform.processor()
     info = Path("/proc/cpuinfo")
     if info.exists():
-        names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        names = [
+            line
+            for line in info.read_text().splitlines()
+            if line.startswith("model name")
+        ]
         cpu = names[0].partition(":")[2].strip() if names else cpu
     drawing = rendering.describe()
     return (
@@ -73,9 +81,15 @@ def machine() -> str:
 
 def main() -> int:
     """Measure what the arguments name, or everything."""
-    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks", description=__doc__)
-    parser.add_argument("kinds", nargs="*", metavar="kind", help=f"some of: {', '.join(KINDS)}")
-    parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    parser = argparse.ArgumentParser(
+        prog="python -m dev.benchmarks", description=__doc__
+    )
+    parser.add_argument(
+        "kinds", nargs="*", metavar="kind", help=f"some of: {', '.join(KINDS)}"
+    )
+    parser.add_argument(
+        "--tasks", nargs="+", choices=catalog.names(), default=catalog.names()
+    )
     arguments = parser.parse_args()
     if unknown := [kind for kind in arguments.kinds if kind not in KINDS]:
         parser.error(f"no such kind: {', '.join(unknown)}; known: {', '.join(KINDS)}")
@@ -85,7 +99,10 @@ def main() -> int:
         met &= found.met
         verdict = "" if not found.bar else "met" if found.met else "MISSED"
         value = f"{found.value:.4g} {found.unit}"
-        print(f"{found.what:<56} {value:>14} {found.bar:>9}  {verdict}".rstrip(), flush=True)
+        print(
+            f"{found.what:<56} {value:>14} {found.bar:>9}  {verdict}".rstrip(),
+            flush=True,
+        )
     return 0 if met else 1
 
 

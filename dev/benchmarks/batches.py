@@ -55,7 +55,9 @@ def measure_judging(name: str, repeats: int = 20) -> Iterator[Measurement]:
     vector.reset(options=START)
     numbers, everywhere = np.arange(JUDGED), np.ones(JUDGED, dtype=bool)
     simulations.load(
-        numbers, [variants] * JUDGED, [states[number % len(states)] for number in numbers]
+        numbers,
+        [variants] * JUDGED,
+        [states[number % len(states)] for number in numbers],
     )
 
     def judgement() -> None:
@@ -103,7 +105,9 @@ def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
     vectors = [
         duobench.make_vec(name, EPISODES, threads=1),
         duobench.make_vec(name, EPISODES, threads=2),
-        duobench.make_vec(name, PROCESSES, "async", {"context": "spawn"}, cameras=False),
+        duobench.make_vec(
+            name, PROCESSES, "async", {"context": "spawn"}, cameras=False
+        ),
     ]
     works = [
         bare_physics(env, actions),
@@ -112,7 +116,9 @@ def measure_steps(name: str, repeats: int = 3) -> Iterator[Measurement]:
     ]
     counts = 1, EPISODES, EPISODES, EPISODES, PROCESSES
     taken = seconds(*works, repeats=repeats)
-    bare, engine, one, two, processes = (t / n for t, n in zip(taken, counts, strict=True))
+    bare, engine, one, two, processes = (
+        t / n for t, n in zip(taken, counts, strict=True)
+    )
     for vector in (*vectors, env):
         vector.close()
     for what, value, least in (
@@ -136,7 +142,9 @@ def _engine(env: gym.Env, actions: NDArray[np.float32], threads: int) -> Work:
         batch.forward(stage=int(mujoco.mjtStage.mjSTAGE_VEL))
 
     def step(ramp: NDArray[np.float64]) -> None:
-        batch.rollout(len(ramp), np.tile(ramp, (EPISODES, 1, 1)), control_spec=CONTROLS, record=())
+        batch.rollout(
+            len(ramp), np.tile(ramp, (EPISODES, 1, 1)), control_spec=CONTROLS, record=()
+        )
 
     return Work(pieces=in_pieces(step, ramps), prepare=begin)
 
@@ -144,5 +152,6 @@ def _engine(env: gym.Env, actions: NDArray[np.float32], threads: int) -> Work:
 def _work(vector: gym.vector.VectorEnv, actions: NDArray[np.float32]) -> Work:
     several = [np.tile(action, (vector.num_envs, 1)) for action in actions]
     return Work(
-        pieces=in_pieces(vector.step, several), prepare=lambda: vector.reset(options=dict(START))
+        pieces=in_pieces(vector.step, several),
+        prepare=lambda: vector.reset(options=dict(START)),
     )

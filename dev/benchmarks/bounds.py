@@ -27,7 +27,14 @@ from duobench.evaluation.rollout import rollout
 from duobench.tasks import catalog
 from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import latency_steps
-from duobench.tasks.shifts.shift import ALL_AXES, LATENCY, LAYOUT, LEVELS, PHYSICS, Shift
+from duobench.tasks.shifts.shift import (
+    ALL_AXES,
+    LATENCY,
+    LAYOUT,
+    LEVELS,
+    PHYSICS,
+    Shift,
+)
 
 BOUNDED = (LAYOUT, PHYSICS, LATENCY)
 """Axes that an expert meets; it sees neither images nor words."""
@@ -131,11 +138,17 @@ def _cell(won: Sequence[bool]) -> str:
 
 def main() -> None:
     """Play what the arguments name, and print one table an axis."""
-    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.bounds", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m dev.benchmarks.bounds", description=__doc__
+    )
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--axes", nargs="+", choices=(*BOUNDED, ALL_AXES), default=BOUNDED)
+    parser.add_argument(
+        "--axes", nargs="+", choices=(*BOUNDED, ALL_AXES), default=BOUNDED
+    )
     parser.add_argument("--levels", nargs="+", type=int, default=range(1, LEVELS + 1))
-    parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    parser.add_argument(
+        "--tasks", nargs="+", choices=catalog.names(), default=catalog.names()
+    )
     parser.add_argument("--episodes", type=int, default=EPISODES)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--ignore-lowered", action="store_true")

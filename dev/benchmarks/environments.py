@@ -46,10 +46,15 @@ def measure_steps(name: str, repeats: int = 15) -> Iterator[Measurement]:
     )
     env.close()
     yield Measurement(
-        what=f"{name}: step, bare mj_step / environment", value=bare / wrapped, at_least=0.85
+        what=f"{name}: step, bare mj_step / environment",
+        value=bare / wrapped,
+        at_least=0.85,
     )
     yield Measurement(
-        what=f"{name}: control steps", value=len(actions) / wrapped, unit="/s", at_least=150
+        what=f"{name}: control steps",
+        value=len(actions) / wrapped,
+        unit="/s",
+        at_least=150,
     )
 
 
@@ -57,7 +62,9 @@ def measure_creation(name: str, repeats: int = 3) -> Iterator[Measurement]:
     """Measure making an environment in a fresh process."""
     command = [sys.executable, "-c", CREATION, name]
     times = [
-        float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        float(
+            subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        )
         for _ in range(repeats)
     ]
     yield Measurement(
@@ -75,7 +82,9 @@ def measure_resets(name: str, repeats: int = 20) -> Iterator[Measurement]:
         env.reset(seed=seed)
         times.append(time.perf_counter() - start)
     env.close()
-    yield Measurement(what=f"{name}: reset", value=statistics.median(times), unit="s", at_most=0.1)
+    yield Measurement(
+        what=f"{name}: reset", value=statistics.median(times), unit="s", at_most=0.1
+    )
 
 
 def begin(env: gym.Env) -> None:
@@ -90,7 +99,9 @@ def expert_actions(env: gym.Env) -> NDArray[np.float32]:
     return np.array([step.action for step in steps], dtype=np.float32)
 
 
-def in_pieces(step: Callable[[Any], object], inputs: Sequence[Any]) -> list[Callable[[], object]]:
+def in_pieces(
+    step: Callable[[Any], object], inputs: Sequence[Any]
+) -> list[Callable[[], object]]:
     """Cut a motion, one input a control step, into pieces of `PIECE` steps."""
 
     def piece(start: int) -> Callable[[], object]:

@@ -22,11 +22,16 @@ def measure(repeats: int = 9) -> Iterator[Measurement]:
     runs = []
     for _ in range(repeats):
         command = [sys.executable, "-c", PROBE]
-        output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        output = subprocess.run(
+            command, check=True, capture_output=True, text=True
+        ).stdout
         runs.append([float(word) for word in output.split()])
     others, own = (statistics.median(column) for column in zip(*runs, strict=True))
     yield Measurement(
-        what="import duobench, after numpy and gymnasium", value=own, unit="s", at_most=0.3
+        what="import duobench, after numpy and gymnasium",
+        value=own,
+        unit="s",
+        at_most=0.3,
     )
     yield Measurement(
         what="import duobench / import numpy and gymnasium", value=own / others, unit=""

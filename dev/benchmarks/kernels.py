@@ -27,7 +27,9 @@ numpy_core = import_module("numpy._core._multiarray_umath")  # which has no type
 BLAS, LOOPS = "OPENBLAS_CORETYPE", "NPY_DISABLE_CPU_FEATURES"
 """Variables that choose OpenBLAS's kernel, and that switch NumPy's loops off."""
 WIDE_LOOPS = " ".join(
-    name for name in numpy_core.__cpu_dispatch__ if name == "X86_V4" or name.startswith("AVX512")
+    name
+    for name in numpy_core.__cpu_dispatch__
+    if name == "X86_V4" or name.startswith("AVX512")
 )
 """NumPy's loops for AVX-512, as this version of NumPy calls them."""
 VARIANTS: Mapping[str, Mapping[str, str]] = MappingProxyType(
@@ -59,7 +61,9 @@ def playable(names: Iterable[str]) -> list[str]:
 
 def play(variant: str, job: Mapping[str, Any]) -> Found:
     """What a process of a variant finds; see `report`."""
-    kept = {name: value for name, value in os.environ.items() if name not in (BLAS, LOOPS)}
+    kept = {
+        name: value for name, value in os.environ.items() if name not in (BLAS, LOOPS)
+    }
     result = subprocess.run(
         [sys.executable, "-m", "dev.benchmarks.kernels"],
         input=json.dumps(dict(job)),
@@ -74,7 +78,11 @@ def play(variant: str, job: Mapping[str, Any]) -> Found:
 
 
 def compare(
-    variants: Sequence[str], tasks: Sequence[str], seeds: Sequence[int], *, experts: bool = False
+    variants: Sequence[str],
+    tasks: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    experts: bool = False,
 ) -> dict[str, Found]:
     """What each variant finds, by its name.
 
@@ -114,7 +122,13 @@ def report(job: Mapping[str, Any]) -> Found:
 
     path = Path(job["targets"])
     kept = {} if job["first"] else dict(np.load(path))
-    found: Found = {"probe": probe(), "models": {}, "resets": {}, "replays": {}, "experts": {}}
+    found: Found = {
+        "probe": probe(),
+        "models": {},
+        "resets": {},
+        "replays": {},
+        "experts": {},
+    }
     for task in job["tasks"]:
         env = duobench.make(task, cameras=False)
         for seed in job["seeds"]:
@@ -134,7 +148,9 @@ def report(job: Mapping[str, Any]) -> Found:
 
 def model_digests(model: mujoco.MjModel) -> dict[str, str]:
     """A digest of every array of a compiled model, by its name."""
-    arrays = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
+    arrays = {
+        name: getattr(model, name) for name in dir(model) if not name.startswith("_")
+    }
     return {
         name: _digest(array.tobytes())
         for name, array in arrays.items()

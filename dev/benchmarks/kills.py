@@ -59,7 +59,9 @@ class Wanders:
         """Begin an episode."""
         return Session(instruction=instruction, seed=seed)
 
-    def act_batch(self, sessions: Sequence[Session], observations: Sequence[Any]) -> np.ndarray:
+    def act_batch(
+        self, sessions: Sequence[Session], observations: Sequence[Any]
+    ) -> np.ndarray:
         """A chunk (30, 16) for each."""
         moves = np.stack([noise(one.seed, one.call, (30, 16)) for one in sessions])
         now = np.stack([observation["agent_pos"] for observation in observations])
@@ -83,7 +85,9 @@ class Killed:
                 if status is not None:
                     failures += status > 0
                     if failures > MAX_FAILURES:
-                        raise AssertionError(f"{self._folder}: it ends with exit code {status}.")
+                        raise AssertionError(
+                            f"{self._folder}: it ends with exit code {status}."
+                        )
                     process = self._start()
                 if done == kills:
                     process.wait(TIMEOUT_S)
@@ -91,7 +95,9 @@ class Killed:
                 deadline = time.monotonic() + TIMEOUT_S
                 while process.poll() is None and "worker" not in self._targets(process):
                     if time.monotonic() > deadline:
-                        raise AssertionError(f"{self._folder}: no worker within {TIMEOUT_S:g} s.")
+                        raise AssertionError(
+                            f"{self._folder}: no worker within {TIMEOUT_S:g} s."
+                        )
                     time.sleep(0.05)
                 time.sleep(generator.uniform(0.0, LONGEST_PAUSE_S))
                 if process.poll() is not None:
@@ -124,7 +130,11 @@ class Killed:
         return found
 
     def _start(self) -> subprocess.Popen[bytes]:
-        served = ("--server", f"ws://127.0.0.1:{self._port}") if self._policy == "openpi" else ()
+        served = (
+            ("--server", f"ws://127.0.0.1:{self._port}")
+            if self._policy == "openpi"
+            else ()
+        )
         return _duobench(
             "eval",
             "--policy",
@@ -157,7 +167,9 @@ class Killed:
         """Start the server, again once the killed one is gone."""
         if self._server is not None:
             self._server.wait()
-        self._server = _duobench("serve", "--policy", POLICIES[1], "--port", str(self._port))
+        self._server = _duobench(
+            "serve", "--policy", POLICIES[1], "--port", str(self._port)
+        )
 
 
 def _duobench(*words: str) -> subprocess.Popen[bytes]:
@@ -172,7 +184,9 @@ def _duobench(*words: str) -> subprocess.Popen[bytes]:
 
 def has_ended(folder: Path) -> bool:
     """Whether a policy has ended in an episode of a run that has no record yet."""
-    unfinished = (e for e in RunFolder(folder).attempts().values() if e[-1] not in FINISHED)
+    unfinished = (
+        e for e in RunFolder(folder).attempts().values() if e[-1] not in FINISHED
+    )
     return any(POLICY in ends for ends in unfinished)
 
 
@@ -181,7 +195,10 @@ def contents(folder: Path) -> dict[str, bytes]:
     with tempfile.TemporaryDirectory() as name:
         folder = begun_once(RunFolder(folder), Path(name, "run")).path
         paths = (path for pattern in RESULTS for path in folder.glob(pattern))
-        return {str(path.relative_to(folder)): TIMES.sub(b"", path.read_bytes()) for path in paths}
+        return {
+            str(path.relative_to(folder)): TIMES.sub(b"", path.read_bytes())
+            for path in paths
+        }
 
 
 def begun_once(folder: RunFolder, out: Path) -> RunFolder:
@@ -198,14 +215,18 @@ def begun_once(folder: RunFolder, out: Path) -> RunFolder:
             len(ends := attempts[record.key.path]),
             *ends[:-1],
         ):
-            raise AssertionError(f"{folder.path}: {record.key} does not say that it was {ends}.")
+            raise AssertionError(
+                f"{folder.path}: {record.key} does not say that it was {ends}."
+            )
         copy.write(replace(record, attempt=1, earlier=()))
     if any(record.earlier for record in records):
         write_report(copy)
     return copy
 
 
-def disturb(folder: Path, kills: int, seed: int, port: int) -> Iterator[tuple[str, Counter[str]]]:
+def disturb(
+    folder: Path, kills: int, seed: int, port: int
+) -> Iterator[tuple[str, Counter[str]]]:
     """Kill that often.
 
     Args:

@@ -78,7 +78,9 @@ def _held(last: np.ndarray, mode: str) -> list[np.ndarray]:
 
 def main() -> None:
     """Replay what the arguments name, and print one row a task."""
-    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.labels", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m dev.benchmarks.labels", description=__doc__
+    )
     parser.add_argument("data", type=Path, help="folder of a data set")
     parser.add_argument("--episodes", type=int, default=5, help="episodes of each task")
     parser.add_argument("--workers", type=int, default=2)
@@ -86,7 +88,9 @@ def main() -> None:
     data = DataSet.open(arguments.data, create=False)
     jobs = []
     for task in data.tasks:
-        infos = ((path, Recording.read_info(path).outcome) for path in data.episodes(task))
+        infos = (
+            (path, Recording.read_info(path).outcome) for path in data.episodes(task)
+        )
         won = [path for path, outcome in infos if outcome and outcome.success]
         jobs += [Job(task=task, path=path) for path in won[: arguments.episodes]]
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:

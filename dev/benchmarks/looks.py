@@ -74,10 +74,18 @@ def is_claimed_on_page(rng: np.random.Generator) -> bool:
 
 def main() -> int:
     """Simulate, print one table, and tell by the exit status whether the bars were met."""
-    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.looks", description=__doc__)
-    parser.add_argument("--equal", type=int, default=4_000, help="pairs of equal policies")
-    parser.add_argument("--different", type=int, default=1_000, help="pairs of different ones")
-    parser.add_argument("--pages", type=int, default=400, help="pages of equal policies")
+    parser = argparse.ArgumentParser(
+        prog="python -m dev.benchmarks.looks", description=__doc__
+    )
+    parser.add_argument(
+        "--equal", type=int, default=4_000, help="pairs of equal policies"
+    )
+    parser.add_argument(
+        "--different", type=int, default=1_000, help="pairs of different ones"
+    )
+    parser.add_argument(
+        "--pages", type=int, default=400, help="pages of equal policies"
+    )
     arguments = parser.parse_args()
     table = Table(title="Pairs that are claimed to differ", box=SIMPLE_HEAD)
     for column in ("success rates", "looks at", "McNemar", "any-time", "bar"):
@@ -103,7 +111,9 @@ def main() -> int:
     Console().print(table)
     rng = np.random.default_rng(0)
     pages = [is_claimed_on_page(rng) for _ in track(range(arguments.pages), "Pages")]
-    print(f"Pages of {POLICIES} equal policies that claim something: {np.mean(pages):.0%}")
+    print(
+        f"Pages of {POLICIES} equal policies that claim something: {np.mean(pages):.0%}"
+    )
     return 0 if met else 1
 
 

@@ -57,7 +57,9 @@ def seconds(*works: Work, repeats: int) -> list[float]:
     for _ in range(repeats):
         for work in works:
             work.prepare()
-        for number, pieces in enumerate(zip(*(work.pieces for work in works), strict=True)):
+        for number, pieces in enumerate(
+            zip(*(work.pieces for work in works), strict=True)
+        ):
             for piece, times in zip(pieces, best, strict=True):
                 start = time.perf_counter()
                 piece()

@@ -50,9 +50,13 @@ class Smoothness:
         low, high = np.tile(JOINT_RANGES, (len(SIDES), 1)).T
         changes = np.diff(joints, axis=0)
         if len(changes) < 2:  # noqa: PLR2004 - nothing to compare
-            return Smoothness(margin=float(np.minimum(joints - low, high - joints).min()))
+            return Smoothness(
+                margin=float(np.minimum(joints - low, high - joints).min())
+            )
         before, after = changes[:-1], changes[1:]
-        turned = np.where(before * after < 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+        turned = np.where(
+            before * after < 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0
+        )
         return Smoothness(
             reversal=float(turned.max()),
             jump=float(np.abs(after - before).max()),
@@ -120,7 +124,9 @@ def replay_as_poses(
         commands: Flat commands (16,) of an expert that won; only their tool poses are sent.
         split: Split of the seed.
     """
-    env: gym.Env = duobench.make(task, cameras=False, action_mode="cartesian", split=split)
+    env: gym.Env = duobench.make(
+        task, cameras=False, action_mode="cartesian", split=split
+    )
     kinematics = Kinematics()
     _, info = env.reset(seed=seed)
     for flat in [*commands, *commands[-1:] * LAG_STEPS]:

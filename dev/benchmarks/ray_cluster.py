@@ -112,6 +112,8 @@ def _descendants(pid: int) -> Sequence[int]:
             words = (entry / "stat").read_text().rpartition(")")[2].split()
             parents[int(entry.name)] = int(words[1])
     found = {pid}
-    while more := {child for child, parent in parents.items() if parent in found} - found:
+    while (
+        more := {child for child, parent in parents.items() if parent in found} - found
+    ):
         found |= more
     return sorted(found - {pid})

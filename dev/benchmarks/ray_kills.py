@@ -111,7 +111,11 @@ def disturb_one(
 
 
 def _kill(
-    driver: int, cluster: LocalCluster, generator: random.Random, *, spares_policies: bool
+    driver: int,
+    cluster: LocalCluster,
+    generator: random.Random,
+    *,
+    spares_policies: bool,
 ) -> str:
     """Kill something that takes part; what it was."""
     if generator.random() < NODE_SHARE:

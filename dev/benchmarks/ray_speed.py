@@ -52,11 +52,20 @@ class _Times:
         return self.times[-1] - self.times[LEFT_ASIDE - 1]
 
 
-def measure(policy: str, suite: Suite, folder: Path, cluster: LocalCluster | None) -> float:
+def measure(
+    policy: str, suite: Suite, folder: Path, cluster: LocalCluster | None
+) -> float:
     """Seconds that a run takes, without its start."""
     times = _Times()
     where = Cluster(address=cluster.address) if cluster else None
-    evaluate(policy, suite, RunFolder(folder), workers=WORKERS, observers=[times], cluster=where)
+    evaluate(
+        policy,
+        suite,
+        RunFolder(folder),
+        workers=WORKERS,
+        observers=[times],
+        cluster=where,
+    )
     return times.seconds
 
 
@@ -75,7 +84,10 @@ def main() -> None:
             ours = measure(asked.policy, suite, Path(name, f"workers-{number}"), None)
             theirs = measure(asked.policy, suite, Path(name, f"ray-{number}"), cluster)
             ratios.append(theirs / ours)
-            print(f"workers {ours:.1f} s, Ray {theirs:.1f} s, ratio {ratios[-1]:.3f}", flush=True)
+            print(
+                f"workers {ours:.1f} s, Ray {theirs:.1f} s, ratio {ratios[-1]:.3f}",
+                flush=True,
+            )
     ratio = statistics.median(ratios)
     print(json.dumps({"ratio": round(ratio, 3), "bar": BAR, "rounds": len(ratios)}))
     sys.exit(ratio > BAR)

@@ -27,7 +27,11 @@ from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS, SIDES
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.data.rig import RigRecorder
 from duobench.real.clock import SystemClock
-from duobench.real.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
+from duobench.real.drivers.simulated import (
+    SimulatedArm,
+    SimulatedCamera,
+    SimulatedGripper,
+)
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env
 from duobench.real.rig import Rig
@@ -91,9 +95,14 @@ def pictures(seed: int) -> Callable[[int, float], Image]:
     """What a camera shows: a scene that moves, with the noise of a sensor."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:NATIVE_HEIGHT, :NATIVE_WIDTH]
-    scene = np.stack([x // 6, y // 4, 60 * (x // 160 % 2) + 60 * (y // 160 % 2)], axis=-1)
+    scene = np.stack(
+        [x // 6, y // 4, 60 * (x // 160 % 2) + 60 * (y // 160 % 2)], axis=-1
+    )
     noise = rng.integers(0, 8, (DIFFERENT, *scene.shape), dtype=np.uint8)
-    shown = [np.roll(scene, 4 * n, axis=1).astype(np.uint8) + noise[n] for n in range(DIFFERENT)]
+    shown = [
+        np.roll(scene, 4 * n, axis=1).astype(np.uint8) + noise[n]
+        for n in range(DIFFERENT)
+    ]
     return lambda number, _time_s: shown[number % DIFFERENT]
 
 
@@ -136,7 +145,13 @@ def kill_after(steps: int, folder: Path) -> Killed:
     """
     paths = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
     process = subprocess.Popen(
-        [sys.executable, "-m", "dev.benchmarks.real_recording", "--record", str(folder)],
+        [
+            sys.executable,
+            "-m",
+            "dev.benchmarks.real_recording",
+            "--record",
+            str(folder),
+        ],
         env={**os.environ, "PYTHONPATH": paths},
         stdout=subprocess.PIPE,
         text=True,
@@ -162,7 +177,9 @@ def main(seconds: float) -> None:
     """Measure, and print."""
     with tempfile.TemporaryDirectory() as name:
         found = kill_after(round(seconds * CONTROL_HZ), Path(name))
-        megabytes = sum(path.stat().st_size for path in DataSet(Path(name)).videos()) / 1e6
+        megabytes = (
+            sum(path.stat().st_size for path in DataSet(Path(name)).videos()) / 1e6
+        )
     middle, most = found.period_ms
     print(
         f"{len(found.recording)} of {found.steps} control steps recovered; "

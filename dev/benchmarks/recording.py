@@ -16,10 +16,14 @@ def measure(name: str, repeats: int = 15) -> Iterator[Measurement]:
     with tempfile.TemporaryDirectory() as folder:
         recorder = Recorder(duobench.make(name, cameras=False), folder)
         plain, recorded = seconds(
-            wrapped_physics(env, actions), wrapped_physics(recorder, actions), repeats=repeats
+            wrapped_physics(env, actions),
+            wrapped_physics(recorder, actions),
+            repeats=repeats,
         )
         recorder.close()
     env.close()
     yield Measurement(
-        what=f"{name}: episode, recorded / not recorded", value=recorded / plain, at_most=1.05
+        what=f"{name}: episode, recorded / not recorded",
+        value=recorded / plain,
+        at_most=1.05,
     )

@@ -87,11 +87,16 @@ def _socket() -> Measurement:
     thread.start()
     remote = OpenpiPolicy(RemoteServer(url=f"ws://127.0.0.1:{host.port}"))
     drawn = np.random.default_rng(0)
-    images = {name: drawn.integers(0, 255, (224, 224, 3), np.uint8) for name in POLICY_CAMERAS}
+    images = {
+        name: drawn.integers(0, 255, (224, 224, 3), np.uint8) for name in POLICY_CAMERAS
+    }
     seen = {"agent_pos": np.zeros(16, np.float32), "pixels": images}
     for policy in (local, remote):
         policy.reset("Do nothing.", 0)
-    works = [Work(pieces=[lambda policy=policy: policy.act(seen)]) for policy in (local, remote)]
+    works = [
+        Work(pieces=[lambda policy=policy: policy.act(seen)])
+        for policy in (local, remote)
+    ]
     here, there = seconds(*works, repeats=200)
     remote.close()
     host.stop()
@@ -102,7 +107,9 @@ def _socket() -> Measurement:
 
 def _calls_per_second(workers: int) -> float:
     """Calls a second of an evaluation, while all of its workers play."""
-    choice = PolicyChoice.parse(f"{__name__}:{Costly.__name__}", batching=Batching(mode="dynamic"))
+    choice = PolicyChoice.parse(
+        f"{__name__}:{Costly.__name__}", batching=Batching(mode="dynamic")
+    )
     suite = Suite(tasks=find_tasks([TASK]), episodes=2 * workers + 1)
     with TemporaryDirectory() as folder:
         log = Path(folder) / "calls"
@@ -117,4 +124,6 @@ def _calls_per_second(workers: int) -> float:
         begun += [when] * len(set(seeds) - seen)
         seen |= set(seeds)
     start, stop = begun[workers - 1], begun[-1]
-    return sum(len(seeds) for when, seeds in batches if start < when <= stop) / (stop - start)
+    return sum(len(seeds) for when, seeds in batches if start < when <= stop) / (
+        stop - start
+    )

@@ -64,14 +64,20 @@ def run(job: Job) -> list[Outcome]:
     for seed in job.seeds:
         way = sample(np.random.default_rng((seed, 0x776179)))
         judgement = play(bench, way, seed)
-        outcomes.append(Outcome(task=job.task, seed=seed, way=str(way), judgement=judgement))
+        outcomes.append(
+            Outcome(task=job.task, seed=seed, way=str(way), judgement=judgement)
+        )
     return outcomes
 
 
 def main() -> int:
     """Play what the arguments name, and print one row a task."""
-    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.sincere", description=__doc__)
-    parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    parser = argparse.ArgumentParser(
+        prog="python -m dev.benchmarks.sincere", description=__doc__
+    )
+    parser.add_argument(
+        "--tasks", nargs="+", choices=catalog.names(), default=catalog.names()
+    )
     parser.add_argument("--episodes", type=int, default=30)
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--workers", type=int, default=2)
@@ -79,18 +85,29 @@ def main() -> int:
     end = arguments.first + arguments.episodes
     jobs = [
         Job(task=task, seeds=range(start, min(start + EPISODES_A_JOB, end)))
-        for task, start in product(arguments.tasks, range(arguments.first, end, EPISODES_A_JOB))
+        for task, start in product(
+            arguments.tasks, range(arguments.first, end, EPISODES_A_JOB)
+        )
     ]
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
         found = track(pool.imap(run, jobs), description="Playing", total=len(jobs))
         outcomes = [outcome for batch in found for outcome in batch]
     table = Table(title="Sincere ways, taken at random")
-    for column in ("task", "episodes", "done", "refused", "counts, not done", "refused ways"):
+    for column in (
+        "task",
+        "episodes",
+        "done",
+        "refused",
+        "counts, not done",
+        "refused ways",
+    ):
         table.add_column(column, no_wrap=column != "refused ways")
     for task in arguments.tasks:
         mine = [outcome for outcome in outcomes if outcome.task == task]
         refused = [outcome for outcome in mine if outcome.refused]
-        told = [f"{o.seed}: {o.way} (stage {o.judgement.stage})" for o in refused[:MAX_TOLD]]
+        told = [
+            f"{o.seed}: {o.way} (stage {o.judgement.stage})" for o in refused[:MAX_TOLD]
+        ]
         odd = [o for o in mine if o.counts and not o.judgement.done]
         table.add_row(
             task,

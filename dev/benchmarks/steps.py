@@ -8,7 +8,12 @@ from duobench.evaluation.rollout import Info, Observation, Step
 class Steps(list[Step]):
     """A watcher of a rollout that keeps every step."""
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002
+    def on_episode_start(
+        self,
+        env: gym.Env,  # noqa: ARG002 - the protocol's signature
+        observation: Observation,  # noqa: ARG002 - the protocol's signature
+        info: Info,  # noqa: ARG002
+    ) -> None:
         """Forget the steps of an earlier episode."""
         self.clear()
 

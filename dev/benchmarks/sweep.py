@@ -100,7 +100,9 @@ def play(job: Job) -> list[Outcome]:
     """Play one job in this process."""
     env = duobench.make(job.task, cameras=False, split=job.split, horizon=job.horizon)
     policy = Intended(
-        OpenClosePolicy() if job.policy == OPEN_CLOSE else policies.source(job.policy).bind(env)
+        OpenClosePolicy()
+        if job.policy == OPEN_CLOSE
+        else policies.source(job.policy).bind(env)
     )
     outcomes, steps = [], Steps()
     for number, seed in enumerate(job.seeds):
@@ -116,7 +118,9 @@ def play(job: Job) -> list[Outcome]:
                 steps=last.number,
                 state_hash=env.get_wrapper_attr("state_hash")(),
                 smoothness=Smoothness.of(np.array(policy.commands)),
-                replayed=replay_as_poses(job.task, seed, policy.commands, split=job.split)
+                replayed=replay_as_poses(
+                    job.task, seed, policy.commands, split=job.split
+                )
                 if is_replayed
                 else None,
             )
@@ -127,16 +131,28 @@ def play(job: Job) -> list[Outcome]:
 
 def main() -> None:
     """Play what the arguments name, and print one row a task."""
-    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.sweep", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m dev.benchmarks.sweep", description=__doc__
+    )
     parser.add_argument("--policy", choices=POLICIES, default="expert")
-    parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    parser.add_argument(
+        "--tasks", nargs="+", choices=catalog.names(), default=catalog.names()
+    )
     parser.add_argument("--split", choices=SPLITS, default=EVAL)
     parser.add_argument("--seeds", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument("--horizon", type=int, help="control steps an episode lasts at most")
-    parser.add_argument("--replays", type=int, default=0, help="replays as tool poses a task")
-    parser.add_argument("--hashes", type=Path, help="file to write hashes of last states to")
-    parser.add_argument("--kernels", action="store_true", help="compare processors instead")
+    parser.add_argument(
+        "--horizon", type=int, help="control steps an episode lasts at most"
+    )
+    parser.add_argument(
+        "--replays", type=int, default=0, help="replays as tool poses a task"
+    )
+    parser.add_argument(
+        "--hashes", type=Path, help="file to write hashes of last states to"
+    )
+    parser.add_argument(
+        "--kernels", action="store_true", help="compare processors instead"
+    )
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     if arguments.kernels:
@@ -156,7 +172,9 @@ def main() -> None:
         for task, start in product(arguments.tasks, starts)
     ]
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
-        done = track(pool.imap(play, jobs), description=arguments.policy, total=len(jobs))
+        done = track(
+            pool.imap(play, jobs), description=arguments.policy, total=len(jobs)
+        )
         outcomes = [outcome for batch in done for outcome in batch]
     if arguments.hashes:
         hashes = {f"{o.task} {o.seed}": [o.stage, o.state_hash] for o in outcomes}
@@ -181,7 +199,9 @@ def _table(outcomes: list[Outcome], tasks: list[str], title: str) -> Table:
     for task in tasks:
         mine = [outcome for outcome in outcomes if outcome.task == task]
         won = [outcome.steps for outcome in mine if outcome.success]
-        replayed = [outcome.replayed for outcome in mine if outcome.replayed is not None]
+        replayed = [
+            outcome.replayed for outcome in mine if outcome.replayed is not None
+        ]
         stages = Counter(outcome.stage for outcome in mine)
         failures = [f"{o.seed}: {o.stage}" for o in mine if won and not o.success]
         table.add_row(
@@ -202,15 +222,22 @@ def _kernels(tasks: list[str]) -> Table:
     names = kernels.playable(kernels.VARIANTS)
     found = kernels.compare(names, tasks, KERNEL_SEEDS, experts=True)
     first = found[names[0]]
-    table = Table(title=f"Equal to {names[0]}, seeds {min(KERNEL_SEEDS)} to {max(KERNEL_SEEDS)}")
+    table = Table(
+        title=f"Equal to {names[0]}, seeds {min(KERNEL_SEEDS)} to {max(KERNEL_SEEDS)}"
+    )
     kinds = ("models", "resets", "replays", "experts")
     for column in ("variant", *kinds, "other experts"):
         table.add_column(column)
     for name, mine in found.items():
         same = {
-            kind: [mine[kind][key] == first[kind][key] for key in first[kind]] for kind in kinds
+            kind: [mine[kind][key] == first[kind][key] for key in first[kind]]
+            for kind in kinds
         }
-        others = [key for key in first["experts"] if mine["experts"][key] != first["experts"][key]]
+        others = [
+            key
+            for key in first["experts"]
+            if mine["experts"][key] != first["experts"][key]
+        ]
         counts = [f"{sum(equal)}/{len(equal)}" for equal in same.values()]
         table.add_row(name, *counts, ", ".join(others))
     return table

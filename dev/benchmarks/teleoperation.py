@@ -61,7 +61,9 @@ def measure() -> Iterator[Measurement]:
     for task in TASKS:
         yield from _measure(task, "a program watching", _program, has_bars=True)
         if browser is not None:
-            yield from _measure(task, "Chromium drawing", lambda url: _drawing(browser, url))
+            yield from _measure(
+                task, "Chromium drawing", lambda url: _drawing(browser, url)
+            )
 
 
 def _measure(
@@ -73,7 +75,10 @@ def _measure(
 ) -> Iterator[Measurement]:
     """Two percentiles of the periods, and of the latencies."""
     summary = _timings(task, watching).summary()
-    bars = {("period_ms", "p99"): MOST_PERIOD_MS, ("latency_ms", "p50"): MOST_LATENCY_MS}
+    bars = {
+        ("period_ms", "p99"): MOST_PERIOD_MS,
+        ("latency_ms", "p50"): MOST_LATENCY_MS,
+    }
     words = {"period_ms": "period of the loop", "latency_ms": "sample to command"}
     for name, quantiles in summary.items():
         for quantile in ("p50", "p99"):
@@ -85,7 +90,9 @@ def _measure(
             )
 
 
-def _timings(task: str, watching: Callable[[str], AbstractContextManager[None]]) -> Timings:
+def _timings(
+    task: str, watching: Callable[[str], AbstractContextManager[None]]
+) -> Timings:
     """The times of a session that is recorded while somebody watches and a program leads."""
     actor = Actor(kind=ActorKind.SCRIPTED_OPERATOR, name="benchmark", device="hands")
     with TemporaryDirectory() as folder, closing(PageServer(assets())) as server:
@@ -118,7 +125,9 @@ def _program(url: str) -> Iterator[None]:
 @contextmanager
 def _process(job: Callable[[str], None], url: str) -> Iterator[None]:
     """A process beside this one."""
-    process = multiprocessing.get_context("spawn").Process(target=job, args=(url,), daemon=True)
+    process = multiprocessing.get_context("spawn").Process(
+        target=job, args=(url,), daemon=True
+    )
     process.start()
     try:
         yield
@@ -133,7 +142,9 @@ def _drawing(browser: str, url: str) -> Iterator[None]:
     with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
         command = [browser, *FLAGS, f"--user-data-dir={profile}", url]
         quiet = subprocess.DEVNULL
-        process = subprocess.Popen(command, stdout=quiet, stderr=quiet, start_new_session=True)
+        process = subprocess.Popen(
+            command, stdout=quiet, stderr=quiet, start_new_session=True
+        )
         try:
             yield
         finally:
@@ -163,11 +174,26 @@ def _lead(url: str) -> None:
         number = 0
         while True:
             angle = 2 * math.pi * (due - start) / 4.0
-            shift = 0.05 * math.cos(angle), 0.05 * math.sin(angle), 0.02 * math.sin(angle)
+            shift = (
+                0.05 * math.cos(angle),
+                0.05 * math.sin(angle),
+                0.02 * math.sin(angle),
+            )
             squeeze = float(number > HANDS_HZ)
-            hand = {"pose": [*shift, 1, 0, 0, 0], "sure": True, "squeeze": squeeze, "trigger": 0}
+            hand = {
+                "pose": [*shift, 1, 0, 0, 0],
+                "sure": True,
+                "squeeze": squeeze,
+                "trigger": 0,
+            }
             sent = 1000.0 * time.monotonic()
-            message = {"kind": "hands", "sent": sent, "seq": number, "left": hand, "right": hand}
+            message = {
+                "kind": "hands",
+                "sent": sent,
+                "seq": number,
+                "left": hand,
+                "right": hand,
+            }
             connection.send(json.dumps(message))
             number += 1
             due += 1.0 / HANDS_HZ

@@ -65,7 +65,9 @@ class Paths:
         Paths are compared at equal shares of their length, so that speed makes no difference.
         """
         paths = np.array([resampled(path) for path in self.positions])
-        return np.sqrt(((paths - paths.mean(axis=0)) ** 2).sum(axis=-1).mean(axis=(0, 1)))
+        return np.sqrt(
+            ((paths - paths.mean(axis=0)) ** 2).sum(axis=-1).mean(axis=(0, 1))
+        )
 
     @property
     def seconds(self) -> Array:
@@ -91,13 +93,17 @@ def resampled(path: Array) -> Array:
     points = np.empty((POINTS, *path.shape[1:]))
     for side in SIDES:
         mine = path[:, side.index]
-        along = np.concatenate([[0.0], np.linalg.norm(np.diff(mine, axis=0), axis=1).cumsum()])
+        along = np.concatenate(
+            [[0.0], np.linalg.norm(np.diff(mine, axis=0), axis=1).cumsum()]
+        )
         for axis, values in enumerate(mine.T):
             points[:, side.index, axis] = np.interp(shares * along[-1], along, values)
     return points
 
 
-def path_of(env: gym.Env, expert: ExpertPolicy, *, layout_seed: int, seed: int) -> Array:
+def path_of(
+    env: gym.Env, expert: ExpertPolicy, *, layout_seed: int, seed: int
+) -> Array:
     """Tool positions (steps, 2, 3) of an episode in the table frame, in metres.
 
     Args:
@@ -125,7 +131,8 @@ def compare(task: str, variety: str, episodes: int = EPISODES) -> Comparison:
         task=task,
         varied=Paths(
             positions=tuple(
-                path_of(env, varied, layout_seed=LAYOUT_SEED, seed=seed) for seed in range(episodes)
+                path_of(env, varied, layout_seed=LAYOUT_SEED, seed=seed)
+                for seed in range(episodes)
             )
         ),
         plain=Paths(
@@ -141,7 +148,9 @@ def compare(task: str, variety: str, episodes: int = EPISODES) -> Comparison:
 
 def table_of(comparisons: Sequence[Comparison], variety: str) -> Table:
     """One row a task."""
-    table = Table(title="Spread of the tool paths, left / right, and durations of the episodes")
+    table = Table(
+        title="Spread of the tool paths, left / right, and durations of the episodes"
+    )
     table.add_column("task", no_wrap=True)
     for what in (f"one layout, {variety}", "layouts, no variety"):
         table.add_column(f"{what} (mm)", justify="right")
@@ -185,11 +194,15 @@ def _draw(panel: Axes, comparison: Comparison) -> None:
     panel.set_title(comparison.task, fontsize=9.0)
     for side in SIDES:
         for path in comparison.plain.positions[1:]:
-            panel.plot(path[:, side.index, 1], path[:, side.index, 0], color=FAINT, lw=0.4)
+            panel.plot(
+                path[:, side.index, 1], path[:, side.index, 0], color=FAINT, lw=0.4
+            )
     for side in SIDES:
         for path in comparison.varied.positions:
             colour = COLOURS[side.index]
-            panel.plot(path[:, side.index, 1], path[:, side.index, 0], color=colour, lw=0.7)
+            panel.plot(
+                path[:, side.index, 1], path[:, side.index, 0], color=colour, lw=0.7
+            )
         path = comparison.plain.positions[0]
         panel.plot(path[:, side.index, 1], path[:, side.index, 0], color=INK, lw=0.9)
     panel.invert_xaxis()
@@ -201,20 +214,30 @@ def save(figure: Figure, path: Path) -> None:
     """Write a figure as a PNG of few colours, a third as large as one of all colours."""
     pixels = io.BytesIO()
     figure.savefig(pixels)
-    Image.open(pixels).convert("RGB").quantize(COLOUR_COUNT).save(path, "PNG", optimize=True)
+    Image.open(pixels).convert("RGB").quantize(COLOUR_COUNT).save(
+        path, "PNG", optimize=True
+    )
 
 
 def main() -> None:
     """Compare the tasks that the arguments name; print a table, draw a figure if asked for."""
-    parser = argparse.ArgumentParser(prog="python -m dev.benchmarks.variety", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m dev.benchmarks.variety", description=__doc__
+    )
     parser.add_argument("--variety", choices=tuple(VARIETIES), default=HUMAN.name)
-    parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    parser.add_argument(
+        "--tasks", nargs="+", choices=catalog.names(), default=catalog.names()
+    )
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--figure", type=Path, help="where the figure is written, as PNG")
+    parser.add_argument(
+        "--figure", type=Path, help="where the figure is written, as PNG"
+    )
     arguments = parser.parse_args()
     with multiprocessing.get_context("spawn").Pool(arguments.workers) as pool:
         jobs = pool.imap(partial(compare, variety=arguments.variety), arguments.tasks)
-        comparisons = list(track(jobs, description="Playing", total=len(arguments.tasks)))
+        comparisons = list(
+            track(jobs, description="Playing", total=len(arguments.tasks))
+        )
     Console(width=100).print(table_of(comparisons, arguments.variety))
     if arguments.figure:
         save(figure_of(comparisons, arguments.variety), arguments.figure)

@@ -74,7 +74,9 @@ class Publication:
         for policy in (*scripted, *learned):
             self.evaluate(policy)
         board = self.out / "leaderboard"
-        self.duobench("leaderboard", "bundles", "--out", board.name, *self.side_by_side())
+        self.duobench(
+            "leaderboard", "bundles", "--out", board.name, *self.side_by_side()
+        )
         self.cards(learned)
         (self.out / "README.md").write_text(self.page(), encoding="utf-8")
 
@@ -84,9 +86,20 @@ class Publication:
         told = ("--policy", DEMONSTRATOR, "--episodes", count, "--out", DATA)
         self.duobench("record", *told, *self.side_by_side())
         small = ("--cameras", "head", "--size", "64", "64") if self.is_quick else ()
-        self.duobench("export", "lerobot", DATA, "--out", LEROBOT, *small, *self.side_by_side())
-        states = ("--per-task", "--cameras", "none", "--object-state", "--action", "cartesian")
-        self.duobench("export", "lerobot", DATA, "--out", STATES, *states, *self.side_by_side())
+        self.duobench(
+            "export", "lerobot", DATA, "--out", LEROBOT, *small, *self.side_by_side()
+        )
+        states = (
+            "--per-task",
+            "--cameras",
+            "none",
+            "--object-state",
+            "--action",
+            "cartesian",
+        )
+        self.duobench(
+            "export", "lerobot", DATA, "--out", STATES, *states, *self.side_by_side()
+        )
 
     def keep_nearest(self) -> str:
         """A checkpoint of the demonstrations themselves, among which the nearest is looked up."""
@@ -100,7 +113,9 @@ class Publication:
                 part = file.with_suffix(".part.npz")
                 self.python("-c", code, str(self.out / STATES / task), str(part))
                 part.replace(file)
-        return self.listed(NEAREST, {"kind": "nearest demonstrated state", "trained": "nothing"})
+        return self.listed(
+            NEAREST, {"kind": "nearest demonstrated state", "trained": "nothing"}
+        )
 
     def train(self) -> str:
         """A checkpoint with a network for each task, trained here or taken from where they are."""
@@ -112,16 +127,29 @@ class Publication:
             if self.networks is not None:
                 shutil.copyfile(self.networks / task / "0.npz", part)
             else:
-                self.python("network.py", str(self.out / STATES / task), str(part), "--seed", "0")
+                self.python(
+                    "network.py",
+                    str(self.out / STATES / task),
+                    str(part),
+                    "--seed",
+                    "0",
+                )
             part.replace(file)
-        recipe = {"kind": "network on object states", "code": "examples/object_states/network.py"}
+        recipe = {
+            "kind": "network on object states",
+            "code": "examples/object_states/network.py",
+        }
         return self.listed(NETWORKS, {**recipe, "seed": 0})
 
     def listed(self, name: str, how: dict[str, object]) -> str:
         """Write beside a checkpoint what it is made of; its policy."""
         folder = self.checkpoint(name)
         self.python("eleven.py", str(folder))
-        facts = {**how, "demonstrations of each task": self.episodes, "suite": SUITE_VERSION}
+        facts = {
+            **how,
+            "demonstrations of each task": self.episodes,
+            "suite": SUITE_VERSION,
+        }
         (folder / "training.json").write_text(json.dumps(facts, indent=1) + "\n")
         return name
 
@@ -143,9 +171,13 @@ class Publication:
 
     def cards(self, policies: list[str]) -> None:
         """Write the cards, and say on each of a quick publication that it is one."""
-        self.duobench("data", "card", DATA, "--name", f"{self.owner}/duobench-fr3-recordings")
+        self.duobench(
+            "data", "card", DATA, "--name", f"{self.owner}/duobench-fr3-recordings"
+        )
         shutil.copytree(
-            self.out / DATA / "pictures", self.out / LEROBOT / "pictures", dirs_exist_ok=True
+            self.out / DATA / "pictures",
+            self.out / LEROBOT / "pictures",
+            dirs_exist_ok=True,
         )
         self.duobench("data", "card", LEROBOT, "--name", f"{self.owner}/duobench-fr3")
         folders = [self.out / DATA, self.out / LEROBOT]
@@ -153,7 +185,9 @@ class Publication:
             folders.append(self.checkpoint(policy))
             name = f"{self.owner}/duobench-fr3-{policy}"
             bundle = f"bundles/{policy}.duobench.zip"
-            self.duobench("checkpoint", "card", str(folders[-1]), "--run", bundle, "--name", name)
+            self.duobench(
+                "checkpoint", "card", str(folders[-1]), "--run", bundle, "--name", name
+            )
             for module in ("demonstrations", "frames", "nearest", "network", "eleven"):
                 shutil.copy(EXAMPLES / f"{module}.py", folders[-1])
         if self.is_quick:
@@ -161,14 +195,20 @@ class Publication:
                 card = folder / "README.md"
                 front, title, rest = card.read_text(encoding="utf-8").partition("\n# ")
                 line, _, rest = rest.partition("\n")
-                card.write_text(f"{front}{title}{line}\n\n{QUICK}\n{rest}", encoding="utf-8")
+                card.write_text(
+                    f"{front}{title}{line}\n\n{QUICK}\n{rest}", encoding="utf-8"
+                )
 
     def page(self) -> str:
         """The first page: what is there, its size, and how it would be uploaded."""
         board = json.loads((self.out / "leaderboard/leaderboard.json").read_text())
         groups = ("ranked", "ranked_privileged", "not_ranked")
         entries = [one for group in groups for one in board[group]]
-        lines = ["# What would be published", "", *([QUICK, ""] if self.is_quick else [])]
+        lines = [
+            "# What would be published",
+            "",
+            *([QUICK, ""] if self.is_quick else []),
+        ]
         lines += [f"DuoBench, suite {SUITE_VERSION}. Nothing here was uploaded.", ""]
         lines += ["| what | files | MB |", "| --- | ---: | ---: |"]
         parts = [self.out / name for name in (DATA, LEROBOT, "bundles", "leaderboard")]
@@ -176,7 +216,9 @@ class Publication:
         for part in parts:
             files = [path for path in part.rglob("*") if path.is_file()]
             size = sum(path.stat().st_size for path in files) / 1e6
-            lines.append(f"| `{part.relative_to(self.out)}` | {len(files)} | {size:.1f} |")
+            lines.append(
+                f"| `{part.relative_to(self.out)}` | {len(files)} | {size:.1f} |"
+            )
         lines += [
             "",
             "| entry | privileged | episodes | success % |",
@@ -186,13 +228,21 @@ class Publication:
             overall = one["overall"]
             rate = f"{100 * overall['success_rate']:.1f}"
             told = "yes" if one["privileged"] else "no"
-            lines.append(f"| {one['policy']} | {told} | {overall['episodes']} | {rate} |")
-        lines += ["", *(f"Refused: {one['file']}: {one['reason']}" for one in board["refused"])]
+            lines.append(
+                f"| {one['policy']} | {told} | {overall['episodes']} | {rate} |"
+            )
+        lines += [
+            "",
+            *(f"Refused: {one['file']}: {one['reason']}" for one in board["refused"]),
+        ]
         return "\n".join([*lines, "", "```sh", *self.uploads(), "```", ""])
 
     def uploads(self) -> Iterator[str]:
         """The commands that would upload it, of the Hub's own tool."""
-        for folder, name in ((DATA, "duobench-fr3-recordings"), (LEROBOT, "duobench-fr3")):
+        for folder, name in (
+            (DATA, "duobench-fr3-recordings"),
+            (LEROBOT, "duobench-fr3"),
+        ):
             yield f"hf upload {self.owner}/{name} {folder} --repo-type dataset"
         for folder in sorted((self.out / "checkpoints").iterdir()):
             yield f"hf upload {self.owner}/duobench-fr3-{folder.name} checkpoints/{folder.name}"
@@ -210,7 +260,9 @@ class Publication:
     def duobench(self, *words: str, **variables: str) -> None:
         """Run a command of DuoBench in the folder."""
         print(f"$ {shlex.join(['duobench', *words])}", flush=True)
-        search = os.pathsep.join(filter(None, (str(EXAMPLES), os.environ.get("PYTHONPATH"))))
+        search = os.pathsep.join(
+            filter(None, (str(EXAMPLES), os.environ.get("PYTHONPATH")))
+        )
         environment = {**os.environ, **variables, "PYTHONPATH": search}
         command = [sys.executable, "-P", "-m", "duobench", *words]
         subprocess.run(command, cwd=self.out, env=environment, check=True)
@@ -227,8 +279,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("publication"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--networks", type=Path, help="networks that are trained: TASK/0.npz")
-    parser.add_argument("--owner", default="USER", help="who would publish it on the Hub")
+    parser.add_argument(
+        "--networks", type=Path, help="networks that are trained: TASK/0.npz"
+    )
+    parser.add_argument(
+        "--owner", default="USER", help="who would publish it on the Hub"
+    )
     asked = parser.parse_args()
     Publication(
         out=asked.out.absolute(),

@@ -38,19 +38,27 @@ def check(files: list[Path], expected: str) -> list[dict[str, Any]]:
         if path.suffix == ".whl":
             _check_metadata(path, expected)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        facts.append({"file": path.name, "bytes": path.stat().st_size, "sha256": digest})
+        facts.append(
+            {"file": path.name, "bytes": path.stat().st_size, "sha256": digest}
+        )
     return facts
 
 
 def _check_metadata(wheel: Path, expected: str) -> None:
     with ZipFile(wheel) as archive:
-        (name,) = [one for one in archive.namelist() if one.endswith(".dist-info/METADATA")]
+        (name,) = [
+            one for one in archive.namelist() if one.endswith(".dist-info/METADATA")
+        ]
         told = Parser().parsestr(archive.read(name).decode())
         licences = [one for one in archive.namelist() if ".dist-info/licenses/" in one]
     wrong = [
         *(["its version"] if told["Version"] != expected else []),
         *(["its licence's text"] if not licences else []),
-        *(one for one in ("Author", "License-Expression", "Requires-Python") if not told[one]),
+        *(
+            one
+            for one in ("Author", "License-Expression", "Requires-Python")
+            if not told[one]
+        ),
         *(one for one in ("Project-URL", "Classifier") if not told.get_all(one)),
         *(["a link of its page"] if "](docs/" in told.get_payload() else []),
     ]
@@ -64,7 +72,9 @@ def make() -> list[Path]:
     for old in (*DIST.glob("*.whl"), *DIST.glob("*.tar.gz")):
         old.unlink()
     with tempfile.TemporaryDirectory() as folder:
-        return [path for one in stage(Path(folder) / "tree") for path in build(one, DIST)]
+        return [
+            path for one in stage(Path(folder) / "tree") for path in build(one, DIST)
+        ]
 
 
 def tried(wheels: list[Path], done: dict[str, str]) -> dict[str, str]:
@@ -82,7 +92,9 @@ def tried(wheels: list[Path], done: dict[str, str]) -> dict[str, str]:
         here = WORK / python
         ours = [wheel for wheel in wheels if wheel == wheels[0] or python != "3.11"]
         interpreters.fill(program, wheels[0], here / "wheelhouse")
-        programs = interpreters.install(program, ours, here / "wheelhouse", here / "environment")
+        programs = interpreters.install(
+            program, ours, here / "wheelhouse", here / "environment"
+        )
         said = interpreters.play(programs, here / "empty")
         (last,) = [line for line in said.splitlines() if line.startswith("Report: ")]
         count = len(list((here / "wheelhouse").iterdir()))
@@ -123,7 +135,9 @@ def main() -> None:
         resolved = known.get("resolved", {})
         for python, system in interpreters.ELSEWHERE:
             name = f"{python} on {system}"
-            resolved[name] = resolved.get(name) or interpreters.resolve(wheels[0], python, system)
+            resolved[name] = resolved.get(name) or interpreters.resolve(
+                wheels[0], python, system
+            )
             print(f"Python {name}: {resolved[name]}", flush=True)
             write({"resolved": resolved})
     if not IS_PUBLIC:

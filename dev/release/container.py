@@ -26,13 +26,20 @@ from dev.release.stage import ROOT
 
 Step = tuple[str, str]
 FIRST = "eval --policy expert --tasks bin_sort --episodes 1 --out first"
-SETTINGS = ("etc/apt/sources.list", "etc/apt/sources.list.d", "etc/resolv.conf", "etc/pip.conf")
+SETTINGS = (
+    "etc/apt/sources.list",
+    "etc/apt/sources.list.d",
+    "etc/resolv.conf",
+    "etc/pip.conf",
+)
 """Where this machine says from where packages come, and whom it trusts."""
 
 
 def steps(text: str) -> Iterator[Step]:
     """Instructions and what stands behind them, continued lines put together."""
-    lines = "\n".join(line for line in text.splitlines() if not line.lstrip().startswith("#"))
+    lines = "\n".join(
+        line for line in text.splitlines() if not line.lstrip().startswith("#")
+    )
     for line in re.sub(r"\\\n\s*", "", lines).splitlines():
         if line.strip():
             word, _, rest = line.strip().partition(" ")
@@ -45,7 +52,12 @@ class Root:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.environment = {"PATH": "/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin"}
-        self.user, self.place, self.entry, self.command = "root", "/", list[str](), list[str]()
+        self.user, self.place, self.entry, self.command = (
+            "root",
+            "/",
+            list[str](),
+            list[str](),
+        )
 
     @property
     def home(self) -> str:
@@ -55,7 +67,12 @@ class Root:
     def bootstrap(self, suite: str) -> None:
         """Install the smallest Debian, and this machine's settings of where packages are."""
         mirror = next(iter(_mirrors()), None)
-        wanted = ["--variant=minbase", "--include=ca-certificates", suite, str(self.folder)]
+        wanted = [
+            "--variant=minbase",
+            "--include=ca-certificates",
+            suite,
+            str(self.folder),
+        ]
         # What it mounts in the folder, such as /proc, ends with it, however it ends.
         own = ["unshare", "--mount", "--propagation", "private", "debootstrap"]
         subprocess.run([*own, *wanted, *([mirror] if mirror else [])], check=True)
@@ -89,9 +106,8 @@ class Root:
         mounts = f"mount -t proc proc {self.folder}/proc && exec chroot --userspec={self.user} "
         told = {**self.environment, "HOME": self.home}
         variables = [f"{name}={value}" for name, value in told.items()]
-        inside = (
-            f"cd {shlex.quote(self.place)} && exec {shlex.join(['env', '-i', *variables, *words])}"
-        )
+        command = shlex.join(["env", "-i", *variables, *words])
+        inside = f"cd {shlex.quote(self.place)} && exec {command}"
         program = f"{mounts} {self.folder} sh -c {shlex.quote(inside)}"
         return [*own, "sh", "-c", program]
 
@@ -108,7 +124,9 @@ class Root:
                 *sources, target = text.split()
                 self._copy([context / name for name in sources], target)
             case "ENV", text:
-                self.environment |= dict(word.split("=", 1) for word in shlex.split(text))
+                self.environment |= dict(
+                    word.split("=", 1) for word in shlex.split(text)
+                )
             case "USER", text:
                 self.user = text
             case "WORKDIR", text:
@@ -135,9 +153,14 @@ class Root:
 def _mirrors() -> Iterator[str]:
     """Where this machine has Debian's packages from."""
     lists = Path("/") / "etc/apt"
-    for path in (lists / "sources.list", *sorted(lists.glob("sources.list.d/*.sources"))):
+    for path in (
+        lists / "sources.list",
+        *sorted(lists.glob("sources.list.d/*.sources")),
+    ):
         if path.exists():
-            yield from re.findall(r"^(?:URIs:|deb) *(?:\[.*\] *)?(\S+)", path.read_text(), re.M)
+            yield from re.findall(
+                r"^(?:URIs:|deb) *(?:\[.*\] *)?(\S+)", path.read_text(), re.M
+            )
 
 
 def _mounts() -> list[str]:
@@ -149,12 +172,16 @@ def _mounts() -> list[str]:
 def debian(suite: str, *, keep: bool) -> Iterator[Root]:
     """The smallest Debian of a suite in a folder of its own, which is removed unless it is kept."""
     if os.geteuid() or not shutil.which("debootstrap") or not shutil.which("unshare"):
-        sys.exit("This needs root, debootstrap and unshare. On Debian: apt-get install debootstrap")
+        sys.exit(
+            "This needs root, debootstrap and unshare. On Debian: apt-get install debootstrap"
+        )
     folder = Path(tempfile.mkdtemp(prefix="debian-"))
     folder.chmod(0o755)
     root = Root(folder)
     root.bootstrap(suite)
-    index = {name: value for name, value in os.environ.items() if name.startswith("PIP_")}
+    index = {
+        name: value for name, value in os.environ.items() if name.startswith("PIP_")
+    }
     root.environment |= {k: v for k, v in index.items() if k != "PIP_FIND_LINKS"}
     try:
         yield root
@@ -166,7 +193,9 @@ def debian(suite: str, *, keep: bool) -> Iterator[Root]:
 def main() -> None:
     """Play all of it, then the command as the image would run it, without a network."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--keep", action="store_true", help="keep the folder of the Debian")
+    parser.add_argument(
+        "--keep", action="store_true", help="keep the folder of the Debian"
+    )
     asked = parser.parse_args()
     (_, image), *rest = steps((ROOT / "Dockerfile").read_text(encoding="utf-8"))
     with debian(image.partition(":")[2].partition("-")[0], keep=asked.keep) as root:

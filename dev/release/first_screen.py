@@ -22,7 +22,9 @@ SUITE = "bookworm"
 HAD = "apt-get update && apt-get install --yes --no-install-recommends python3 make git"
 LEARNED = "apt-get install --yes --no-install-recommends python3-venv"
 FORGOTTEN = "apt-get purge --yes --auto-remove python3-venv python3.11-venv"
-NO_VENV = "python3 cannot make environments here; as root: apt-get install python3.11-venv"
+NO_VENV = (
+    "python3 cannot make environments here; as root: apt-get install python3.11-venv"
+)
 NO_VIDEOS = "Nothing renders images here, so there will be no videos"
 NO_TESTS = "The tests render images, but OpenGL is missing; as root: apt-get install"
 REPORT = "Report: demo-run/index.html"
@@ -48,16 +50,22 @@ def clone(root: Root, user: str) -> None:
     root.user, root.place = user, place
 
 
-def expect(root: Root, command: str, code: int, words: str, *, network: bool = True) -> str:
+def expect(
+    root: Root, command: str, code: int, words: str, *, network: bool = True
+) -> str:
     """Play a command, which ends with an exit code and says some words; all that it says.
 
     Raises:
         SystemExit: It ends otherwise.
     """
-    print(f"{root.user}{'' if network else ', without a network'}: {command}", flush=True)
+    print(
+        f"{root.user}{'' if network else ', without a network'}: {command}", flush=True
+    )
     ended, said = root.hear(["sh", "-c", command], network=network)
     if ended != code or words not in said:
-        sys.exit(f"{said}\nIt ended with {ended}, and should with {code} and say: {words}")
+        sys.exit(
+            f"{said}\nIt ended with {ended}, and should with {code} and say: {words}"
+        )
     print("  " + "\n  ".join(said.splitlines()[-3:]), flush=True)
     return said
 
@@ -66,7 +74,9 @@ def main() -> None:
     """Play all of it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tests", default="", help="words of pytest, for fewer tests")
-    parser.add_argument("--keep", action="store_true", help="keep the folder of the Debian")
+    parser.add_argument(
+        "--keep", action="store_true", help="keep the folder of the Debian"
+    )
     asked = parser.parse_args()
     demo, test = first_commands()
     with debian(SUITE, keep=asked.keep) as root:

@@ -33,12 +33,18 @@ def find(version: str) -> str | None:
     """A Python of a minor version, on PATH or among those of pyenv; None where there is none."""
     candidates = [shutil.which(f"python{version}")]
     if pyenv := shutil.which("pyenv"):
-        root = subprocess.run([pyenv, "root"], check=False, capture_output=True, text=True).stdout
+        root = subprocess.run(
+            [pyenv, "root"], check=False, capture_output=True, text=True
+        ).stdout
         found = Path(root.strip()).glob(f"versions/{version}.*/bin/python")
         candidates += [str(path) for path in sorted(found)]
     code = "import sys, venv, ensurepip; print('%d.%d' % sys.version_info[:2])"
-    for python in filter(None, candidates):  # a shim of pyenv may stand for a Python that is not
-        done = subprocess.run([python, "-c", code], check=False, capture_output=True, text=True)
+    for python in filter(
+        None, candidates
+    ):  # a shim of pyenv may stand for a Python that is not
+        done = subprocess.run(
+            [python, "-c", code], check=False, capture_output=True, text=True
+        )
         if done.returncode == 0 and done.stdout.strip() == version:
             return python
     return None
@@ -48,7 +54,9 @@ def fill(python: str, wheel: Path, house: Path) -> None:
     """Download what a wheel needs in a Python, in the versions that a user gets today."""
     house.mkdir(parents=True, exist_ok=True)
     pip = [python, "-m", "pip", "--disable-pip-version-check", "-q", "download"]
-    subprocess.run([*pip, "--only-binary=:all:", "-d", str(house), str(wheel)], check=True)
+    subprocess.run(
+        [*pip, "--only-binary=:all:", "-d", str(house), str(wheel)], check=True
+    )
 
 
 def install(python: str, wheels: list[Path], house: Path, environment: Path) -> Path:
@@ -56,9 +64,17 @@ def install(python: str, wheels: list[Path], house: Path, environment: Path) -> 
     shutil.rmtree(environment, ignore_errors=True)
     subprocess.run([python, "-m", "venv", str(environment)], check=True)
     programs = environment / "bin"
-    pip = [str(programs / "python"), "-m", "pip", "--isolated", "--disable-pip-version-check"]
+    pip = [
+        str(programs / "python"),
+        "-m",
+        "pip",
+        "--isolated",
+        "--disable-pip-version-check",
+    ]
     offline = ["-q", "install", "--no-index", "--find-links", str(house)]
-    plain = {name: value for name, value in os.environ.items() if not name.startswith("PIP_")}
+    plain = {
+        name: value for name, value in os.environ.items() if not name.startswith("PIP_")
+    }
     for number, wheel in enumerate(wheels):
         alone = ["--no-deps"] * bool(number)  # plugins: LeRobot has gigabytes
         subprocess.run([*pip, *offline, *alone, str(wheel)], check=True, env=plain)
@@ -75,7 +91,9 @@ def first_commands() -> tuple[dict[str, str], list[str]]:
     blocks = re.findall(r"^```sh\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
     lines = [line for block in blocks for line in block.splitlines()]
     evaluation = next(place for place, line in enumerate(lines) if " eval " in line)
-    return modules, [line for line in lines[: evaluation + 1] if line.startswith("duobench ")]
+    return modules, [
+        line for line in lines[: evaluation + 1] if line.startswith("duobench ")
+    ]
 
 
 def play(programs: Path, folder: Path) -> str:

@@ -26,7 +26,10 @@ def distributions(root: Path = ROOT) -> list[Path]:
     """Folders of all distributions, the core first, from the root."""
     return [
         Path(),
-        *(path.parent.relative_to(root) for path in sorted(root.glob("plugins/*/*.toml"))),
+        *(
+            path.parent.relative_to(root)
+            for path in sorted(root.glob("plugins/*/*.toml"))
+        ),
     ]
 
 
@@ -40,10 +43,16 @@ def version(root: Path = ROOT) -> str:
     found = re.search(r'^__version__ = "(.+)"$', source, re.MULTILINE)
     assert found is not None
     for folder in distributions(root)[1:]:
-        project = tomllib.loads((root / folder / "pyproject.toml").read_text())["project"]
-        core = [one for one in project["dependencies"] if one.startswith("duobench-fr3")]
+        project = tomllib.loads((root / folder / "pyproject.toml").read_text())[
+            "project"
+        ]
+        core = [
+            one for one in project["dependencies"] if one.startswith("duobench-fr3")
+        ]
         if project["version"] != found[1] or not core[0].endswith(f"=={found[1]}"):
-            sys.exit(f"{folder} is not of version {found[1]}, or needs another one of the core.")
+            sys.exit(
+                f"{folder} is not of version {found[1]}, or needs another one of the core."
+            )
     return found[1]
 
 
@@ -66,7 +75,9 @@ def absolute(text: str, folder: Path, repository: str = REPOSITORY) -> str:
 
     # A picture within a link is replaced first, then the link around it; code is left alone.
     parts = re.split(r"(```.*?```)", text, flags=re.DOTALL)
-    return "".join(one if one.startswith("```") else _LINK.sub(link, one) for one in parts)
+    return "".join(
+        one if one.startswith("```") else _LINK.sub(link, one) for one in parts
+    )
 
 
 def addresses() -> str:
@@ -77,21 +88,27 @@ def addresses() -> str:
         "Changelog": f"{REPOSITORY}/blob/{BRANCH}/CHANGELOG.md",
         "Issues": f"{REPOSITORY}/issues",
     }
-    return "\n[project.urls]\n" + "".join(f'{name} = "{page}"\n' for name, page in pages.items())
+    return "\n[project.urls]\n" + "".join(
+        f'{name} = "{page}"\n' for name, page in pages.items()
+    )
 
 
 def stage(out: Path) -> list[Path]:
     """Copy the tracked files into a folder, prepared for an index; the folders to build in."""
     shutil.rmtree(out, ignore_errors=True)
     listing = ["git", "-c", "safe.directory=*", "ls-files", "-z"]
-    names = subprocess.run(listing, cwd=ROOT, check=True, capture_output=True).stdout.decode()
+    names = subprocess.run(
+        listing, cwd=ROOT, check=True, capture_output=True
+    ).stdout.decode()
     for name in filter(None, names.split("\0")):
         if (ROOT / name).is_file():
             (out / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, out / name)
     for folder in distributions(out):
         page = out / folder / "README.md"
-        page.write_text(absolute(page.read_text(encoding="utf-8"), folder), encoding="utf-8")
+        page.write_text(
+            absolute(page.read_text(encoding="utf-8"), folder), encoding="utf-8"
+        )
         with (out / folder / "pyproject.toml").open("a", encoding="utf-8") as file:
             file.write(addresses())
     return [out / folder for folder in distributions(out)]

@@ -104,7 +104,9 @@ class Extent:
 
     def widened(self, **seen: Any) -> Extent:
         """The same, or as far as was seen."""
-        return replace(self, **{name: max(getattr(self, name), seen[name]) for name in seen})
+        return replace(
+            self, **{name: max(getattr(self, name), seen[name]) for name in seen}
+        )
 
     def __str__(self) -> str:
         """One line."""
@@ -160,12 +162,16 @@ class Watch:
         """Watch an environment, which must have been reset."""
         self._sim = sim_of(env).simulation
         self._limits = limits
-        self._names = [self._sim.model.body(n).name for n in range(self._sim.model.nbody)]
+        self._names = [
+            self._sim.model.body(n).name for n in range(self._sim.model.nbody)
+        ]
         roots = [self._names[root] for root in self._sim.model.body_rootid]
         self._is_object = np.isin(roots, list(self._sim.props))
         self._max_speeds = np.where(self._is_object, limits.speed, limits.link_speed)
         self._max_stage = sim_of(env).definition.max_stage
-        self._joints = _Joints(self._sim, np.isin(roots, [f"{side}/link0" for side in SIDES]))
+        self._joints = _Joints(
+            self._sim, np.isin(roots, [f"{side}/link0" for side in SIDES])
+        )
         self.free_steps = 0
         """Control steps since the robot last touched something."""
         self._fast_steps = np.zeros(len(JOINT_SPEEDS), dtype=int)
@@ -176,7 +182,9 @@ class Watch:
         self.extent = Extent()
         """How far the state went so far."""
 
-    def problem(self, observation: Mapping[str, Any], info: Mapping[str, Any]) -> str | None:
+    def problem(
+        self, observation: Mapping[str, Any], info: Mapping[str, Any]
+    ) -> str | None:
         """What is wrong after a step that gave this observation and info, if anything is."""
         return (
             self._not_finite(observation)
@@ -187,13 +195,16 @@ class Watch:
         )
 
     def _not_finite(self, observation: Mapping[str, Any]) -> str | None:
-        numbers = np.hstack([self._sim.get_state(), *map(np.ravel, observation.values())])
+        numbers = np.hstack(
+            [self._sim.get_state(), *map(np.ravel, observation.values())]
+        )
         return None if np.isfinite(numbers).all() else "the state is not finite"
 
     def _too_fast(self) -> str | None:
         speeds = body_speeds(self._sim)
         self.extent = self.extent.widened(
-            speed=speeds[self._is_object].max(), link_speed=speeds[~self._is_object].max()
+            speed=speeds[self._is_object].max(),
+            link_speed=speeds[~self._is_object].max(),
         )
         worst = int((speeds - self._max_speeds).argmax())
         if speeds[worst] <= self._max_speeds[worst]:
@@ -202,7 +213,11 @@ class Watch:
 
     def go_on(self, start: Start) -> None:
         """Go on from a state that was saved."""
-        self.stage, self.fallen, self.free_steps = start.stage, start.fallen, start.free_steps
+        self.stage, self.fallen, self.free_steps = (
+            start.stage,
+            start.fallen,
+            start.free_steps,
+        )
         self._fast_steps[:] = 0
 
     def _joint_too_fast(self) -> str | None:
@@ -217,7 +232,9 @@ class Watch:
         now = np.abs(self._joints.velocities()) / JOINT_SPEEDS
         self._fast_steps = (self._fast_steps + 1) * (now > PUSHED_JOINT_SPEED)
         fast = self._fast_steps > PUSHED_STEPS
-        self.extent = self.extent.widened(pushed_joint=peak, fast_steps=self._fast_steps.max())
+        self.extent = self.extent.widened(
+            pushed_joint=peak, fast_steps=self._fast_steps.max()
+        )
         if not (fast & ~self._joints.brake()).any():
             return None
         return f"joint {fast.argmax()} stays faster than its limit and does not brake"
@@ -274,7 +291,9 @@ class _Joints:
             self.peaks = np.maximum(self.peaks, speeds)
             self.driven_peaks = np.maximum(self.driven_peaks, speeds * ~self.brake())
             contact = self._sim.data.contact
-            self.touched |= bool(self._is_robot[contact.geom[contact.dist <= 0.0]].any())
+            self.touched |= bool(
+                self._is_robot[contact.geom[contact.dist <= 0.0]].any()
+            )
 
     def velocities(self) -> Array:
         """Velocities of all joints, in rad/s."""
@@ -333,7 +352,9 @@ def slams(rng: np.random.Generator, start: Array, low: Array, high: Array) -> Ar
     actions = np.tile(start, (STEPS, 1))
     for slot in OPENING_SLOTS:
         period, first = rng.integers(1, 9), rng.integers(2)
-        actions[:, slot] = np.where((np.arange(STEPS) // period + first) % 2, high[slot], low[slot])
+        actions[:, slot] = np.where(
+            (np.arange(STEPS) // period + first) % 2, high[slot], low[slot]
+        )
     return actions
 
 
@@ -399,12 +420,18 @@ class Episode:
     """An episode that is watched, and goes back to earlier states."""
 
     def __init__(
-        self, task: str, seed: int, limits: Limits, layout: Mapping[str, Any] | None = None
+        self,
+        task: str,
+        seed: int,
+        limits: Limits,
+        layout: Mapping[str, Any] | None = None,
     ) -> None:
         """Reset an environment of a task to a layout, or to that of a seed."""
         self.env = duobench.make(task, cameras=False)
         self.seed = seed
-        _, info = self.env.reset(options={"layout": layout} if layout else {"layout_seed": seed})
+        _, info = self.env.reset(
+            options={"layout": layout} if layout else {"layout_seed": seed}
+        )
         self._layout: Mapping[str, Any] = info["layout"]
         self._watch = Watch(self.env, limits)
         self._actions: list[Array] = []
@@ -415,7 +442,9 @@ class Episode:
         """Play one action; what broke, if anything did."""
         self._actions.append(np.asarray(action, dtype=np.float64))
         try:
-            observation, _, terminated, truncated, info = self.env.step(self._actions[-1])
+            observation, _, terminated, truncated, info = self.env.step(
+                self._actions[-1]
+            )
             self.is_over = terminated or truncated
             what = self._watch.problem(observation, info)
         except Exception as error:  # noqa: BLE001 - whatever it is, it is what is looked for
@@ -531,17 +560,22 @@ def _led(
         yield arms.action()
 
 
-def _branch(episode: Episode, starts: Sequence[Start], route: str, branch: int) -> Violation | None:
+def _branch(
+    episode: Episode, starts: Sequence[Start], route: str, branch: int
+) -> Violation | None:
     """Play one branch, which follows from task, seed, route and number alone."""
     base = sim_of(episode.env)
-    rng = np.random.default_rng([episode.seed, branch, *f"{base.task} {route}".encode()])
+    rng = np.random.default_rng(
+        [episode.seed, branch, *f"{base.task} {route}".encode()]
+    )
     start = starts[int(rng.integers(len(starts)))]
     episode.restore(start)
     kind = KINDS[branch % len(KINDS)]
     limits = base.backend.limits
     actions = kind(rng, base.hold_action(), limits.low, limits.high)
     return episode.play(
-        actions, f"{route}, branch {branch} of {kind.__name__} from {len(start.actions)}"
+        actions,
+        f"{route}, branch {branch} of {kind.__name__} from {len(start.actions)}",
     )
 
 
@@ -581,17 +615,27 @@ def main() -> None:
     )
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--seeds", type=int, default=2, help="seeds of each task")
-    parser.add_argument("--branches", type=int, default=BRANCHES, help="branches of each seed")
-    parser.add_argument("--tasks", nargs="+", choices=catalog.names(), default=catalog.names())
+    parser.add_argument(
+        "--branches", type=int, default=BRANCHES, help="branches of each seed"
+    )
+    parser.add_argument(
+        "--tasks", nargs="+", choices=catalog.names(), default=catalog.names()
+    )
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("fuzz-run"), help="folder for failures")
-    parser.add_argument("--replay", type=Path, metavar="FILE", help="play a saved failure again")
+    parser.add_argument(
+        "--out", type=Path, default=Path("fuzz-run"), help="folder for failures"
+    )
+    parser.add_argument(
+        "--replay", type=Path, metavar="FILE", help="play a saved failure again"
+    )
     arguments = parser.parse_args()
     if arguments.replay is not None:
         jobs = [Job(task=task_of(arguments.replay), file=arguments.replay)]
     else:
         seeds = range(arguments.first, arguments.first + arguments.seeds)
-        kept = [Job(task=task_of(file), file=file) for file in sorted(KEPT.glob("*.npz"))]
+        kept = [
+            Job(task=task_of(file), file=file) for file in sorted(KEPT.glob("*.npz"))
+        ]
         # The slowest first, so that no worker is left alone with it.
         tasks = sorted(arguments.tasks, key=lambda task: task not in ROUTES)
         jobs = [job for job in kept if job.task in tasks]
@@ -611,9 +655,13 @@ def _report(jobs: Sequence[Job], workers: int, out: Path) -> bool:
             is_sound &= not outcome.violations
             print(f"{number}/{len(jobs)} {job}: {outcome}", flush=True)
             for violation in outcome.violations:
-                print(f"  {violation}\n  python -m dev.tools.fuzz --replay {violation.save(out)}")
+                print(
+                    f"  {violation}\n  python -m dev.tools.fuzz --replay {violation.save(out)}"
+                )
     except BrokenProcessPool:
-        print(f"A process died while these were played or waited: {', '.join(map(str, waiting))}")
+        print(
+            f"A process died while these were played or waited: {', '.join(map(str, waiting))}"
+        )
         return False
     return is_sound
 

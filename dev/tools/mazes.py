@@ -89,13 +89,24 @@ class Together:
         self.count = math.prod(self._sizes)
         """How many joint states there are."""
 
-    def tilted(self, states: Numbers) -> Iterable[tuple[list[Numbers], Numbers, Numbers]]:
+    def tilted(
+        self, states: Numbers
+    ) -> Iterable[tuple[list[Numbers], Numbers, Numbers]]:
         """For each tilt: states of each game, joint states and price of it, from joint states."""
         at = np.unravel_index(states, self._sizes)
         for row in range(len(Direction)):
-            ends = [game.tilts[row, here] for game, here in zip(self._games, at, strict=True)]
-            runs = [game.runs[row, here] for game, here in zip(self._games, at, strict=True)]
-            yield ends, np.ravel_multi_index(ends, self._sizes), price(np.max(runs, axis=0))
+            ends = [
+                game.tilts[row, here]
+                for game, here in zip(self._games, at, strict=True)
+            ]
+            runs = [
+                game.runs[row, here] for game, here in zip(self._games, at, strict=True)
+            ]
+            yield (
+                ends,
+                np.ravel_multi_index(ends, self._sizes),
+                price(np.max(runs, axis=0)),
+            )
 
     def left(self) -> Numbers:
         """Control steps from each joint state (n,) until all are solved, at least."""
@@ -112,7 +123,9 @@ class Together:
 def fewest_steps(games: Sequence[Game], limit: int = TIME) -> int | None:
     """Control steps of a cheapest sequence that solves all boards; None if it is above a limit."""
     together = Together(games)
-    few = [(some, *_left_of(games, some)) for some in combinations(range(len(games)), FEW)]
+    few = [
+        (some, *_left_of(games, some)) for some in combinations(range(len(games)), FEW)
+    ]
     seen = np.zeros(together.count, dtype=bool)
     waiting = defaultdict(list, {0: [np.zeros(1, dtype=np.int64)]})
     for steps in range(limit + 1):
@@ -137,7 +150,9 @@ def fewest_steps(games: Sequence[Game], limit: int = TIME) -> int | None:
 _left: dict[tuple[Game, ...], Numbers] = {}
 
 
-def _left_of(games: Sequence[Game], some: tuple[int, ...]) -> tuple[Numbers, tuple[int, ...]]:
+def _left_of(
+    games: Sequence[Game], some: tuple[int, ...]
+) -> tuple[Numbers, tuple[int, ...]]:
     """What is left for some of the games, and how many states each has; computed once."""
     chosen = tuple(games[number] for number in some)
     if chosen not in _left:
@@ -153,7 +168,9 @@ def most_solved(mazes: Sequence[Maze], *, rests: bool) -> dict[tuple[int, ...], 
         found = {}
         for some in combinations(range(len(games)), count):
             # What solves more boards solves all but one of them too.
-            if count == 1 or all(fewer in best for fewer in combinations(some, count - 1)):
+            if count == 1 or all(
+                fewer in best for fewer in combinations(some, count - 1)
+            ):
                 steps = fewest_steps([games[number] for number in some])
                 if steps is not None:
                     found[some] = steps
@@ -168,4 +185,6 @@ if __name__ == "__main__":
         sets = most_solved(MAZES, rests=must_rest)
         most = len(next(iter(sets)))
         told = ", ".join(f"{boards} in {steps}" for boards, steps in sets.items())
-        print(f"In {TIME} steps the ball {what} in the goal of {most} boards at most: {told}.")
+        print(
+            f"In {TIME} steps the ball {what} in the goal of {most} boards at most: {told}."
+        )

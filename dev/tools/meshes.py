@@ -57,7 +57,9 @@ def _group(cell_mm: float, triangles: int, **fills_mm: float) -> VisualGroup:
 
 
 def _gripper(name: str, triangles: int) -> VisualGroup:
-    return VisualGroup(fills_mm={f"robotiq_2f85/{name}": 0.0}, cell_mm=1.0, triangles=triangles)
+    return VisualGroup(
+        fills_mm={f"robotiq_2f85/{name}": 0.0}, cell_mm=1.0, triangles=triangles
+    )
 
 
 VISUAL_GROUPS: tuple[VisualGroup, ...] = (
@@ -91,7 +93,10 @@ VISUAL_OUTLINES: Mapping[str, int] = {
 
 HULLS = (
     *(f"fr3/link{number}" for number in range(8)),
-    *(f"robotiq_2f85/{part}" for part in ("base", "driver", "coupler", "spring_link", "follower")),
+    *(
+        f"robotiq_2f85/{part}"
+        for part in ("base", "driver", "coupler", "spring_link", "follower")
+    ),
 )
 """Convex hulls for contacts, all from STL files."""
 
@@ -140,11 +145,17 @@ def close_seams(data: bytes) -> bytes:
             for name, _ in LINKS[link].visuals:
                 mesh = names.index(f"fr3/{name}:visual")
                 vertices = there.inverse().apply(points[mesh] / POINTS_PER_METRE)
-                end = _rounded(vertices, faces[mesh], height, radius, inner=link == number)
+                end = _rounded(
+                    vertices, faces[mesh], height, radius, inner=link == number
+                )
                 points[mesh] = np.rint(there.apply(end[0]) * POINTS_PER_METRE)
                 faces[mesh] = end[1]
     counts = [(len(of), len(on)) for of, on in zip(points, faces, strict=True)]
-    made = {"counts": counts, "points": np.concatenate(points), "faces": np.concatenate(faces)}
+    made = {
+        "counts": counts,
+        "points": np.concatenate(points),
+        "faces": np.concatenate(faces),
+    }
     arrays |= {name: np.array(array, dtype=np.int32) for name, array in made.items()}
     closed = io.BytesIO()
     np.savez(closed, **arrays)
@@ -171,7 +182,9 @@ def _rounded(
     return vertices[used], faces.reshape(-1, 3)
 
 
-def _long_edge(vertices: Array, faces: Faces, near: Mask, rim: Mask, step: float) -> Array | None:
+def _long_edge(
+    vertices: Array, faces: Faces, near: Mask, rim: Mask, step: float
+) -> Array | None:
     """Both ends of an edge between neighbours of a rim that are far from each other, or None."""
     sides = faces[~near[faces].all(axis=1)]
     edges = np.concatenate([sides[:, [0, 1]], sides[:, [1, 2]], sides[:, [2, 0]]])
@@ -191,7 +204,9 @@ def _split(vertices: Array, faces: Faces, edge: Array) -> tuple[Array, Faces]:
     divided = []
     for a, b, c in faces.tolist():
         for first, second, third in ((a, b, c), (b, c, a), (c, a, b)):
-            if (ends[0][first] and ends[1][second]) or (ends[1][first] and ends[0][second]):
+            if (ends[0][first] and ends[1][second]) or (
+                ends[1][first] and ends[0][second]
+            ):
                 key = min(first, second), max(first, second)
                 new = added.setdefault(key, len(vertices) + len(added))
                 divided += [(first, new, third), (new, second, third)]

@@ -98,7 +98,9 @@ def violations(page: Path, axe: Path, view: View) -> list[dict[str, Any]]:
     Raises:
         NoBrowserError: There is no browser, or no answer.
     """
-    script = f"<script>{axe.read_text(encoding='utf-8')}</script><script>{_AXE}</script>"
+    script = (
+        f"<script>{axe.read_text(encoding='utf-8')}</script><script>{_AXE}</script>"
+    )
     return json.loads(_answer(page, view, script))
 
 
@@ -108,7 +110,9 @@ def measure(page: Path, view: View, expression: str) -> Any:
     Raises:
         NoBrowserError: There is no browser, or no answer.
     """
-    script = f"<script>addEventListener('load', () => {_TELL.format(expression)});</script>"
+    script = (
+        f"<script>addEventListener('load', () => {_TELL.format(expression)});</script>"
+    )
     return json.loads(_answer(page, view, script))
 
 
@@ -137,7 +141,11 @@ def paper(page: Path, target: Path) -> None:
     Raises:
         NoBrowserError: There is no browser, or it wrote nothing.
     """
-    _run("--no-pdf-header-footer", f"--print-to-pdf={target.absolute()}", page.absolute().as_uri())
+    _run(
+        "--no-pdf-header-footer",
+        f"--print-to-pdf={target.absolute()}",
+        page.absolute().as_uri(),
+    )
     if not target.exists():
         raise NoBrowserError(f"The browser wrote no {target}.")
 
@@ -146,7 +154,9 @@ def _answer(page: Path, view: View, script: str) -> str:
     """What a script on a page tells."""
     with _framed(page, view, script) as frame:
         dom = _run(
-            "--dump-dom", f"--window-size={max(view.width, 500)},{view.height}", frame.as_uri()
+            "--dump-dom",
+            f"--window-size={max(view.width, 500)},{view.height}",
+            frame.as_uri(),
         )
     found = re.search(r'<pre id="answer">(.*?)</pre>', dom, re.DOTALL)
     if not (found and found[1]):
@@ -169,7 +179,8 @@ def _framed(page: Path, view: View, script: str) -> Iterator[Path]:
         copy.write_text(text.replace("</body>", f"{script}</body>"), encoding="utf-8")
         frame = Path(folder, "frame.html")
         frame.write_text(
-            _FRAME.format(width=view.width, height=view.height, page=copy.as_uri()), "utf-8"
+            _FRAME.format(width=view.width, height=view.height, page=copy.as_uri()),
+            "utf-8",
         )
         try:
             yield frame
@@ -183,7 +194,11 @@ def _run(*arguments: str) -> str:
         command = [browser(), *_FLAGS, f"--user-data-dir={profile}", *arguments]
         try:
             done = subprocess.run(
-                command, check=True, capture_output=True, timeout=TIMEOUT_S, encoding="utf-8"
+                command,
+                check=True,
+                capture_output=True,
+                timeout=TIMEOUT_S,
+                encoding="utf-8",
             )
         except (subprocess.SubprocessError, OSError) as error:
             raise NoBrowserError(f"The browser failed: {error}") from error
@@ -192,9 +207,13 @@ def _run(*arguments: str) -> str:
 
 def main() -> None:
     """Write a page as it looks on a desktop, a phone and paper."""
-    parser = argparse.ArgumentParser(prog="python -m dev.tools.pages", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m dev.tools.pages", description=__doc__
+    )
     parser.add_argument("page", type=Path, nargs="+", help="HTML files")
-    parser.add_argument("--out", type=Path, required=True, help="folder for images and PDF files")
+    parser.add_argument(
+        "--out", type=Path, required=True, help="folder for images and PDF files"
+    )
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     for page in arguments.page:

@@ -49,7 +49,9 @@ class Demonstrations:
     """What each number of an object state is."""
 
     @staticmethod
-    def load(folder: Path, episodes: int | None = None, until: str = "end") -> Demonstrations:
+    def load(
+        folder: Path, episodes: int | None = None, until: str = "end"
+    ) -> Demonstrations:
         """Read the first episodes of an export, or all of them, up to one of `UNTIL`.
 
         Raises:
@@ -61,7 +63,9 @@ class Demonstrations:
         table = pq.ParquetDataset(files).read(columns=columns)
         number = table["episode_index"].to_numpy()
         state, objects, labels = (_rows(table[name]) for name in columns[:3])
-        state = state[:, : len(JOINT_NAMES)]  # tool poses may follow, which are seen anyway
+        state = state[
+            :, : len(JOINT_NAMES)
+        ]  # tool poses may follow, which are seen anyway
         if episodes is not None and episodes > number.max() + 1:
             raise DataError(
                 f"{folder} has {number.max() + 1} demonstrations, and {episodes} were asked for."
@@ -78,8 +82,12 @@ class Demonstrations:
 
     def __add__(self, other: Demonstrations) -> Demonstrations:
         """Those of the other one behind these."""
-        kept = (getattr(self, name) for name in ("state", "objects", "labels", "lengths"))
-        more = (getattr(other, name) for name in ("state", "objects", "labels", "lengths"))
+        kept = (
+            getattr(self, name) for name in ("state", "objects", "labels", "lengths")
+        )
+        more = (
+            getattr(other, name) for name in ("state", "objects", "labels", "lengths")
+        )
         parts = (np.concatenate(both) for both in zip(kept, more, strict=True))
         return Demonstrations(*parts, self.names)
 
@@ -102,14 +110,18 @@ class Demonstrations:
             )
         return np.arange(len(self.lengths)) % every == every - 1
 
-    def _only(self, rows: NDArray[np.bool_], episodes: NDArray[np.bool_]) -> Demonstrations:
+    def _only(
+        self, rows: NDArray[np.bool_], episodes: NDArray[np.bool_]
+    ) -> Demonstrations:
         parts = (part[rows] for part in (self.state, self.objects, self.labels))
         return Demonstrations(*parts, self.lengths[episodes], self.names)
 
     def chunks(self, horizon: int) -> NDArray[np.int64]:
         """Rows of the chunk (T, horizon) that begins in each row; the last row is held."""
         last = np.repeat(np.cumsum(self.lengths) - 1, self.lengths)
-        return np.minimum(np.arange(len(last))[:, None] + np.arange(horizon), last[:, None])
+        return np.minimum(
+            np.arange(len(last))[:, None] + np.arange(horizon), last[:, None]
+        )
 
 
 def _described(folder: Path) -> dict[str, Any]:
@@ -123,7 +135,9 @@ def _described(folder: Path) -> dict[str, Any]:
         raise DataError(f"{folder} does not say where the objects are. {what}")
     labels = find(feature_names(info, ACTION) or ())
     if labels is None or labels.mode.name not in MODES.values():
-        raise DataError(f"The actions of {folder} are no targets of joints or tools. {what}")
+        raise DataError(
+            f"The actions of {folder} are no targets of joints or tools. {what}"
+        )
     return info
 
 
@@ -133,7 +147,9 @@ def _rows(column: pa.ChunkedArray) -> Rows:
     return values.astype(np.float32).reshape(len(column), -1)
 
 
-def _up_to_first(marked: NDArray[np.bool_], number: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _up_to_first(
+    marked: NDArray[np.bool_], number: NDArray[np.int64]
+) -> NDArray[np.bool_]:
     """The rows of each episode up to the first one that is marked, and with it."""
     before = np.cumsum(marked) - marked
     start = np.searchsorted(number, number)
@@ -173,9 +189,12 @@ class Grippers:
                 value
                 for value in self._values[side]
                 if value != now
-                and (told - now) / (value - now) >= (OPENS_FROM if value > now else CLOSES_FROM)
+                and (told - now) / (value - now)
+                >= (OPENS_FROM if value > now else CLOSES_FROM)
             ]
-            self._now[side] = min(meant, key=lambda value: abs(value - told), default=now)
+            self._now[side] = min(
+                meant, key=lambda value: abs(value - told), default=now
+            )
             label[column] = self._now[side]
 
 

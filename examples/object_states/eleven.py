@@ -31,14 +31,18 @@ LIST = "files.sha256"
 
 def keep(data: Demonstrations, path: Path) -> None:
     """Write demonstrations into one file."""
-    parts = {field.name: np.asarray(getattr(data, field.name)) for field in fields(data)}
+    parts = {
+        field.name: np.asarray(getattr(data, field.name)) for field in fields(data)
+    }
     np.savez_compressed(path, **parts)
 
 
 def listing(folder: Path) -> str:
     """The SHA-256 of each file of a task."""
     files = sorted(folder.glob("*.npz"))
-    return "".join(f"{hashlib.sha256(one.read_bytes()).hexdigest()}  {one.name}\n" for one in files)
+    return "".join(
+        f"{hashlib.sha256(one.read_bytes()).hexdigest()}  {one.name}\n" for one in files
+    )
 
 
 def read(path: Path) -> Network | Nearest:
@@ -56,7 +60,11 @@ class Eleven:
         """Read the files beside this one where they are listed, else those of CHECKPOINT."""
         here = Path(__file__).parent
         folder = here if (here / LIST).exists() else checkpoint()
-        told = (folder / LIST).read_text(encoding="utf-8") if (folder / LIST).exists() else ""
+        told = (
+            (folder / LIST).read_text(encoding="utf-8")
+            if (folder / LIST).exists()
+            else ""
+        )
         if not told or told != listing(folder):
             raise PolicyError(
                 f"{folder / LIST} is not that of these files: python eleven.py writes it."
@@ -69,10 +77,18 @@ class Eleven:
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode of the task with this instruction."""
-        known = {catalog.get(name).instruction.partition("{")[0]: name for name in catalog.names()}
-        task = next((name for text, name in known.items() if instruction.startswith(text)), "none")
+        known = {
+            catalog.get(name).instruction.partition("{")[0]: name
+            for name in catalog.names()
+        }
+        task = next(
+            (name for text, name in known.items() if instruction.startswith(text)),
+            "none",
+        )
         if task not in self._policies:
-            raise PolicyError(f"There is no file for the task that is instructed: {instruction!r}.")
+            raise PolicyError(
+                f"There is no file for the task that is instructed: {instruction!r}."
+            )
         self._now = self._policies[task]
         self._now.reset(instruction, seed)
 

@@ -45,7 +45,9 @@ def frames(state: Rows, objects: Rows, names: tuple[str, ...]) -> Frames:
         objects: Object states (T, n).
         names: What each number of an object state is.
     """
-    joints = state.reshape(len(state), len(SIDES), -1)[..., :ARM_JOINTS].astype(np.float64)
+    joints = state.reshape(len(state), len(SIDES), -1)[..., :ARM_JOINTS].astype(
+        np.float64
+    )
     tools = [tool_frames(side, joints[:, side.index]) for side in SIDES]
     table = np.tile(np.eye(3), (len(state), 1, 1))
     positions, rotations = [p for p, _ in tools], [r for _, r in tools]
@@ -54,20 +56,26 @@ def frames(state: Rows, objects: Rows, names: tuple[str, ...]) -> Frames:
         column = names.index(f"{thing}_x")
         rotation, turned = table, quarters[0]
         if f"{thing}_x_axis_x" in names:
-            rotation, turned = _forwards(*(_vector(objects, names, thing, a) for a in "xz"))
+            rotation, turned = _forwards(
+                *(_vector(objects, names, thing, a) for a in "xz")
+            )
         positions.append(objects[:, column : column + 3].astype(np.float64))
         rotations.append(rotation)
         quarters.append(turned)
     positions.append(np.zeros((len(state), 3)))
     rotations.append(table)
     quarters.append(quarters[0])
-    return Frames(*(np.stack(part, axis=1) for part in (positions, rotations, quarters)))
+    return Frames(
+        *(np.stack(part, axis=1) for part in (positions, rotations, quarters))
+    )
 
 
 def bodies(names: tuple[str, ...]) -> list[str]:
     """The objects of which a state tells where they are."""
     ends = ("_axis_x", "_velocity_x")
-    return [n.removesuffix("_x") for n in names if n.endswith("_x") and not n.endswith(ends)]
+    return [
+        n.removesuffix("_x") for n in names if n.endswith("_x") and not n.endswith(ends)
+    ]
 
 
 def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
@@ -92,13 +100,17 @@ def features(state: Rows, objects: Rows, names: tuple[str, ...]) -> Rows:
         back = here.rotations[:, k]
         ways = np.delete(here.positions, k, axis=1) - here.positions[:, k, None]
         seen += [np.einsum("tij,tki->tkj", back, ways).reshape(rows, -1)]
-        turns = np.einsum("tij,tkil->tkjl", back, here.rotations[:, : len(SIDES)])[..., :2]
+        turns = np.einsum("tij,tkil->tkjl", back, here.rotations[:, : len(SIDES)])[
+            ..., :2
+        ]
         seen += [turns.reshape(rows, -1)]
     things = slice(len(SIDES), -1)
     seen += [here.rotations[:, things, :, 0].reshape(rows, -1)]
     seen += [np.eye(QUARTERS)[here.quarters[:, things]].reshape(rows, -1)]
     if _BOARD in bodies(names) and "goal_row" in names:
-        seen += [_maze(objects, names, here.quarters[:, 2 + bodies(names).index(_BOARD)])]
+        seen += [
+            _maze(objects, names, here.quarters[:, 2 + bodies(names).index(_BOARD)])
+        ]
     return np.hstack(seen).astype(np.float32)
 
 
@@ -109,7 +121,9 @@ def _vector(objects: Rows, names: tuple[str, ...], thing: str, axis: str) -> Row
 
 def _forwards(x: Rows, z: Rows) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Rotations (T, 3, 3) of two axes (T, 3), turned back by quarters about z, and these (T,)."""
-    quarters = np.round(np.arctan2(x[:, 1], x[:, 0]) / _QUARTER).astype(np.int64) % QUARTERS
+    quarters = (
+        np.round(np.arctan2(x[:, 1], x[:, 0]) / _QUARTER).astype(np.int64) % QUARTERS
+    )
     axes = x, np.cross(z, x)
     ahead = [np.choose(quarters, (axes[0].T, -axes[1].T, -axes[0].T, axes[1].T)).T]
     return np.stack([*ahead, np.cross(z, ahead[0]), z], axis=-1), quarters
@@ -127,7 +141,9 @@ def _maze(objects: Rows, names: tuple[str, ...], quarters: NDArray[np.int64]) ->
         way = np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), turn)
         for k, cell in enumerate(("start", "goal")):
             column = names.index(f"{cell}_column")
-            seen[rows, 2 * k : 2 * k + 2] = (objects[rows, column : column + 2] - middle) @ way.T
+            seen[rows, 2 * k : 2 * k + 2] = (
+                objects[rows, column : column + 2] - middle
+            ) @ way.T
         for column, name in enumerate(names):
             if not name.startswith("wall_"):
                 continue
@@ -136,6 +152,8 @@ def _maze(objects: Rows, names: tuple[str, ...], quarters: NDArray[np.int64]) ->
             at = np.array(cell, dtype=float) + shift
             x, y = way @ (at - middle) + middle
             between = 0 if x % 1 else 1  # columns, or rows
-            place = int(between * _MAZE_SIDE**2 + math.floor(x) * _MAZE_SIDE + math.floor(y))
+            place = int(
+                between * _MAZE_SIDE**2 + math.floor(x) * _MAZE_SIDE + math.floor(y)
+            )
             seen[rows, 4 + place] = objects[rows, column]
     return seen

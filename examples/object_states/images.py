@@ -109,7 +109,9 @@ class Sight(nn.Module):
 
     def forward(self, images: Sequence[torch.Tensor]) -> torch.Tensor:
         """What is seen (B, k), normal, in one image of each camera (B, 3, SIZE, SIZE)."""
-        return self.find(torch.cat([eye(i) for eye, i in zip(self.eyes, images, strict=True)], 1))
+        return self.find(
+            torch.cat([eye(i) for eye, i in zip(self.eyes, images, strict=True)], 1)
+        )
 
 
 def shown(objects: Rows, names: tuple[str, ...]) -> Rows:
@@ -159,7 +161,9 @@ def check(acts: Path, data: Demonstrations) -> None:
         PolicyError: There is none.
     """
     if network.Network(acts).names != data.names:
-        raise DataError(f"{acts} acts on object states of another task: train one on this export.")
+        raise DataError(
+            f"{acts} acts on object states of another task: train one on this export."
+        )
 
 
 def train(
@@ -192,8 +196,12 @@ def train(
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     rows = _Rows(data, images, how)
-    net = Sight(rows.scale).to(how.device, memory_format=torch.channels_last)  # as pictures are
-    adam = torch.optim.AdamW(net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True)
+    net = Sight(rows.scale).to(
+        how.device, memory_format=torch.channels_last
+    )  # as pictures are
+    adam = torch.optim.AdamW(
+        net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True
+    )
     steps = how.passes * math.ceil(len(rows.learned) / how.batch)
     for k in range(steps):
         for group in adam.param_groups:
@@ -206,7 +214,10 @@ def train(
         if k % 200 == 0:
             print(f"step {k + 1} of {steps}: error {error:.3f}", flush=True)
     off = rows.millimetres(net.eval())
-    sight = {f"{SIGHT}{name}": value.cpu().numpy() for name, value in net.state_dict().items()}
+    sight = {
+        f"{SIGHT}{name}": value.cpu().numpy()
+        for name, value in net.state_dict().items()
+    }
     np.savez(out, **dict(np.load(acts)) | sight)
     return {"passes": how.passes, "steps": steps, "objects_off_mm": round(off, 1)}
 
@@ -214,12 +225,15 @@ def train(
 class _Rows:
     """Every third row of demonstrations as tensors, and what is seen in it."""
 
-    def __init__(self, data: Demonstrations, images: Sequence[Pixels], how: Training) -> None:
+    def __init__(
+        self, data: Demonstrations, images: Sequence[Pixels], how: Training
+    ) -> None:
         seen = shown(data.objects, data.names)[::EVERY]
         self.scale = {"o_mean": seen.mean(0), "o_scale": seen.std(0) + network.LEAST}
         held = np.repeat(data.held_out(how.held_out), data.lengths)[::EVERY]
         self.learned, self._held = (
-            torch.from_numpy(np.flatnonzero(rows)).to(how.device) for rows in (~held, held)
+            torch.from_numpy(np.flatnonzero(rows)).to(how.device)
+            for rows in (~held, held)
         )
         before = np.concatenate([np.arange(length) for length in data.lengths])[::EVERY]
         self.shares = 1 / (torch.from_numpy(before[~held]).to(how.device) + how.early)
@@ -268,7 +282,9 @@ def watch(demos: Path, task: str, data: Demonstrations) -> list[Pixels]:
             or len(recording) < length
             or not np.allclose(recording.agent_pos[:length], state, atol=1e-5)
         ):
-            raise DataError(f"Episode {number} of {task} in {demos} is not that of the export.")
+            raise DataError(
+                f"Episode {number} of {task} in {demos} is not that of the export."
+            )
         for row in range(-first % EVERY, length, EVERY):
             shown = source.images(recording, row)
             for all_of_it, camera in zip(images, POLICY_CAMERAS, strict=True):
@@ -276,7 +292,10 @@ def watch(demos: Path, task: str, data: Demonstrations) -> list[Pixels]:
             place += 1
         first += length
         if number % 20 == 0:
-            print(f"{task}: {number + 1} of {len(data.lengths)} episodes rendered", flush=True)
+            print(
+                f"{task}: {number + 1} of {len(data.lengths)} episodes rendered",
+                flush=True,
+            )
     source.close()
     return images
 
@@ -287,7 +306,11 @@ class Images(network.Network):
     def __init__(self) -> None:
         """Read the file that the variable CHECKPOINT names."""
         super().__init__()
-        scale = {k.removeprefix(SIGHT): v for k, v in self._net.items() if k.startswith(SIGHT)}
+        scale = {
+            k.removeprefix(SIGHT): v
+            for k, v in self._net.items()
+            if k.startswith(SIGHT)
+        }
         if not scale:
             raise PolicyError(
                 "CHECKPOINT names a network that sees no images: python images.py DEMOS EXPORT "
@@ -295,7 +318,9 @@ class Images(network.Network):
             )
         torch.set_num_threads(1)
         self._sight = Sight(scale).eval()
-        self._sight.load_state_dict({name: torch.from_numpy(a) for name, a in scale.items()})
+        self._sight.load_state_dict(
+            {name: torch.from_numpy(a) for name, a in scale.items()}
+        )
         self.metadata = replace(
             self.metadata,
             name="frames of things, from images",
@@ -306,7 +331,9 @@ class Images(network.Network):
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
-        return super().act({**observation, "environment_state": self.objects(observation)})
+        return super().act(
+            {**observation, "environment_state": self.objects(observation)}
+        )
 
     def objects(self, observation: Mapping[str, Any]) -> Rows:
         """The object state (n,) as it is seen."""
@@ -320,8 +347,12 @@ class Images(network.Network):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("demos", type=Path, help="folder of recordings")
-    parser.add_argument("export", type=Path, help="what was exported of them, of one task")
-    parser.add_argument("acts", type=Path, help="network that network.py made of the same")
+    parser.add_argument(
+        "export", type=Path, help="what was exported of them, of one task"
+    )
+    parser.add_argument(
+        "acts", type=Path, help="network that network.py made of the same"
+    )
     parser.add_argument("out", type=Path)
     parser.add_argument("--episodes", type=int)
     parser.add_argument("--seed", type=int, default=0)

@@ -38,7 +38,9 @@ class Nearest:
         """
         if data is None:
             episodes = int(os.environ["EPISODES"]) if "EPISODES" in os.environ else None
-            data = Demonstrations.load(checkpoint(), episodes, os.environ.get("UNTIL", "end"))
+            data = Demonstrations.load(
+                checkpoint(), episodes, os.environ.get("UNTIL", "end")
+            )
         self._data = data
         seen = features(self._data.state, self._data.objects, self._data.names)
         self._mean, self._scale = seen.mean(axis=0), seen.std(axis=0) + 1e-3
@@ -60,7 +62,10 @@ class Nearest:
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The demonstrated chunk (30, 16) that began in the nearest state."""
-        state, objects = observation["agent_pos"][None], observation["environment_state"][None]
+        state, objects = (
+            observation["agent_pos"][None],
+            observation["environment_state"][None],
+        )
         now = (features(state, objects, self._data.names)[0] - self._mean) / self._scale
         row = int(np.argmin(((self._seen - now) ** 2).sum(axis=1)))
         chunk = self._data.labels[self._chunks[row]].copy()

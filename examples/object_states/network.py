@@ -103,8 +103,12 @@ def train(
     scale = _scale(learned)
     shown, test = (_Rows(part, scale, how.device) for part in (learned, held))
     net = module(shown.x.shape[1], shown.positions.shape[1], scale).to(how.device)
-    adam = torch.optim.AdamW(net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True)
-    noise = torch.from_numpy((NOISE / scale["x_scale"]).astype(np.float32)).to(how.device)
+    adam = torch.optim.AdamW(
+        net.parameters(), lr=how.rate, weight_decay=1e-4, fused=True
+    )
+    noise = torch.from_numpy((NOISE / scale["x_scale"]).astype(np.float32)).to(
+        how.device
+    )
     per_pass = math.ceil(len(shown.x) / how.batch)
     steps = 0
 
@@ -132,7 +136,11 @@ def train(
     about |= {"mode": action_mode(data.labels)}
     np.savez(out, about=json.dumps(about), **scale, **weights)
     passes = len(errors) * how.every + how.decay
-    return {"passes": passes, "steps": steps, "held_out_error": round(test.mean_error(net), 4)}
+    return {
+        "passes": passes,
+        "steps": steps,
+        "held_out_error": round(test.mean_error(net), 4),
+    }
 
 
 def _is_over(errors: list[float], how: Training) -> bool:
@@ -157,13 +165,17 @@ def _normal(seen: Rows, scale: Mapping[str, Any]) -> Rows:
 
 def blend() -> Rows:
     """How much of each knot is in each step of a chunk (30, 11)."""
-    return np.array([np.interp(range(HORIZON), KNOTS, row) for row in np.eye(len(KNOTS))]).T
+    return np.array(
+        [np.interp(range(HORIZON), KNOTS, row) for row in np.eye(len(KNOTS))]
+    ).T
 
 
 class _Rows:
     """Demonstrations as tensors."""
 
-    def __init__(self, data: Demonstrations, scale: Mapping[str, Any], device: str) -> None:
+    def __init__(
+        self, data: Demonstrations, scale: Mapping[str, Any], device: str
+    ) -> None:
         import torch
 
         here = frames(data.state, data.objects, data.names)
@@ -171,7 +183,8 @@ class _Rows:
         labels = (data.labels - scale["y_mean"]) / scale["y_scale"]
         parts = (seen, here.positions, here.rotations, labels)
         self.x, self.positions, self.rotations, self._labels = (
-            torch.from_numpy(np.asarray(part, dtype=np.float32)).to(device) for part in parts
+            torch.from_numpy(np.asarray(part, dtype=np.float32)).to(device)
+            for part in parts
         )
         self._chunks = torch.from_numpy(data.chunks(HORIZON)).to(device)
 
@@ -186,7 +199,11 @@ class _Rows:
 
         with torch.no_grad():
             parts = torch.arange(len(self.x), device=self.x.device).split(1024)
-            return float(torch.cat([self.error(net, rows, self.x[rows]) for rows in parts]).mean())
+            return float(
+                torch.cat(
+                    [self.error(net, rows, self.x[rows]) for rows in parts]
+                ).mean()
+            )
 
 
 def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
@@ -229,9 +246,14 @@ def module(inputs: int, things: int, scale: Mapping[str, Any]) -> Any:
             """Normal labels (B, 30, 20)."""
             seen, rows = self.body(x), len(x)
             shares = self.shares(seen).view(rows, -1, things).softmax(-1)
-            near = self.poses(seen).view(rows, -1, VECTORS, things, 3) * shares[:, :, None, :, None]
+            near = (
+                self.poses(seen).view(rows, -1, VECTORS, things, 3)
+                * shares[:, :, None, :, None]
+            )
             back = rotations.transpose(2, 3).reshape(rows, things * 3, 3)
-            vectors = (near.view(rows, -1, things * 3) @ back).view(rows, -1, VECTORS, 3)
+            vectors = (near.view(rows, -1, things * 3) @ back).view(
+                rows, -1, VECTORS, 3
+            )
             place = METRES * vectors[:, :, 0] + shares @ positions
             poses = torch.cat([place, vectors[:, :, 1], vectors[:, :, 2]], -1)
             poses = self.blend @ poses.view(rows, len(SIDES), len(KNOTS), POSE)
@@ -273,7 +295,10 @@ class Network:
 
     def act(self, observation: Mapping[str, Any]) -> Rows:
         """The next chunk (30, 16)."""
-        state, objects = observation["agent_pos"][None], observation["environment_state"][None]
+        state, objects = (
+            observation["agent_pos"][None],
+            observation["environment_state"][None],
+        )
         seen = _normal(features(state, objects, self.names), self._net)[0]
         chunk = self.chunk(seen, frames(state, objects, self.names))
         for label in chunk:
@@ -284,7 +309,9 @@ class Network:
         """Labels (30, 20) of the normal inputs (k,) and the frames of one state."""
         x = self._linear(seen, "body.0")
         for number in range(1, BLOCKS + 1):
-            inner = self._linear(self._norm(x, f"body.{number}.norm"), f"body.{number}.up")
+            inner = self._linear(
+                self._norm(x, f"body.{number}.norm"), f"body.{number}.up"
+            )
             x = x + self._linear(_gelu(inner), f"body.{number}.down")
         x = self._norm(x, f"body.{BLOCKS + 1}")
         moments, things = len(SIDES) * len(KNOTS), here.positions.shape[1]
@@ -296,9 +323,12 @@ class Network:
         vectors[:, 0] = METRES * vectors[:, 0] + shares @ here.positions[0]
         poses = self._blend @ vectors.reshape(len(SIDES), len(KNOTS), POSE)
         size, mean = (
-            self._net[key].reshape(len(SIDES), 1, -1)[..., POSE:] for key in ("y_scale", "y_mean")
+            self._net[key].reshape(len(SIDES), 1, -1)[..., POSE:]
+            for key in ("y_scale", "y_mean")
         )
-        opens = self._linear(x, "openings").reshape(len(SIDES), HORIZON, 1) * size + mean
+        opens = (
+            self._linear(x, "openings").reshape(len(SIDES), HORIZON, 1) * size + mean
+        )
         chunk = np.concatenate([poses, opens], axis=-1).swapaxes(0, 1)
         return chunk.reshape(HORIZON, -1).astype(np.float32)
 
@@ -327,6 +357,8 @@ if __name__ == "__main__":
     asked = parser.parse_args()
     try:
         demonstrations = Demonstrations.load(asked.export, asked.episodes)
-        print(train(demonstrations, asked.out, asked.seed, Training(device=asked.device)))
+        print(
+            train(demonstrations, asked.out, asked.seed, Training(device=asked.device))
+        )
     except DuoBenchError as error:
         parser.exit(1, f"error: {error}\n")

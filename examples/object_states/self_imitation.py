@@ -17,7 +17,14 @@ from duobench.data import DataSet
 from duobench.evaluation.runners import record
 from duobench.results.suite import find_tasks
 
-EXPORTED = ("--per-task", "--cameras", "none", "--object-state", "--action", "cartesian")
+EXPORTED = (
+    "--per-task",
+    "--cameras",
+    "none",
+    "--object-state",
+    "--action",
+    "cartesian",
+)
 
 
 def practise(
@@ -35,7 +42,16 @@ def practise(
     data = DataSet.open(folder / "episodes")
     played = record(policy, find_tasks([task]), data, episodes=successes)
     out = folder / "export"
-    command = [sys.executable, "-m", "duobench", "export", "lerobot", data.path, "--out", out]
+    command = [
+        sys.executable,
+        "-m",
+        "duobench",
+        "export",
+        "lerobot",
+        data.path,
+        "--out",
+        out,
+    ]
     subprocess.run([*command, *EXPORTED], check=True)
     done = Demonstrations.load(out / task, successes)
     return done, {"successes": successes, "played": len(played)}

@@ -32,7 +32,12 @@ import numpy as np
 from demonstrations import UNTIL, Demonstrations
 from self_imitation import practise
 
-from duobench.core.errors import DuoBenchError, EvaluationError, OtherRunError, check_known
+from duobench.core.errors import (
+    DuoBenchError,
+    EvaluationError,
+    OtherRunError,
+    check_known,
+)
 from duobench.core.randomness import SUITE_VERSION
 from duobench.evaluation.runners import evaluate
 from duobench.results.folder import RunFolder
@@ -51,7 +56,9 @@ def setting(asked: argparse.Namespace) -> str:
     until = "" if asked.until == "end" else f"-{asked.until}"
     passes = f"-passes-{asked.passes}" if asked.passes else ""
     own = f"-self-{asked.self_imitation}" if asked.self_imitation else ""
-    return f"{asked.demonstrations}{until}{passes}{own}" + ("-images" if asked.images else "")
+    return f"{asked.demonstrations}{until}{passes}{own}" + (
+        "-images" if asked.images else ""
+    )
 
 
 def result(asked: argparse.Namespace, task: str, seed: int) -> Path:
@@ -78,7 +85,9 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
     try:
         results = evaluate(policy, suite, RunFolder(checkpoint.parent / f"run-{seed}"))
     except OtherRunError as error:
-        raise OtherRunError(f"{error} Delete it, and what was trained is played anew.") from error
+        raise OtherRunError(
+            f"{error} Delete it, and what was trained is played anew."
+        ) from error
     score, played = results.overall, results.tasks[0]
     content = {
         "task": task,
@@ -91,7 +100,8 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
         "progress": round(score.mean_final_progress, 4),
         "last_stages": list(played.last_stage_counts),
         "unmet": {
-            one.stage: {text: count for count, text in one.unmet} for one in failed_stages(played)
+            one.stage: {text: count for count, text in one.unmet}
+            for one in failed_stages(played)
         },
         "training": told,
         "evaluation": {"seconds": round(_processor_seconds() - before)},
@@ -101,14 +111,18 @@ def job(asked: argparse.Namespace, task: str, seed: int) -> str:
     return f"{file}: {score.successes} of {score.episodes}"
 
 
-def trained(asked: argparse.Namespace, task: str, seed: int) -> tuple[Path, dict[str, Any]]:
+def trained(
+    asked: argparse.Namespace, task: str, seed: int
+) -> tuple[Path, dict[str, Any]]:
     """One network, trained unless it is there, and what is told of that."""
     folder = asked.out / setting(asked) / task
     checkpoint = folder / f"{seed}.npz"
     told = folder / f"{seed}.json"
     if not told.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        data = Demonstrations.load(asked.export / task, asked.demonstrations, asked.until)
+        data = Demonstrations.load(
+            asked.export / task, asked.demonstrations, asked.until
+        )
         goes_on = asked.self_imitation or asked.images
         first = trained(first_of(asked), task, seed)[0] if goes_on else None
         before = _processor_seconds()
@@ -117,7 +131,10 @@ def trained(asked: argparse.Namespace, task: str, seed: int) -> tuple[Path, dict
         else:
             further = see if asked.images else improve
             about = further(asked, task, data, first, checkpoint, seed)
-        about |= {"device": asked.device, "seconds": round(_processor_seconds() - before)}
+        about |= {
+            "device": asked.device,
+            "seconds": round(_processor_seconds() - before),
+        }
         _write(told, about)
     return checkpoint, json.loads(told.read_text())
 
@@ -140,7 +157,12 @@ def learn(
 
 
 def improve(
-    asked: argparse.Namespace, task: str, data: Demonstrations, acts: Path, out: Path, seed: int
+    asked: argparse.Namespace,
+    task: str,
+    data: Demonstrations,
+    acts: Path,
+    out: Path,
+    seed: int,
 ) -> dict[str, Any]:
     """Train one on what another one achieved as well; what is told of it."""
     os.environ["CHECKPOINT"] = str(acts.absolute())
@@ -150,7 +172,12 @@ def improve(
 
 
 def see(
-    asked: argparse.Namespace, task: str, data: Demonstrations, acts: Path, out: Path, seed: int
+    asked: argparse.Namespace,
+    task: str,
+    data: Demonstrations,
+    acts: Path,
+    out: Path,
+    seed: int,
 ) -> dict[str, Any]:
     """Train one that sees for another one; what is told of it."""
     import images  # needs PyTorch to be read
@@ -158,12 +185,17 @@ def see(
     how = images.Training(device=asked.device)
     if asked.passes:
         how = replace(how, passes=asked.passes)
-    return images.train(acts, data, images.watch(asked.images, task, data), out, seed, how)
+    return images.train(
+        acts, data, images.watch(asked.images, task, data), out, seed, how
+    )
 
 
 def _processor_seconds() -> float:
     """What this process and those that it waited for have used."""
-    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    used = (
+        resource.getrusage(who)
+        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
     return sum(one.ru_utime + one.ru_stime for one in used)
 
 
@@ -179,7 +211,9 @@ def read(results: Path, name: str) -> dict[str, list[dict[str, Any]]]:
 
     A page names that suite, until the networks are trained for a newer one.
     """
-    found = [json.loads(path.read_text()) for path in sorted((results / name).glob("*.json"))]
+    found = [
+        json.loads(path.read_text()) for path in sorted((results / name).glob("*.json"))
+    ]
     newest = max((one["suite"] for one in found), key=int, default=SUITE_VERSION)
     found = [one for one in found if one["suite"] == newest]
     return {t: [one for one in found if one["task"] == t] for t in catalog.names()}
@@ -196,7 +230,9 @@ def table(results: Path, name: str) -> Iterator[str]:
         rates = [one["successes"] / one["episodes"] for one in seeds]
         means.append(np.mean(rates))
         low, high = interval(rates, seeds[0]["episodes"])
-        stages = ", ".join(map(str, np.sum([one["last_stages"] for one in seeds], axis=0)))
+        stages = ", ".join(
+            map(str, np.sum([one["last_stages"] for one in seeds], axis=0))
+        )
         progress = np.mean([one["progress"] for one in seeds])
         passes = ", ".join(str(one["training"]["passes"]) for one in seeds)
         yield (
@@ -250,7 +286,10 @@ def curve(results: Path) -> Iterator[str]:
         cells = found[task]
         for nth, count in enumerate(sorted({count for count, _ in cells})):
             told = [cells.get((count, passes)) for passes in every]
-            row = [f"{100 * one['successes'] / one['episodes']:.0f}" if one else "" for one in told]
+            row = [
+                f"{100 * one['successes'] / one['episodes']:.0f}" if one else ""
+                for one in told
+            ]
             yield f"| {'' if nth else f'`{task}`'} | {count} | {' | '.join(row)} |"
 
 
@@ -293,14 +332,24 @@ def run(asked: argparse.Namespace) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("export", type=Path, nargs="?", help="folder with a data set for each task")
-    parser.add_argument("--out", type=Path, default=Path("runs"), help="networks and records")
+    parser.add_argument(
+        "export", type=Path, nargs="?", help="folder with a data set for each task"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs"), help="networks and records"
+    )
     parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--tasks", nargs="+", default=catalog.names())
     parser.add_argument("--demonstrations", type=int, default=50)
-    parser.add_argument("--until", choices=UNTIL, default="end", help="where they are cut")
-    parser.add_argument("--passes", type=int, help="over them, in place of as many as help")
-    parser.add_argument("--images", type=Path, metavar="DEMOS", help="recordings to render")
+    parser.add_argument(
+        "--until", choices=UNTIL, default="end", help="where they are cut"
+    )
+    parser.add_argument(
+        "--passes", type=int, help="over them, in place of as many as help"
+    )
+    parser.add_argument(
+        "--images", type=Path, metavar="DEMOS", help="recordings to render"
+    )
     parser.add_argument(
         "--self-imitation", type=int, metavar="N", help="own successes to learn from"
     )
@@ -309,11 +358,21 @@ if __name__ == "__main__":
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--device", default="cpu", help="what PyTorch trains on")
     parser.add_argument("--print", action="store_true", help="only print what is there")
-    parser.add_argument("--failures", action="store_true", help="print what failed instead")
-    parser.add_argument("--curve", action="store_true", help="print what --passes reached instead")
+    parser.add_argument(
+        "--failures", action="store_true", help="print what failed instead"
+    )
+    parser.add_argument(
+        "--curve", action="store_true", help="print what --passes reached instead"
+    )
     given = parser.parse_args()
-    if given.passes is not None and not given.images and given.passes <= network.Training.decay:
-        parser.error(f"the last {network.Training.decay} passes lower the rate: ask for more")
+    if (
+        given.passes is not None
+        and not given.images
+        and given.passes <= network.Training.decay
+    ):
+        parser.error(
+            f"the last {network.Training.decay} passes lower the rate: ask for more"
+        )
     if given.images and given.self_imitation:
         parser.error("own successes are learned from without images")
     if not (given.print or given.failures or given.curve):

@@ -25,7 +25,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     _find_modules_here()
     _print_anything()
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it warns of a home it cannot write
+    logging.getLogger("matplotlib").setLevel(
+        logging.ERROR
+    )  # it warns of a home it cannot write
     # Only files are drawn; what a notebook's kernel or a shell asks for may not exist here.
     os.environ["MPLBACKEND"] = "agg"
     with leaving_at_once():

@@ -10,7 +10,16 @@ from duobench.cli.real import arms, calibrate, check
 from duobench.cli.shared.console import say
 from duobench.cli.shared.process import find_scratch
 from duobench.cli.shared.spelling import check_spelling
-from duobench.cli.verbs import data, docs, doctor, episodes, policies, runs, tasks, teleop
+from duobench.cli.verbs import (
+    data,
+    docs,
+    doctor,
+    episodes,
+    policies,
+    runs,
+    tasks,
+    teleop,
+)
 from duobench.core.versions import __version__
 
 DESCRIPTION = (
@@ -82,10 +91,14 @@ def run(words: Sequence[str]) -> None:
         say(f"duobench {__version__}")
         return
     verbs, program, description = VERBS, "duobench", DESCRIPTION
-    while words and (group := f"{program} {words[0]}".removeprefix("duobench ")) in GROUPS:
+    while (
+        words and (group := f"{program} {words[0]}".removeprefix("duobench ")) in GROUPS
+    ):
         description = verbs[words[0]].__doc__ or ""
         verbs, program, words = GROUPS[group], f"duobench {group}", words[1:]
-    check_spelling(words, verbs, program, default=next(iter(verbs)) if len(verbs) == 1 else "")
+    check_spelling(
+        words, verbs, program, default=next(iter(verbs)) if len(verbs) == 1 else ""
+    )
     tyro.extras.subcommand_cli_from_dict(
         {name: _with_scratch(verb) for name, verb in verbs.items()},
         prog=program,

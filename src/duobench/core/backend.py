@@ -40,7 +40,9 @@ class DuoLimits:
     the speed that it has, if that is its limit: one that fell behind further would catch up faster
     than it may. Infinite for grippers, and where arms bound their speed by themselves."""
 
-    def clip(self, targets: Array, last: Array, measured: Array, velocities: Array) -> Array:
+    def clip(
+        self, targets: Array, last: Array, measured: Array, velocities: Array
+    ) -> Array:
         """The command nearest to some targets (16,) that can follow the last command (16,).
 
         It leads joints by no more than they can follow, unless the last command does so already:
@@ -54,7 +56,9 @@ class DuoLimits:
             velocities: How fast the joints turn (2, 7), in rad/s.
         """
         ways = np.zeros_like(measured)
-        ways.reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS] = velocities / CONTROL_HZ
+        ways.reshape(-1, len(SIDES), SIDE_SIZE)[..., :ARM_JOINTS] = (
+            velocities / CONTROL_HZ
+        )
         ways = np.minimum(np.maximum(ways, -self.max_change), self.max_change)
         shares = ways / self.max_change
         up = self.lead * np.minimum(np.maximum(shares, 0.0) + SPEED_UP, 1.0)
@@ -146,7 +150,9 @@ class DuoBackend(Protocol):
         """
         ...
 
-    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> Mapping[str, Image]:
+    def images(
+        self, cameras: Sequence[str], shape: tuple[int, int]
+    ) -> Mapping[str, Image]:
         """The latest image of each of some cameras, by name; shape is height and width in pixels.
 
         Raises:

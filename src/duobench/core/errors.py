@@ -47,7 +47,11 @@ class UnknownNameError(DuoBenchError, LookupError):
     """
 
     def __init__(
-        self, kind: str, name: object = None, known: Iterable[str] | None = None, owner: str = ""
+        self,
+        kind: str,
+        name: object = None,
+        known: Iterable[str] | None = None,
+        owner: str = "",
     ) -> None:
         if known is None:
             super().__init__(kind)
@@ -55,7 +59,9 @@ class UnknownNameError(DuoBenchError, LookupError):
         names = sorted(known)
         near = difflib.get_close_matches(str(name), names, n=3)
         hint = f" Did you mean {' or '.join(map(repr, near))}?" if near else ""
-        what = f"{owner} has no {kind} {name!r}" if owner else f"Unknown {kind} {name!r}"
+        what = (
+            f"{owner} has no {kind} {name!r}" if owner else f"Unknown {kind} {name!r}"
+        )
         super().__init__(f"{what}.{hint} Known: {', '.join(names) or '(none)'}.")
 
 
@@ -255,7 +261,9 @@ def traceback_text(error: BaseException, skip: int = 0) -> str:
     for _ in range(skip):
         trace = trace and trace.tb_next
     text = escaped("".join(traceback.format_exception(type(error), error, trace)))
-    folders = sorted({str(Path(entry).resolve()) for entry in sys.path}, key=len, reverse=True)
+    folders = sorted(
+        {str(Path(entry).resolve()) for entry in sys.path}, key=len, reverse=True
+    )
     for folder in folders:
         text = text.replace(f'File "{folder}/', 'File "')
     text = "".join(
@@ -274,7 +282,9 @@ def foreign_traceback(error: BaseException) -> str:
     The text is then the same in whatever process, and by whatever way, that code was called.
     """
     ours = [*_are_ours(error)]
-    return traceback_text(error, ours.index(False) if False in ours else len(ours)).strip()
+    return traceback_text(
+        error, ours.index(False) if False in ours else len(ours)
+    ).strip()
 
 
 def is_machinery(error: BaseException) -> bool:

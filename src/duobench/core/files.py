@@ -80,13 +80,17 @@ def writing(path: Path) -> Iterator[None]:
             text = f"Cannot write {path}: there is no folder {missing}."
             raise GoneError(text) from error
         kept = "" if error.errno in _BROKEN else " Nothing finished is lost."
-        raise OutputError(f"Cannot write {path}: {error.strerror or error}.{kept}") from error
+        raise OutputError(
+            f"Cannot write {path}: {error.strerror or error}.{kept}"
+        ) from error
 
 
 def check_there(folder: Path) -> None:
     """Reject a folder that was removed while it was written into."""
     if not folder.is_dir():
-        raise GoneError(f"{folder} was removed while it was written into, with all that it held.")
+        raise GoneError(
+            f"{folder} was removed while it was written into, with all that it held."
+        )
 
 
 def make_folder(path: Path) -> None:
@@ -94,9 +98,15 @@ def make_folder(path: Path) -> None:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
+        reason = (
+            "it is a file" if isinstance(error, FileExistsError) else error.strerror
+        )
     else:
-        reason = None if os.access(path, os.W_OK | os.X_OK) else "nothing may be written into it"
+        reason = (
+            None
+            if os.access(path, os.W_OK | os.X_OK)
+            else "nothing may be written into it"
+        )
     if reason:
         raise OutputError(f"{path} cannot be the folder of the output: {reason}.")
 
@@ -104,7 +114,9 @@ def make_folder(path: Path) -> None:
 def files_in(folder: Path, pattern: str = "**/*") -> Iterator[Path]:
     """Files anywhere in a folder, but for those that lie there for a while."""
     for path in folder.glob(pattern):
-        if not path.is_dir() and not path.relative_to(folder).parts[0].startswith(SCRATCH):
+        if not path.is_dir() and not path.relative_to(folder).parts[0].startswith(
+            SCRATCH
+        ):
             yield path
 
 
@@ -122,7 +134,11 @@ def taken_back(
         yield
     except BaseException:
         files = [path for path in folder.rglob("*") if not path.is_dir()]
-        if is_new and all(any(map(path.match, beginnings)) for path in files) and not is_begun():
+        if (
+            is_new
+            and all(any(map(path.match, beginnings)) for path in files)
+            and not is_begun()
+        ):
             for path in folder.glob("*"):
                 shutil.rmtree(path) if path.is_dir() else path.unlink()
             with suppress(OSError):  # somebody else has put something there
@@ -135,7 +151,9 @@ def check_outside(out: Path, *sources: Path) -> None:
     """Reject an output in one of the folders that it is made from, whatever links lead there."""
     for source in sources:
         if out.resolve().is_relative_to(source.resolve()):
-            raise OutputError(f"{out} is in {source}, which is read; write to another place.")
+            raise OutputError(
+                f"{out} is in {source}, which is read; write to another place."
+            )
 
 
 @contextmanager
@@ -276,7 +294,9 @@ def reading(what: object, error: type[DuoBenchError]) -> Iterator[None]:
         yield
     except (OSError, ValueError, RecursionError) as unread:
         is_deep = isinstance(unread, RecursionError)
-        reason = "it is nested too deeply" if is_deep else getattr(unread, "strerror", None)
+        reason = (
+            "it is nested too deeply" if is_deep else getattr(unread, "strerror", None)
+        )
         reason = str(reason or unread).rstrip(".")
         raise error(f"Cannot read {what}: {reason}.") from unread
 
@@ -297,7 +317,9 @@ def read_object(path: Path, error: type[DuoBenchError]) -> dict[str, Any] | None
         except FileNotFoundError:
             return None
     if not isinstance(content, dict):
-        raise error(f"Cannot read {path}: it holds a {type(content).__name__}, no object.")
+        raise error(
+            f"Cannot read {path}: it holds a {type(content).__name__}, no object."
+        )
     return content
 
 
@@ -363,18 +385,26 @@ def _decoded(text: bytes | str, kind: type[T], schema: int) -> T:
     if actual != schema or isinstance(actual, bool):
         raise FileError(f"Schema {actual!r}; this version reads {schema}.")
     is_checked = _is_checked(kind, schema)
-    known = {field.name for field in fields(kind)} | ({CHECKSUM} if is_checked else set())
+    known = {field.name for field in fields(kind)} | (
+        {CHECKSUM} if is_checked else set()
+    )
     unknown = sorted(document.keys() - known)
     if unknown:
         raise FileError(f"Unknown fields: {', '.join(unknown)}.")
     try:
-        value = msgspec.convert(document, kind)  # which leaves a key out that is no field
+        value = msgspec.convert(
+            document, kind
+        )  # which leaves a key out that is no field
     except msgspec.ValidationError as error:
         raise FileError(f"{error}.".replace("`$.", "`")) from error
     except DuoBenchError as error:  # of a value that names what does not exist
         raise FileError(str(error)) from error
-    if is_checked and document.get(CHECKSUM) != checksum({"schema": schema, **document}):
-        raise FileError("Its checksum does not fit: it was changed after it was written.")
+    if is_checked and document.get(CHECKSUM) != checksum(
+        {"schema": schema, **document}
+    ):
+        raise FileError(
+            "Its checksum does not fit: it was changed after it was written."
+        )
     return value
 
 
@@ -420,7 +450,9 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
             write(description, encode(value, schema))
             return
         if not description.exists():  # else another process has begun the same
-            raise OtherRunError(f"{folder} is not empty and holds no {what}. {advice}".strip())
+            raise OtherRunError(
+                f"{folder} is not empty and holds no {what}. {advice}".strip()
+            )
     found = value.differences(read(description, type(value), schema))
     if found and is_final:
         raise OtherRunError(
@@ -447,7 +479,9 @@ def _changes(now: object, before: object) -> str:
     counts = {
         "added": len(now.keys() - before.keys()),
         "removed": len(before.keys() - now.keys()),
-        "changed": sum(now[name] != before[name] for name in now.keys() & before.keys()),
+        "changed": sum(
+            now[name] != before[name] for name in now.keys() & before.keys()
+        ),
     }
     return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
 

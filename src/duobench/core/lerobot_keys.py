@@ -29,7 +29,9 @@ FEATURE_NAMES = "duobench_names.json"
 LeRobot keeps only how many there are."""
 CARD, ID = "README.md", "USER/NAME"
 """The card of a data set or a checkpoint on the Hub, and what stands for an id there."""
-_ID = re.compile(r"(?!.*(--|\.\.|\.git$))(?=.{1,96}$)\w([\w.-]*\w)?(/\w([\w.-]*\w)?)?", re.ASCII)
+_ID = re.compile(
+    r"(?!.*(--|\.\.|\.git$))(?=.{1,96}$)\w([\w.-]*\w)?(/\w([\w.-]*\w)?)?", re.ASCII
+)
 _LONGEST_CELL = 200
 _LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")
 POSITION = ".pos"
@@ -52,7 +54,9 @@ def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
         (names,) = names.values()
     if not isinstance(names, list):
         return None
-    return [name.removesuffix(POSITION) if isinstance(name, str) else name for name in names]
+    return [
+        name.removesuffix(POSITION) if isinstance(name, str) else name for name in names
+    ]
 
 
 def check_card(name: str, licence: str) -> None:

@@ -46,7 +46,9 @@ def generator(task_id: str, seed: int, split: str = EVAL) -> np.random.Generator
     return np.random.Generator(np.random.PCG64(layout_key(task_id, seed, split)))
 
 
-def variety_generator(task_id: str, seed: int, variety: str, purpose: str) -> np.random.Generator:
+def variety_generator(
+    task_id: str, seed: int, variety: str, purpose: str
+) -> np.random.Generator:
     """Generator of what an expert does differently in an episode; unrelated to the layout's.
 
     The seed is that which the expert is reset with; other purposes have unrelated numbers.
@@ -55,7 +57,9 @@ def variety_generator(task_id: str, seed: int, variety: str, purpose: str) -> np
     return np.random.Generator(np.random.PCG64(words))
 
 
-def shift_generator(task_id: str, seed: int, axis: str, split: str = EVAL) -> np.random.Generator:
+def shift_generator(
+    task_id: str, seed: int, axis: str, split: str = EVAL
+) -> np.random.Generator:
     """Generator of what an episode has along an axis of a shift; unrelated to the layout's.
 
     Seed and split are those of the layout; other axes have unrelated numbers.
@@ -67,10 +71,14 @@ def shift_generator(task_id: str, seed: int, axis: str, split: str = EVAL) -> np
 def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
     """Seed (32 bits) of the n-th episode of a task's split in this suite version."""
     if split == SALTED:
-        raise EvaluationError(f"The split {SALTED!r} has no seeds without a salt: take another.")
+        raise EvaluationError(
+            f"The split {SALTED!r} has no seeds without a salt: take another."
+        )
     if episode < 0:
         raise ValueError(f"An episode index counts from 0, got {episode}.")
-    return _digest(_word("episode", split), task_id, SUITE_VERSION, int(episode)) % 2**32
+    return (
+        _digest(_word("episode", split), task_id, SUITE_VERSION, int(episode)) % 2**32
+    )
 
 
 def policy_seed(task_id: str, seed: int, split: str = EVAL) -> int:
@@ -89,7 +97,9 @@ def instruction_number(task_id: str, seed: int, count: int, split: str = EVAL) -
 
     Seed and split are those of the layout.
     """
-    return _digest(_word("instruction", split), task_id, SUITE_VERSION, int(seed)) % count
+    return (
+        _digest(_word("instruction", split), task_id, SUITE_VERSION, int(seed)) % count
+    )
 
 
 def look_number(task_id: str, seed: int | None, file: str, number: int) -> int:
@@ -112,7 +122,9 @@ class Uniform:
 
     def __post_init__(self) -> None:
         if not self.low <= self.high:
-            raise ValueError(f"Uniform needs low <= high, got {self.low} and {self.high}.")
+            raise ValueError(
+                f"Uniform needs low <= high, got {self.low} and {self.high}."
+            )
 
     def sample(self, rng: np.random.Generator) -> float:
         """One number, in the unit of the range."""

@@ -18,23 +18,33 @@ def load(path: str, kind: str, fits: Callable[[object], bool]) -> Any:
     """
     module_name, _, attribute = path.partition(":")
     if attribute and ("/" in module_name or module_name.endswith(".py")):
-        raise ImportPathError(f"{path!r} names a file. {_in_words(Path(module_name), attribute)}")
+        raise ImportPathError(
+            f"{path!r} names a file. {_in_words(Path(module_name), attribute)}"
+        )
     if not (module_name and attribute) or module_name.startswith("."):
-        raise ImportPathError(f"{path!r} is no `module:attribute`, such as my_module:NAME.")
+        raise ImportPathError(
+            f"{path!r} is no `module:attribute`, such as my_module:NAME."
+        )
     module = _imported(module_name)
     value = getattr(module, attribute, None)
     if not fits(value):
         known = [
             name
             for name, value in vars(module).items()
-            if fits(value) and not name.startswith("_") and not _is_foreign(value, module_name)
+            if fits(value)
+            and not name.startswith("_")
+            and not _is_foreign(value, module_name)
         ]
         if module_name == "__main__" and not known:
             raise ImportPathError(
                 f"{path!r} is another module in each process; name the file instead, such as "
                 f"my_script:{attribute} for my_script.py."
             )
-        but = "" if value is None else f", whose {attribute} is of type {type(value).__name__},"
+        but = (
+            ""
+            if value is None
+            else f", whose {attribute} is of type {type(value).__name__},"
+        )
         raise UnknownNameError(kind, attribute, known, f"Module {module_name}{but}")
     return value
 
@@ -50,7 +60,9 @@ def _in_words(file: Path, attribute: str) -> str:
     if folder == file.parent and folder != here and file.is_relative_to(here):
         folder, other = here, f"; in its own folder, {file.stem}:{attribute}"
     name = ".".join(file.relative_to(folder).parts)
-    where = {here: "In this folder", file.parent: "In its folder"}.get(folder, f"In {folder}")
+    where = {here: "In this folder", file.parent: "In its folder"}.get(
+        folder, f"In {folder}"
+    )
     return f"{where}, the module is found by its name: {name}:{attribute}{other}"
 
 
@@ -60,7 +72,9 @@ def _imported(name: str) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # anybody's code runs here
-        if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
+        if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(
+            f"{error.name}."
+        ):
             raise ImportPathError(
                 f"There is no module named {error.name!r}. Install it, or put its folder on "
                 "PYTHONPATH."
@@ -87,7 +101,9 @@ class _LazyPackage(ModuleType):
         return value
 
     def __call__(self, *_: Any, **__: Any) -> NoReturn:
-        hint = f"; {self.__name__}.names() lists them" if "names" in self.origins else ""
+        hint = (
+            f"; {self.__name__}.names() lists them" if "names" in self.origins else ""
+        )
         raise TypeError(f"{self.__name__} is a package{hint}.")
 
     def __setattr__(self, name: str, value: Any) -> None:

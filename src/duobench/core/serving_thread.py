@@ -55,16 +55,24 @@ class ServingThread:
             options.update(compression=None, server_header=None, logger=_connections)
             try:
                 server = await serve(handler, host, port, **options)
-            except (OSError, OverflowError, ValueError) as error:  # also what is no host or port
+            except (
+                OSError,
+                OverflowError,
+                ValueError,
+            ) as error:  # also what is no host or port
                 reason = str(getattr(error, "strerror", None) or error).rstrip(".")
-                listening.set_exception(ServingError(f"Cannot listen at {host}:{port}: {reason}."))
+                listening.set_exception(
+                    ServingError(f"Cannot listen at {host}:{port}: {reason}.")
+                )
                 return
             async with server:
                 listening.set_result(next(iter(server.sockets)).getsockname()[1])
                 await self._over.wait()
                 await ending()
 
-        self._thread = threading.Thread(target=lambda: asyncio.run(run()), name=name, daemon=True)
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(run()), name=name, daemon=True
+        )
         self._thread.start()
         self.port: int = listening.result()
         """The port that it listens at."""
@@ -79,9 +87,13 @@ class ServingThread:
         self.call(self._over.set)
         self._thread.join()
 
-    def _complain(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    def _complain(
+        self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]
+    ) -> None:
         # Once: it may go wrong again and again, such as that no connection can be opened.
         message = str(context.get("message"))
         if message not in self._complaints:
             self._complaints.add(message)
-            _log.warning("The server goes on, after: %s (%s)", message, context.get("exception"))
+            _log.warning(
+                "The server goes on, after: %s (%s)", message, context.get("exception")
+            )

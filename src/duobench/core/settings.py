@@ -22,7 +22,10 @@ def parse(text: str) -> dict[str, Any]:
         ValueError: It is none, a key stands twice in one place, or a number is not finite.
     """
     document = json.loads(
-        text, object_pairs_hook=_with_keys_once, parse_float=_finite, parse_constant=_finite
+        text,
+        object_pairs_hook=_with_keys_once,
+        parse_float=_finite,
+        parse_constant=_finite,
     )
     return _keys_of(document, "the file")
 
@@ -66,7 +69,10 @@ def _decoded(value: Any, hint: Any, where: str) -> Any:
     row = next((each for each in (hint, *kinds) if get_origin(each) is tuple), None)
     if row is not None and isinstance(value, list | tuple):
         kind = get_args(row)[0]
-        return [_decoded(one, kind, f"{where}[{number}]") for number, one in enumerate(value)]
+        return [
+            _decoded(one, kind, f"{where}[{number}]")
+            for number, one in enumerate(value)
+        ]
     if row is None and is_dataclass(kinds[0]) and value is not None:
         return decode(value, kinds[0], where)  # type: ignore[arg-type] - a class, no instance
     return value
@@ -74,7 +80,9 @@ def _decoded(value: Any, hint: Any, where: str) -> Any:
 
 def _keys_of(document: Any, where: str) -> dict[str, Any]:
     if not isinstance(document, dict):
-        raise OptionError(f"{where} is an object, with keys in braces; got {document!r:.40}.")
+        raise OptionError(
+            f"{where} is an object, with keys in braces; got {document!r:.40}."
+        )
     return dict(document)
 
 
@@ -83,7 +91,9 @@ def _with_keys_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(document) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
-        raise OptionError(f"The key {twice!r} stands twice in one place; keep one of them.")
+        raise OptionError(
+            f"The key {twice!r} stands twice in one place; keep one of them."
+        )
     return document
 
 

@@ -81,10 +81,15 @@ class Sheet:
         corners = np.stack([across, up], axis=-1)
         codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(corners)
         self._add_path(
-            Path(corners.reshape(-1, 2), codes), linewidth=0.0, edgecolor="0", facecolor="0"
+            Path(corners.reshape(-1, 2), codes),
+            linewidth=0.0,
+            edgecolor="0",
+            facecolor="0",
         )
 
-    def text(self, x: float, y: float, text: str, size: float = 3.5, *, bold: bool = False) -> None:
+    def text(
+        self, x: float, y: float, text: str, size: float = 3.5, *, bold: bool = False
+    ) -> None:
         """Write a line of text whose lower left corner is at a point, with capitals `size` mm."""
         from matplotlib.text import Text
 

@@ -34,7 +34,9 @@ def product(a: Array, b: Array) -> Array:
         u, v, w = b.tolist()
         return np.array([x * u + y * v + z * w for x, y, z in a.tolist()])
     columns = b.T.tolist()
-    return np.array([[x * u + y * v + z * w for u, v, w in columns] for x, y, z in a.tolist()])
+    return np.array(
+        [[x * u + y * v + z * w for u, v, w in columns] for x, y, z in a.tolist()]
+    )
 
 
 def dot(a: ArrayLike, b: ArrayLike) -> float:

@@ -70,7 +70,9 @@ def real_array(values: ArrayLike, dtype: type[np.floating[Any]]) -> NDArray[Any]
     """Numbers as an array of floats."""
     array = np.asanyarray(values)
     if array.dtype.kind in "cSUmM" or np.ma.is_masked(array):
-        raise TypeError(f"Real numbers are expected, got {array.dtype} or masked values.")
+        raise TypeError(
+            f"Real numbers are expected, got {array.dtype} or masked values."
+        )
     return np.asarray(array, dtype=dtype)
 
 
@@ -94,7 +96,9 @@ def as_several(values: Any) -> tuple[Any, ...] | None:
     """One word, or several things in an order, as a tuple; None for all else, such as a set."""
     if isinstance(values, str):
         return (values,)
-    if isinstance(values, Iterable) and not isinstance(values, bytes | set | frozenset | Mapping):
+    if isinstance(values, Iterable) and not isinstance(
+        values, bytes | set | frozenset | Mapping
+    ):
         with suppress(TypeError):  # an array without dimensions
             return tuple(values)
     return None
@@ -116,7 +120,9 @@ LONGEST = 2.0
 """Largest length or distance of a task, in metres: what is larger was given in another unit."""
 
 
-def check_unit(what: str, unit: str, most: float, *values: object, endless: bool = False) -> None:
+def check_unit(
+    what: str, unit: str, most: float, *values: object, endless: bool = False
+) -> None:
     """Reject numbers too large for their unit; infinite ones stand for no bound where they may."""
     for value in values:
         number = float(value) if isinstance(value, (Real, np.ndarray)) else math.nan

@@ -66,7 +66,9 @@ def other_engine(versions: Mapping[str, str | None]) -> str:
     return "" if is_ours else f"MuJoCo {escaped(str(version))} instead of {ENGINE}"
 
 
-def source_hashes(modules: Iterable[str] = (), *, is_scripted: bool = False) -> dict[str, str]:
+def source_hashes(
+    modules: Iterable[str] = (), *, is_scripted: bool = False
+) -> dict[str, str]:
     """SHA-256 of each part of the source that decides what an episode is, by its name.
 
     Args:
@@ -97,11 +99,15 @@ def package_source() -> str:
 def _digest(path: Path, without: frozenset[Path] = frozenset()) -> str:
     """SHA-256 of a file, or of all in a folder but for some folders in it, with their names."""
     if not path.exists():
-        raise DuoBenchError(f"The package is not whole: {path} is missing. Install it again.")
+        raise DuoBenchError(
+            f"The package is not whole: {path} is missing. Install it again."
+        )
     digest = hashlib.sha256()
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
         name = file.relative_to(path)
-        is_hidden = any(part.startswith(".") for part in name.parts)  # as copies of a notebook
+        is_hidden = any(
+            part.startswith(".") for part in name.parts
+        )  # as copies of a notebook
         is_other = not without.isdisjoint(file.parents)
         if file.is_file() and file.suffix in _KINDS and not is_hidden and not is_other:
             content = file.read_bytes()

@@ -51,7 +51,9 @@ AV1 = Codec(
     encoder="libsvtav1",
     options={"crf": "30", "g": "2", "preset": "9", "svtav1-params": "lp=1"},
     container="mp4",
-    container_options={"movflags": "faststart"},  # the index first: reading begins at once
+    container_options={
+        "movflags": "faststart"
+    },  # the index first: reading begins at once
 )
 """To learn from, with LeRobot's defaults but for the preset: with groups of two frames, a training
 reads frames in any order without decoding many others. LeRobot's preset 12 keeps less of every
@@ -78,7 +80,9 @@ class VideoWriter:
     without a frame nothing is written into it. The rate is in frames a second.
     """
 
-    def __init__(self, target: Path | BinaryIO, codec: Codec, rate: Fraction | int) -> None:
+    def __init__(
+        self, target: Path | BinaryIO, codec: Codec, rate: Fraction | int
+    ) -> None:
         self._target, self._codec, self._rate = target, codec, rate
         self._open: tuple[OutputContainer, VideoStream] | None = None
         self._frames = 0
@@ -131,7 +135,9 @@ class VideoWriter:
         # Bit-exact: no identifiers that change from run to run.
         options = {"fflags": "+bitexact", **codec.container_options}
         container = av.open(self._target, "w", format=codec.container, options=options)
-        stream = container.add_stream(codec.encoder, rate=self._rate, options=dict(codec.options))
+        stream = container.add_stream(
+            codec.encoder, rate=self._rate, options=dict(codec.options)
+        )
         if not isinstance(stream, VideoStream):
             raise AssertionError(f"{codec.encoder} encodes videos.")
         stream.height, stream.width = height, width

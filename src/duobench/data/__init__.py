@@ -9,7 +9,10 @@ if TYPE_CHECKING:
     from duobench.data.check import Problem as Problem, find_problems as find_problems
     from duobench.data.dataset import DataSet as DataSet
     from duobench.data.images import ImageSource as ImageSource
-    from duobench.data.lerobot.export import Exported as Exported, export_lerobot as export_lerobot
+    from duobench.data.lerobot.export import (
+        Exported as Exported,
+        export_lerobot as export_lerobot,
+    )
     from duobench.data.lerobot.options import (
         ActionSource as ActionSource,
         ExportOptions as ExportOptions,

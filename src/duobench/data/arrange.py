@@ -39,7 +39,9 @@ def merge(sources: Sequence[DataSet], out: Path, *, rename: bool = False) -> int
     """
     if not sources:
         raise DataError("There is nothing to merge; name at least one data set.")
-    check_outside(out, *(each.path for each in sources if each.path.resolve() != out.resolve()))
+    check_outside(
+        out, *(each.path for each in sources if each.path.resolve() != out.resolve())
+    )
     target = DataSet.open(out, how=f"merged from {len(sources)} data sets")
     with locked(target.path):
         plan: dict[Path, Path] = {}
@@ -91,14 +93,20 @@ def split(
         OutputError: A file cannot be written, or another process is writing into a folder.
     """
     if (fraction is None) == (not tasks):
-        raise DataError("A data set is split by a fraction or by tasks; exactly one is needed.")
+        raise DataError(
+            "A data set is split by a fraction or by tasks; exactly one is needed."
+        )
     if fraction is not None and not 0.0 < fraction < 1.0:
         raise DataError(f"The fraction is between 0 and 1, got {fraction}.")
     if first.resolve() == second.resolve():
         raise DataError(f"The two parts need a folder each, got {first} for both.")
     for folder in (first, second):
         check_outside(folder, data.path)
-    chosen = set(data.episodes_of(tasks)) if fraction is None else _share(data, fraction, seed)
+    chosen = (
+        set(data.episodes_of(tasks))
+        if fraction is None
+        else _share(data, fraction, seed)
+    )
     how = f"split by {'tasks' if fraction is None else f'fraction {fraction}, seed {seed}'}"
     plans: list[dict[Path, Path]] = []
     with ExitStack() as stack:
@@ -114,7 +122,9 @@ def split(
 
 def _share(data: DataSet, fraction: float, seed: int) -> set[Path]:
     def shuffled(path: Path) -> str:
-        return hashlib.sha256(f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()).hexdigest()
+        return hashlib.sha256(
+            f"{seed}\x1f{path.parent.name}\x1f{path.stem}".encode()
+        ).hexdigest()
 
     chosen: set[Path] = set()
     for task in data.tasks:
@@ -174,7 +184,9 @@ def _free(place: Path, path: Path, plan: Mapping[Path, Path]) -> Path:
 def _copy(plan: Mapping[Path, Path]) -> None:
     """Copy files to their places; those that are there are the same."""
     for place, path in plan.items():
-        for video, there in _videos(path, place):  # first: an episode has all of its videos
+        for video, there in _videos(
+            path, place
+        ):  # first: an episode has all of its videos
             if not there.exists():
                 with replacing(there) as temporary:
                     copyfile(video, temporary)

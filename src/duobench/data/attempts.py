@@ -48,7 +48,9 @@ def of_task(data: DataSet, task: str) -> list[Attempt]:
     """What was begun for a task, whoever acted; a `FileError` if it cannot be read."""
     paths = (data.path / ATTEMPTS, _takes(data, task))
     found = [read(path, Attempts, ATTEMPTS_SCHEMA) for path in paths if path.exists()]
-    return sorted(each for listed in found for each in listed.attempts if each.task == task)
+    return sorted(
+        each for listed in found for each in listed.attempts if each.task == task
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -85,7 +87,9 @@ def compared(data: DataSet) -> dict[str, Comparison]:
     is_recorded = (data.path / ATTEMPTS).exists()
     listed = [data.path / ATTEMPTS] if is_recorded else []
     listed += sorted((data.path / TAKES).glob("*.json"))
-    noted: dict[str, dict[Path, bool]] = {task: {} for task in data.tasks if is_recorded}
+    noted: dict[str, dict[Path, bool]] = {
+        task: {} for task in data.tasks if is_recorded
+    }
     keeps_failures = True
     for path in listed:
         attempts = read(path, Attempts, ATTEMPTS_SCHEMA).attempts
@@ -98,7 +102,9 @@ def compared(data: DataSet) -> dict[str, Comparison]:
     foreign = _foreign(data, keeps_failures) if is_recorded else set[Path]()
     return {
         task: Comparison(
-            missing=tuple(path for path in sorted(known) if known[path] and not path.exists()),
+            missing=tuple(
+                path for path in sorted(known) if known[path] and not path.exists()
+            ),
             surplus=tuple(path for path in data.episodes(task) if path not in known),
             foreign=tuple(path for path in data.episodes(task) if path in foreign),
         )
@@ -123,7 +129,10 @@ def _foreign(data: DataSet, keeps_failures: bool) -> set[Path]:
             and outcome.reason != INTERRUPTED
             and (keeps_failures or (outcome.success and not outcome.cut))
         )
-        given = info.split, info.after_success  # which all of a recording have in common
+        given = (
+            info.split,
+            info.after_success,
+        )  # which all of a recording have in common
         options = options or given
         actual = path.stem, info.task, info.seed, given
         if not is_kept or actual != (f"{index:05d}", task, seed, options):
@@ -137,7 +146,10 @@ def note(data: DataSet, attempt: Attempt) -> None:
     listed = read(path, Attempts, ATTEMPTS_SCHEMA).attempts if path.exists() else ()
     others = (each for each in listed if each.episode != attempt.episode)
     make_folder(path.parent)
-    write(path, encode(Attempts(attempts=tuple(sorted([*others, attempt]))), ATTEMPTS_SCHEMA))
+    write(
+        path,
+        encode(Attempts(attempts=tuple(sorted([*others, attempt]))), ATTEMPTS_SCHEMA),
+    )
 
 
 def _takes(data: DataSet, task: str) -> Path:

@@ -29,7 +29,9 @@ PICTURES = "pictures"
 """Folder of what a card shows: made of recordings; an export shows the JPEGs that are there."""
 
 
-def write_data_card(folder: Path, name: str, licence: str, *, import_tasks: bool = False) -> Path:
+def write_data_card(
+    folder: Path, name: str, licence: str, *, import_tasks: bool = False
+) -> Path:
     """Write the card and its pictures into the folder of a data set; the card's path.
 
     Tasks that are not of the benchmark are imported if asked for, as by `DataSet`.
@@ -84,7 +86,9 @@ def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
         "suite": data.read_description().suite_version,
         "parts": {one.task: (one.episodes, one.frames) for one in summary.tasks},
         # The state of each task has a length of its own, and a table has one.
-        "configs": [_config(one.task, f"episodes/{one.task}/*.parquet") for one in summary.tasks],
+        "configs": [
+            _config(one.task, f"episodes/{one.task}/*.parquet") for one in summary.tasks
+        ],
     }
 
 
@@ -92,7 +96,9 @@ def _of_exports(folder: Path) -> dict[str, Any]:
     """What the card says of an export, or of a folder with several."""
     found = sorted(path.parents[1] for path in folder.glob("**/meta/info.json"))
     places = [path.relative_to(folder) for path in found]
-    places = [place for place in places if not place.as_posix().startswith((".cache", ".git"))]
+    places = [
+        place for place in places if not place.as_posix().startswith((".cache", ".git"))
+    ]
     if not places:
         raise DataError(
             f"{folder} is no data set: neither recordings, with {DESCRIPTION}, nor an export in "
@@ -102,7 +108,9 @@ def _of_exports(folder: Path) -> dict[str, Any]:
     beside = [_read(folder / place, "duobench.json") for place in places]
     suites = list(dict.fromkeys(one[SUITE] for one in beside))
     if len(suites) > 1:
-        raise DataError(f"{folder} has exports of suites {' and '.join(suites)}: card each alone.")
+        raise DataError(
+            f"{folder} has exports of suites {' and '.join(suites)}: card each alone."
+        )
     lengths: dict[str, list[int]] = {}
     for one in (episode for each in beside for episode in each["episodes"]):
         lengths.setdefault(Path(one["file"]).parent.name, []).append(one["length"])
@@ -111,11 +119,18 @@ def _of_exports(folder: Path) -> dict[str, Any]:
         "suite": suites[0],
         "parts": {task: (len(of), sum(of)) for task, of in lengths.items()},
         "configs": [
-            _config(".".join(place.parts) or "default", (place / "data/*/*.parquet").as_posix())
+            _config(
+                ".".join(place.parts) or "default",
+                (place / "data/*/*.parquet").as_posix(),
+            )
             for place in places
         ],
-        "features": list(dict.fromkeys(key for one in about for key in one["features"])),
-        "version": " and ".join(dict.fromkeys(one["codebase_version"] for one in about)),
+        "features": list(
+            dict.fromkeys(key for one in about for key in one["features"])
+        ),
+        "version": " and ".join(
+            dict.fromkeys(one["codebase_version"] for one in about)
+        ),
         "training": _training(places[0], about[0], list(lengths)),
     }
 
@@ -127,13 +142,21 @@ def _config(name: str, files: str) -> dict[str, str]:
 
 def _training(place: Path, about: Mapping[str, Any], tasks: Sequence[str]) -> str:
     """The command that learns a task from an export; empty where `duobench train` cannot."""
-    seen = [key for key in about["features"] if key.startswith((IMAGE_PREFIX, OBJECT_STATE))]
+    seen = [
+        key for key in about["features"] if key.startswith((IMAGE_PREFIX, OBJECT_STATE))
+    ]
     parts = state_labels.find(feature_names(about, STATE) or JOINT_NAMES) or ()
-    if about["codebase_version"] != FORMAT or not seen or not {*parts} <= {*state_labels.SHOWN}:
+    if (
+        about["codebase_version"] != FORMAT
+        or not seen
+        or not {*parts} <= {*state_labels.SHOWN}
+    ):
         return ""
     words = ["--tasks", tasks[0]] if len(tasks) > 1 and place == Path() else []
     data = (Path("data") / place).as_posix()
-    return shlex.join(["duobench", "train", "act", "--data", data, *words, "--out", "runs/act"])
+    return shlex.join(
+        ["duobench", "train", "act", "--data", data, *words, "--out", "runs/act"]
+    )
 
 
 def _read(folder: Path, name: str) -> dict[str, Any]:

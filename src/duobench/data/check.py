@@ -95,12 +95,16 @@ def _compared(data: DataSet) -> Iterator[Problem]:
         yield Problem(path=data.path, what=str(error))
         return
     if about is None and (data.path / ATTEMPTS).exists():
-        yield Problem(path=run, what="It is missing, without which no recording goes on.")
+        yield Problem(
+            path=run, what="It is missing, without which no recording goes on."
+        )
     if about is not None and about.get(CHECKSUM) != checksum(about):
         yield Problem(path=run, what="It was changed after it was written.")
     for each in differences:
         for path in each.missing:
-            yield Problem(path=path, what="It was kept, as attempts say, and is missing.")
+            yield Problem(
+                path=path, what="It was kept, as attempts say, and is missing."
+            )
         for path in each.foreign:
             yield Problem(path=path, what=_FOREIGN)
 
@@ -113,7 +117,9 @@ def _copies(data: DataSet) -> Iterator[Problem]:
         if sizes[path.stat().st_size] > 1:
             other = first.setdefault(digest_of(path), path)
             if other is not path:
-                yield Problem(path=path, what=f"It is a copy of {other.relative_to(data.path)}.")
+                yield Problem(
+                    path=path, what=f"It is a copy of {other.relative_to(data.path)}."
+                )
 
 
 def _checker(data: DataSet) -> Callable[[Path], list[Problem]]:
@@ -125,7 +131,9 @@ def _checker(data: DataSet) -> Callable[[Path], list[Problem]]:
             recording = Recording.read(path)
             faults = [*_disagreements(recording, path), *_wrong_videos(recording, path)]
             if not recording.info.is_real:
-                faults += _beginning(recording, data.reference(recording.info), environment)
+                faults += _beginning(
+                    recording, data.reference(recording.info), environment
+                )
         except ForeignTaskError as error:
             return [Problem(path=path, what=str(error), is_foreign=True)]
         except DuoBenchError as error:
@@ -135,20 +143,27 @@ def _checker(data: DataSet) -> Callable[[Path], list[Problem]]:
     return check
 
 
-def _beginning(recording: Recording, task: str, environment: Callable[..., gym.Env]) -> list[str]:
+def _beginning(
+    recording: Recording, task: str, environment: Callable[..., gym.Env]
+) -> list[str]:
     info = recording.info
     shift = NO_SHIFT if info.config is None else info.config.shift
     env = environment(task, action_mode=info.mode.name, shift=shift)
     options = {LAYOUT: info.layout} if info.seed is None else {SPLIT: info.split}
     _, seen = env.reset(seed=info.seed, options=options)
     if seen["layout"] != info.layout:
-        return [f"Its layout is not the one that seed {info.seed} of {info.split!r} samples."]
+        return [
+            f"Its layout is not the one that seed {info.seed} of {info.split!r} samples."
+        ]
     if info.versions != package_versions():
         return []  # another engine comes to rest elsewhere
     if not np.array_equal(sim_of(env).simulation.get_state(), recording.state[0]):
         return ["Its first state is not the one that its layout begins with."]
     state: EpisodeState = env.get_wrapper_attr("save_state")()
-    hashes = state.hash, replace(state, steps=None).hash  # without a time limit, none are counted
+    hashes = (
+        state.hash,
+        replace(state, steps=None).hash,
+    )  # without a time limit, none are counted
     if info.config is not None and info.first_hash not in hashes:
         return ["The hash of its first state is another one."]
     return []
@@ -163,11 +178,14 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
     infinite = [
         column.name
         for column in COLUMNS
-        if column.name not in _GAPPY and not np.isfinite(getattr(recording, column.name)).all()
+        if column.name not in _GAPPY
+        and not np.isfinite(getattr(recording, column.name)).all()
     ]
     faults = {
-        f"It belongs to task {info.task!r}, not into this folder.": path.parent.name != info.task,
-        f"It belongs to suite {info.suite_version}.": info.suite_version != SUITE_VERSION,
+        f"It belongs to task {info.task!r}, not into this folder.": path.parent.name
+        != info.task,
+        f"It belongs to suite {info.suite_version}.": info.suite_version
+        != SUITE_VERSION,
         f"Not all numbers are finite: {', '.join(infinite)}.": bool(infinite),
         # Real arms that were held during a step are not measured again.
         "Its clock goes back.": bool(
@@ -175,9 +193,12 @@ def _disagreements(recording: Recording, path: Path) -> list[str]:
         ),
         # People may take back what they declared.
         "Its stage falls.": not info.is_real and bool((np.diff(stage) < 0).any()),
-        "Its success ends.": not info.is_real and bool((np.diff(recording.success + 0) < 0).any()),
+        "Its success ends.": not info.is_real
+        and bool((np.diff(recording.success + 0) < 0).any()),
         "It has no actions.": not length,
-        f"It has {steps} actions, more than its horizon.": bool(horizon and steps > horizon),
+        f"It has {steps} actions, more than its horizon.": bool(
+            horizon and steps > horizon
+        ),
         f"It goes on for {length - steps} control steps after success, not for at most "
         f"{most_after_success}.": length - steps > most_after_success,
         "It does not say how it ended.": outcome is None,
@@ -202,7 +223,8 @@ def _has_episode(video: Path) -> bool:
     """Whether the episode of a video is beside it, finished or not."""
     episode, _, camera = video.stem.rpartition(".")
     return camera in POLICY_CAMERAS and any(
-        video.with_name(f"{episode}{suffix}").exists() for suffix in (SUFFIX, PART_SUFFIX)
+        video.with_name(f"{episode}{suffix}").exists()
+        for suffix in (SUFFIX, PART_SUFFIX)
     )
 
 

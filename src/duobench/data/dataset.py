@@ -86,7 +86,9 @@ class DataSet:
         data = DataSet(Path(path).absolute(), import_tasks, tuple(own_tasks))
         if not create and not data.description.exists():
             raise DataError(f"{data.path} holds no data set: {DESCRIPTION} is missing.")
-        about = Description(suite_version=SUITE_VERSION, versions=package_versions(), how=how)
+        about = Description(
+            suite_version=SUITE_VERSION, versions=package_versions(), how=how
+        )
         begin_or_continue(data.path, data.description, about, SCHEMA, what="data set")
         return data
 
@@ -123,7 +125,9 @@ class DataSet:
         found, wanted = self.tasks, {catalog.id_of(task) for task in tasks}
         for task in wanted:
             check_known("task in the data set", task, found)
-        return [path for path in self.episodes() if not wanted or path.parent.name in wanted]
+        return [
+            path for path in self.episodes() if not wanted or path.parent.name in wanted
+        ]
 
     def partials(self) -> list[Path]:
         """Files of episodes that are being recorded, or whose recording was killed."""
@@ -146,7 +150,9 @@ class DataSet:
         for path in self.own_tasks:
             if catalog.id_of(path) == info.task:
                 return path
-        reference = catalog.trusted(info.task, info.reference, import_tasks=self.import_tasks)
+        reference = catalog.trusted(
+            info.task, info.reference, import_tasks=self.import_tasks
+        )
         found = catalog.get(reference).id
         if found != info.task:
             raise DataError(f"At {reference} is the task {found!r}, not {info.task!r}.")
@@ -196,8 +202,16 @@ class DataSet:
     def next_number(self, task: str) -> int:
         """The first number after those of all episodes of a task, finished, discarded or not."""
         folders = (data.episode(task, "0").parent for data in (self, self.discarded))
-        names = (path.name.partition(".")[0] for each in folders for path in each.glob("*"))
-        return max((int(name) for name in names if re.fullmatch(r"[0-9]+", name)), default=-1) + 1
+        names = (
+            path.name.partition(".")[0] for each in folders for path in each.glob("*")
+        )
+        return (
+            max(
+                (int(name) for name in names if re.fullmatch(r"[0-9]+", name)),
+                default=-1,
+            )
+            + 1
+        )
 
     @property
     def discarded(self) -> "DataSet":

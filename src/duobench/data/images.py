@@ -58,7 +58,9 @@ class ImageSource:
         self.set_look(look)
         names = as_several(cameras)
         if names is None:
-            raise OptionError(f"cameras is a name, or a list of names; got {cameras!r}.")
+            raise OptionError(
+                f"cameras is a name, or a list of names; got {cameras!r}."
+            )
         self._cameras = names
         pixels = as_size(size)
         if pixels is None:
@@ -79,7 +81,9 @@ class ImageSource:
             DataError: There is no such row, or the state does not fit the task.
         """
         if not 0 <= row < len(recording.state):
-            raise DataError(f"The episode has states 0 to {len(recording.state) - 1}, not {row}.")
+            raise DataError(
+                f"The episode has states 0 to {len(recording.state) - 1}, not {row}."
+            )
         try:
             if recording.info.layout != self._layout:
                 self._layout = None
@@ -128,7 +132,9 @@ def resized(image: Image, size: tuple[int, int]) -> Image:
     from PIL import Image as Pillow
 
     height, width = size
-    return np.asarray(Pillow.fromarray(image).resize((width, height), Pillow.Resampling.BOX))
+    return np.asarray(
+        Pillow.fromarray(image).resize((width, height), Pillow.Resampling.BOX)
+    )
 
 
 def plain_view(camera: str, about: Mapping[str, Any]) -> View:
@@ -170,7 +176,9 @@ class VideoFrames:
                 f"{self._path} has no frame {place} that can be read; it has {self._place + 1}."
             ) from error
         if self._image is None:
-            raise DataError(f"{self._path}: places of frames begin with 0, got {place}.")
+            raise DataError(
+                f"{self._path}: places of frames begin with 0, got {place}."
+            )
         return np.asarray(self._image.to_ndarray(format="rgb24"), dtype=np.uint8)
 
     def close(self) -> None:
@@ -196,14 +204,20 @@ class RecordedImages:
         info = recording.info
         check_cameras(recording, path, cameras)
         self._size = size
-        self._places = {name: recording.frame[:, list(info.videos).index(name)] for name in cameras}
-        self._views = {name: view_of(name, info.cameras.get(name, {})) for name in cameras}
+        self._places = {
+            name: recording.frame[:, list(info.videos).index(name)] for name in cameras
+        }
+        self._views = {
+            name: view_of(name, info.cameras.get(name, {})) for name in cameras
+        }
         self._videos = {name: VideoFrames(video_path(path, name)) for name in cameras}
 
     def images(self, row: int) -> dict[str, Image]:
         """The images (height, width, 3) of a row, by camera."""
         return {
-            name: self._views[name](video.read(int(self._places[name][row])), self._size)
+            name: self._views[name](
+                video.read(int(self._places[name][row])), self._size
+            )
             for name, video in self._videos.items()
         }
 
@@ -223,4 +237,6 @@ def check_cameras(recording: Recording, path: Path, cameras: Sequence[str]) -> N
         if not video_path(path, name).exists():
             raise DataError(f"{video_path(path, name)} is missing.")
         if recording.frame[:, list(videos).index(name)].min() < 0:
-            raise DataError(f"{path}: its first rows have no image of the camera {name}.")
+            raise DataError(
+                f"{path}: its first rows have no image of the camera {name}."
+            )

@@ -36,7 +36,9 @@ def write_page(data: DataSet, summary: Summary, *, images: bool = True) -> Path:
         RenderingError: Nothing can be rendered.
         OutputError: The page cannot be written.
     """
-    firsts = {task.task: data.episodes(task.task)[0] for task in summary.tasks if images}
+    firsts = {
+        task.task: data.episodes(task.task)[0] for task in summary.tasks if images
+    }
     sheets = {
         task: base64.b64encode(s).decode()
         for task, path in firsts.items()

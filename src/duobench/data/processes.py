@@ -130,7 +130,9 @@ def _safe_path() -> Iterator[None]:
             os.environ[_SAFE_PATH] = before
 
 
-def _work(parent: int, connection: Connection, make: Callable[[], Callable[[Any], Any]]) -> None:
+def _work(
+    parent: int, connection: Connection, make: Callable[[], Callable[[Any], Any]]
+) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
     watch_parent(parent, partial(os._exit, 1))
     do: Callable[[Any], Any] | None = None

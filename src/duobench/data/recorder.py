@@ -17,7 +17,13 @@ from duobench.core.randomness import SUITE_VERSION
 from duobench.core.types import CONTROL_HZ, Array
 from duobench.core.versions import package_versions
 from duobench.data.dataset import DataSet
-from duobench.data.schema import Actor, Domain, EpisodeInfo, Outcome, steps_after_success
+from duobench.data.schema import (
+    Actor,
+    Domain,
+    EpisodeInfo,
+    Outcome,
+    steps_after_success,
+)
 from duobench.data.stream import EpisodeRows, outcome_of
 from duobench.envs import action_modes, spaces
 from duobench.envs.action_modes import ActionMode
@@ -100,7 +106,9 @@ class Recorder(DuoWrapper):
     ) -> None:
         super().__init__(env)
         # Asked without loading the simulation.
-        self._sim = cast("SimEnv", self.base) if hasattr(self.base, "simulation") else None
+        self._sim = (
+            cast("SimEnv", self.base) if hasattr(self.base, "simulation") else None
+        )
         self.data = DataSet.open(data) if isinstance(data, str | Path) else data
         """What episodes are added to, if anything."""
         self.content: bytes | None = None
@@ -114,9 +122,13 @@ class Recorder(DuoWrapper):
         self.device: str | None = None
         """What led in this episode, where that shows only while it runs; else the actor's."""
         if rig is not None and self.data is None:
-            raise DataError("What cameras of a rig see is recorded in a data set; name one.")
+            raise DataError(
+                "What cameras of a rig see is recorded in a data set; name one."
+            )
         self._rig, self._keep, self._is_reviewed = rig, keep, is_reviewed
-        self._episode: EpisodeRows | None = None  # the running one, or the one that waits
+        self._episode: EpisodeRows | None = (
+            None  # the running one, or the one that waits
+        )
         self._intended: Array | None = None
         self._steps_after_success = steps_after_success(after_success)
         self._steps_left = 0  # after success, of an episode that has succeeded
@@ -144,7 +156,9 @@ class Recorder(DuoWrapper):
             DataError: The actor is none, or an episode has the name of the next one.
         """
         if not isinstance(self.actor, Actor):
-            raise DataError(f"The actor is an Actor, such as Actor(name='me'), got {self.actor!r}.")
+            raise DataError(
+                f"The actor is an Actor, such as Actor(name='me'), got {self.actor!r}."
+            )
         name, self.next_name = self.next_name, None
         self._leave(reason="The environment was reset.")
         observation, info = self.env.reset(seed=seed, options=options)
@@ -162,7 +176,11 @@ class Recorder(DuoWrapper):
             actor=self.actor,
             first_hash=None if self._sim is None else self.state_hash(),
             task_instruction=self._own_instruction(),
-            **(self._of_all if self._rig is None else self._of_all | self._rig.described()),
+            **(
+                self._of_all
+                if self._rig is None
+                else self._of_all | self._rig.described()
+            ),
         )
         sizes = {"action": len(described.action_names), "state": len(self._physics())}
         if self.data is None:
@@ -189,7 +207,10 @@ class Recorder(DuoWrapper):
         except BackendError as error:
             self.finish(reason=str(error))
             raise
-        wanted, self._intended = self._intended, None  # not before: a wrong action is given again
+        wanted, self._intended = (
+            self._intended,
+            None,
+        )  # not before: a wrong action is given again
         if episode is not None:
             row = {"action": given if wanted is None else wanted, "sent": info["sent"]}
             row |= {"clutch": self.clutch} if episode.info.has_clutch else {}
@@ -222,7 +243,9 @@ class Recorder(DuoWrapper):
         self._leave(reason="Another state was restored.")
         return super().restore_state(state)
 
-    def finish(self, *, cut: bool = True, kept: bool = True, reason: str | None = None) -> None:
+    def finish(
+        self, *, cut: bool = True, kept: bool = True, reason: str | None = None
+    ) -> None:
         """End the recording of the running episode, if there is one.
 
         One that has ended and waits for `keep` or `discard` goes on waiting.
@@ -246,8 +269,12 @@ class Recorder(DuoWrapper):
         # A step that was broken off has left another state than that of the last row.
         is_last = np.array_equal(self._physics(), rows[-1]["state"])
         last_hash = self.state_hash() if self._sim is not None and is_last else None
-        actor = replace(episode.info.actor, device=self.device or episode.info.actor.device)
-        episode.info = replace(episode.info, outcome=outcome, last_hash=last_hash, actor=actor)
+        actor = replace(
+            episode.info.actor, device=self.device or episode.info.actor.device
+        )
+        episode.info = replace(
+            episode.info, outcome=outcome, last_hash=last_hash, actor=actor
+        )
         if self._is_reviewed:
             episode.flush()
         else:
@@ -277,10 +304,16 @@ class Recorder(DuoWrapper):
         stage = np.zeros_like(rows["stage"])
         for step, reached in changes:
             stage[min(step + 1, len(rows) - 1) :] = reached
-        rows["stage"], rows["success"], rows["success_at_end"] = stage, stage == last, stage == last
+        rows["stage"], rows["success"], rows["success_at_end"] = (
+            stage,
+            stage == last,
+            stage == last,
+        )
         rows["success_at_end"][-1] &= holds
         if info.config is not None:
-            rows["reward"][:-1] = reward_of(info.config.reward, stage[:-1], stage[1:], last)
+            rows["reward"][:-1] = reward_of(
+                info.config.reward, stage[:-1], stage[1:], last
+            )
         told = {"kept": outcome.kept, "reason": outcome.reason, "cut": outcome.cut}
         outcome = outcome_of(info, rows, **told)
         episode.info = replace(info, outcome=outcome)
@@ -315,7 +348,9 @@ class Recorder(DuoWrapper):
         """The episode that takes rows; None between episodes, and while one waits."""
         return self._episode if self.pending is None else None
 
-    def _seen(self, episode: EpisodeRows, observation: Observation, info: Info) -> dict[str, Any]:
+    def _seen(
+        self, episode: EpisodeRows, observation: Observation, info: Info
+    ) -> dict[str, Any]:
         backend = self.base.backend
         row: dict[str, Any] = {
             **{name: observation[name] for name in OBSERVED},
@@ -346,14 +381,20 @@ class Recorder(DuoWrapper):
 
     def _config(self) -> EnvConfig | None:
         config = self.base.config
-        if config is None or self._sim is None or self._sim.look == as_look(config.look):
+        if (
+            config is None
+            or self._sim is None
+            or self._sim.look == as_look(config.look)
+        ):
             return config
         return replace(config, look=self._sim.look)
 
     def _own_instruction(self) -> str:
         """The task's own instruction, whatever this episode's is."""
         task = self.base.definition
-        return task.instruction if self._sim is None else task.instruct(self._sim.layout)
+        return (
+            task.instruction if self._sim is None else task.instruct(self._sim.layout)
+        )
 
     def _physics(self) -> Array:
         """The state of the simulation; no numbers where there is none."""

@@ -160,7 +160,8 @@ def success_start(success: NDArray[np.bool_]) -> int | None:
 def _to_table(recording: Recording) -> pa.Table:
     columns = [column for column in COLUMNS if column.is_in(recording.info)]
     arrays = [
-        to_arrow(getattr(recording, column.name), int(column.of_action)) for column in columns
+        to_arrow(getattr(recording, column.name), int(column.of_action))
+        for column in columns
     ]
     fields = [
         pa.field(column.name, array.type, nullable=column.of_action)
@@ -173,7 +174,11 @@ def _to_table(recording: Recording) -> pa.Table:
 def _from_table(table: pa.Table) -> Recording:
     info = _info_of(table.schema)
     absent = {column.name for column in COLUMNS} - {*table.column_names}
-    missing = [column.name for column in COLUMNS if column.is_in(info) and column.name in absent]
+    missing = [
+        column.name
+        for column in COLUMNS
+        if column.is_in(info) and column.name in absent
+    ]
     if missing:
         raise DataError(f"Columns are missing: {', '.join(missing)}.")
     if not table.num_rows:
@@ -198,9 +203,13 @@ def _info_of(schema: pa.Schema) -> EpisodeInfo:
     metadata = schema.metadata or {}
     text = metadata.get(INFO_KEY)
     if text is None:
-        raise DataError("It is no recording of DuoBench: its metadata lacks the episode.")
+        raise DataError(
+            "It is no recording of DuoBench: its metadata lacks the episode."
+        )
     if metadata.get(_CHECKSUM_KEY) != _metadata(text)[_CHECKSUM_KEY]:
-        raise DataError("The metadata of the episode is damaged: its checksum is another one.")
+        raise DataError(
+            "The metadata of the episode is damaged: its checksum is another one."
+        )
     try:
         return decode(text, EpisodeInfo, SCHEMA)
     except FileError as error:
@@ -240,7 +249,11 @@ def to_arrow(rows: NDArray[Any], missing: int = 0) -> pa.Array:
         values = pa.FixedSizeListArray.from_arrays(values, rows.shape[1])
         if missing:
             values = values.cast(pa.list_(values.type.value_type))
-    return pa.concat_arrays([values, pa.nulls(missing, values.type)]) if missing else values
+    return (
+        pa.concat_arrays([values, pa.nulls(missing, values.type)])
+        if missing
+        else values
+    )
 
 
 def to_numpy(column: pa.Array) -> NDArray[Any]:
@@ -252,7 +265,9 @@ def to_numpy(column: pa.Array) -> NDArray[Any]:
     else:
         sizes = np.diff(column.offsets.to_numpy())
         if not len(sizes):
-            raise ValueError("Lists without any row do not say how many numbers a row has.")
+            raise ValueError(
+                "Lists without any row do not say how many numbers a row has."
+            )
         size = int(sizes[0])
         if (sizes != size).any():
             raise ValueError(f"Rows have {sizes.min()} to {sizes.max()} numbers.")

@@ -106,7 +106,9 @@ class RigRecorder:
         row = {
             "agent_pos": state.flat.astype(np.float32),
             "tcp_pose": state.tcp_poses.astype(np.float32).ravel(),
-            "joint_velocity": np.concatenate([readings[side].velocities for side in SIDES]),
+            "joint_velocity": np.concatenate(
+                [readings[side].velocities for side in SIDES]
+            ),
             "time": now,
         }
         episode.complete(row | self.seen(episode, now))
@@ -131,7 +133,9 @@ class RigRecorder:
 def drivers_of(rig: Any) -> tuple[str, ...]:
     """What talks to the arms, grippers and cameras of a rig, each kind once."""
     parts = (rig.arms, rig.grippers, rig.cameras)
-    return tuple(dict.fromkeys(str(device.driver) for part in parts for device in part.values()))
+    return tuple(
+        dict.fromkeys(str(device.driver) for part in parts for device in part.values())
+    )
 
 
 def placement(layout: Layout) -> str:
@@ -140,7 +144,9 @@ def placement(layout: Layout) -> str:
     for name, pose in sorted(layout.poses.items()):
         x, y, z = 1000.0 * pose.translation
         yaw = np.degrees(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
-        lines.append(f"  {name}: x {x:.0f} mm, y {y:.0f} mm, z {z:.0f} mm, turned by {yaw:.0f} deg")
+        lines.append(
+            f"  {name}: x {x:.0f} mm, y {y:.0f} mm, z {z:.0f} mm, turned by {yaw:.0f} deg"
+        )
     lines += [f"  {name}: {value}" for name, value in sorted(layout.variants.items())]
     return "\n".join(lines) or "  as you like; this task says nothing."
 
@@ -154,6 +160,10 @@ def _full_state(reading: Any) -> tuple[tuple[str, ...], list[float]]:
     names, numbers = [], []
     for name, value in measured + sorted(reading.state.items()):
         size = np.size(value)
-        names += [name] if np.ndim(value) == 0 else [f"{name}_{place}" for place in range(size)]
+        names += (
+            [name]
+            if np.ndim(value) == 0
+            else [f"{name}_{place}" for place in range(size)]
+        )
         numbers += np.ravel(value).tolist()
     return tuple(names), numbers

@@ -87,9 +87,15 @@ COLUMNS = (
     Column(name="sent", dtype=np.float64, shape=(16,), of_action=True),
     Column(name="reward", dtype=np.float64, shape=(), of_action=True),
     Column(name="clutch", dtype=np.bool_, shape=(2,), of_action=True),
-    *(Column(name=name, dtype=np.int64, shape=(0,)) for name in ("frame", "frame_number")),
+    *(
+        Column(name=name, dtype=np.int64, shape=(0,))
+        for name in ("frame", "frame_number")
+    ),
     Column(name="frame_age", dtype=np.float64, shape=(0,)),
-    *(Column(name=f"{side}_robot_state", dtype=np.float64, shape=(0,)) for side in SIDES),
+    *(
+        Column(name=f"{side}_robot_state", dtype=np.float64, shape=(0,))
+        for side in SIDES
+    ),
 )
 """Every column of a recording; `Recording` says what they hold."""
 
@@ -228,9 +234,12 @@ class EpisodeInfo:
     @property
     def widths(self) -> dict[str, int]:
         """Numbers in a row of the columns that not every episode has; 0 of those that it lacks."""
-        of_videos = dict.fromkeys(("frame", "frame_number", "frame_age"), len(self.videos))
+        of_videos = dict.fromkeys(
+            ("frame", "frame_number", "frame_age"), len(self.videos)
+        )
         of_arms = {
-            f"{side}_robot_state": len(self.robot_state_names.get(side, ())) for side in SIDES
+            f"{side}_robot_state": len(self.robot_state_names.get(side, ()))
+            for side in SIDES
         }
         no_state = {"state": 0} if self.is_real else {}
         return {"clutch": 2 * self.has_clutch} | of_videos | of_arms | no_state

@@ -15,7 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duobench.core.errors import DataError, DuoBenchError, FileError, OutputError
-from duobench.core.files import check_there, decode, encode, lock, make_folder, remove, writing
+from duobench.core.files import (
+    check_there,
+    decode,
+    encode,
+    lock,
+    make_folder,
+    remove,
+    writing,
+)
 from duobench.data.recording import Recording, success_start
 from duobench.data.schema import COLUMNS, SCHEMA, EpisodeInfo, Outcome, video_path
 from duobench.data.videos import Videos, recovered
@@ -42,7 +50,11 @@ class _Head:
     def row_type(self) -> np.dtype[Any]:
         """How a row lies in memory and in the file."""
         fields = [
-            (column.name, column.dtype, column.row_shape(self.info, self.sizes.get(column.name, 0)))
+            (
+                column.name,
+                column.dtype,
+                column.row_shape(self.info, self.sizes.get(column.name, 0)),
+            )
             for column in COLUMNS
         ]
         return np.dtype(fields, align=True)
@@ -126,7 +138,9 @@ class EpisodeStream(EpisodeRows):
         """Append what was seen, and write what is complete now and then."""
         super().append(row)
         if self._count - self._written > BATCH_ROWS:
-            self._flush(self._count - 1)  # all but the last row, whose action is still to come
+            self._flush(
+                self._count - 1
+            )  # all but the last row, whose action is still to come
 
     def flush(self) -> None:
         """Write every row, the last one too, and all that waits for the videos."""
@@ -199,7 +213,9 @@ def recover(partial: Path) -> Recording:
         rows, videos = recovered(partial, info, rows)
         info = replace(info, videos=videos)
     if not len(rows):
-        raise DataError(f"Cannot recover {partial}: it ends before its first rows were written.")
+        raise DataError(
+            f"Cannot recover {partial}: it ends before its first rows were written."
+        )
     outcome = outcome_of(info, rows, kept=False, reason=INTERRUPTED, cut=True)
     return _recording(replace(info, outcome=outcome), rows)
 
@@ -221,7 +237,10 @@ def outcome_of(
 
 def _recording(info: EpisodeInfo, rows: NDArray[Any]) -> Recording:
     """The episode of some rows; the action of the last one is not known, or led to none of them."""
-    columns = {column.name: rows[column.name][: len(rows) - column.of_action] for column in COLUMNS}
+    columns = {
+        column.name: rows[column.name][: len(rows) - column.of_action]
+        for column in COLUMNS
+    }
     return Recording(info=info, **columns)
 
 

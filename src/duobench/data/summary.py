@@ -174,7 +174,9 @@ def summarize(data: DataSet) -> Summary:
         UnknownNameError, ImportPathError, ForeignTaskError: See `DataSet.reference`.
     """
     tasks, commands, speeds, names = [], [], [], ()
-    differences = {task: words for task, each in compared(data).items() if (words := str(each))}
+    differences = {
+        task: words for task, each in compared(data).items() if (words := str(each))
+    }
     for task in data.tasks:
         recordings = []
         for recording in data.recordings(task):
@@ -216,13 +218,16 @@ def _summarize_task(task: Task, recordings: Sequence[Recording]) -> TaskSummary:
         lengths=tuple(sorted(each.steps for each in recordings)),
         stage_seconds=tuple(np.mean(seconds, axis=0).tolist()),
         actors=tuple(dict.fromkeys(_who(info.actor) for info in infos)),
-        repeated_layouts=len(simulated) - len({repr(info.layout) for info in simulated}),
+        repeated_layouts=len(simulated)
+        - len({repr(info.layout) for info in simulated}),
         eval_layouts=sum(info.split == "eval" for info in infos),
         smoothness=_smoothness(recordings),
         led=_led(recordings),
         real=len(infos) - len(simulated),
         rigs=tuple(dict.fromkeys(map(_rig, (info for info in infos if info.is_real)))),
-        left_out=sum(video.left_out for info in infos for video in info.videos.values()),
+        left_out=sum(
+            video.left_out for info in infos for video in info.videos.values()
+        ),
     )
 
 
@@ -230,14 +235,20 @@ def _rig(info: EpisodeInfo) -> str:
     rig = info.rig
     if rig is None:
         return "a rig without a name"
-    return f"{rig.name}, simulated drivers" if set(rig.drivers) == {"simulated"} else rig.name
+    return (
+        f"{rig.name}, simulated drivers"
+        if set(rig.drivers) == {"simulated"}
+        else rig.name
+    )
 
 
 def _led(recordings: Sequence[Recording]) -> float | None:
     """The share of steps in which a hand led an arm, of the episodes that say it."""
     clutches = [each.clutch for each in recordings if each.info.has_clutch]
     steps = sum(map(len, clutches))
-    return sum(int(each.any(axis=1).sum()) for each in clutches) / steps if steps else None
+    return (
+        sum(int(each.any(axis=1).sum()) for each in clutches) / steps if steps else None
+    )
 
 
 def _who(actor: Actor) -> str:
@@ -254,7 +265,9 @@ def _summarize_joints(
     shares = _at_limit(commands[:, _JOINTS]).mean(axis=0)
     for joint, place in enumerate(_JOINTS):
         low, high = _RANGES[joint].tolist()
-        quantiles = np.quantile(commands[:, place], [0.0, 0.01, 0.5, 0.99, 1.0]).tolist()
+        quantiles = np.quantile(
+            commands[:, place], [0.0, 0.01, 0.5, 0.99, 1.0]
+        ).tolist()
         yield JointSummary(
             name=names[place],
             low=low,

@@ -78,7 +78,9 @@ def count_frames(path: Path) -> int:
 
 def describe(path: Path, left_out: int = 0) -> VideoFacts:
     """What an episode says about a finished video; a `DataError` if there is none."""
-    return VideoFacts(frames=count_frames(path), sha256=digest_of(path), left_out=left_out)
+    return VideoFacts(
+        frames=count_frames(path), sha256=digest_of(path), left_out=left_out
+    )
 
 
 def recovered(
@@ -92,7 +94,9 @@ def recovered(
     for place, camera in enumerate(info.videos):
         frame, number, age = (rows[name][:, place] for name in _COLUMNS)
         is_empty = bool((frame < 0).all())
-        videos[camera] = VideoFacts(frames=0) if is_empty else describe(video_path(partial, camera))
+        videos[camera] = (
+            VideoFacts(frames=0) if is_empty else describe(video_path(partial, camera))
+        )
         is_there = frame < (videos[camera].frames or 0)
         last = int(np.flatnonzero(is_there)[-1]) if is_there.any() else None
         taken = np.nan if last is None else rows["time"][last] - age[last]
@@ -125,7 +129,9 @@ class _Encoder:
         self._lock = threading.Lock()
         self._is_closed = False
         self._writer = VideoWriter(path, H264, rate)
-        self._thread = threading.Thread(target=self._run, name=f"video {path.name}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, name=f"video {path.name}", daemon=True
+        )
         self._thread.start()
 
     def check(self) -> None:
@@ -137,16 +143,25 @@ class _Encoder:
         """Have a frame encoded, unless it was taken already, or is older than the last one."""
         with self._lock:
             last = self._accepted[-1]
-            if self._is_closed or self._error is not None or frame.time_s <= last.time_s:
+            if (
+                self._is_closed
+                or self._error is not None
+                or frame.time_s <= last.time_s
+            ):
                 return
             try:
-                if not self._waits and self._queue.qsize() * self._pace_s > LONGEST_BACKLOG_S:
+                if (
+                    not self._waits
+                    and self._queue.qsize() * self._pace_s > LONGEST_BACKLOG_S
+                ):
                     raise Full
                 self._queue.put(frame.image, self._waits, _LONGEST_WAIT_S)
             except Full:
                 self.missed.add(frame.index)
                 return
-            self.missed.discard(frame.index)  # a row asks again for the frame that it shows
+            self.missed.discard(
+                frame.index
+            )  # a row asks again for the frame that it shows
             self._accepted.append(_Accepted(last.place + 1, frame.index, frame.time_s))
 
     def at(self, time_s: float) -> _Accepted:
@@ -166,7 +181,9 @@ class _Encoder:
 
     def _run(self) -> None:
         while (image := self._queue.get()) is not None:
-            if self._error is None:  # else the queue is emptied, so that nothing waits for it
+            if (
+                self._error is None
+            ):  # else the queue is emptied, so that nothing waits for it
                 begun = time.monotonic()
                 self._attempt(lambda image=image: self._writer.add(image))
                 self._pace_s += _SMOOTHING * (time.monotonic() - begun - self._pace_s)
@@ -193,11 +210,18 @@ class Videos:
     """
 
     def __init__(
-        self, episode: Path, cameras: Mapping[str, Camera], rates: Mapping[str, int], waits: bool
+        self,
+        episode: Path,
+        cameras: Mapping[str, Camera],
+        rates: Mapping[str, int],
+        waits: bool,
     ) -> None:
         self._encoders = {
             name: _Encoder(
-                video_path(episode, name), camera, rates.get(name, round(CONTROL_HZ)), waits
+                video_path(episode, name),
+                camera,
+                rates.get(name, round(CONTROL_HZ)),
+                waits,
             )
             for name, camera in cameras.items()
         }
@@ -210,7 +234,9 @@ class Videos:
         for encoder in self._encoders.values():
             encoder.camera.listen(encoder.take)
 
-    def see(self, frames: Mapping[str, CameraFrame], time_s: float) -> dict[str, NDArray[Any]]:
+    def see(
+        self, frames: Mapping[str, CameraFrame], time_s: float
+    ) -> dict[str, NDArray[Any]]:
         """The columns of frames: places in the videos, numbers, and ages in seconds.
 
         Args:
@@ -226,7 +252,9 @@ class Videos:
             else:
                 encoder.take(frame)
                 seen.append(encoder.at(frame.time_s))
-        columns = zip(*((one.place, one.number, time_s - one.time_s) for one in seen), strict=True)
+        columns = zip(
+            *((one.place, one.number, time_s - one.time_s) for one in seen), strict=True
+        )
         return dict(zip(_COLUMNS, map(np.array, columns), strict=True))
 
     def close(self) -> None:

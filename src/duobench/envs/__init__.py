@@ -22,7 +22,10 @@ if TYPE_CHECKING:
         ResetNeededError as ResetNeededError,
         base_of as base_of,
     )
-    from duobench.envs.episode_state import EpisodeState as EpisodeState, StateError as StateError
+    from duobench.envs.episode_state import (
+        EpisodeState as EpisodeState,
+        StateError as StateError,
+    )
     from duobench.envs.episode_wrappers import (
         RandomizedReset as RandomizedReset,
         TaskStages as TaskStages,
@@ -34,7 +37,11 @@ if TYPE_CHECKING:
         ObjectStates as ObjectStates,
     )
     from duobench.envs.protocol import make_env as make_env
-    from duobench.envs.registration import env_id as env_id, make as make, register as register
+    from duobench.envs.registration import (
+        env_id as env_id,
+        make as make,
+        register as register,
+    )
     from duobench.envs.sim_env import SimEnv as SimEnv, sim_of as sim_of
 
 lazy(__name__)

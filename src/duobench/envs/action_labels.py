@@ -68,7 +68,9 @@ def tool_labels(positions: Array, rotations: Array, openings: Array) -> Array:
         rotations: Rotation matrices (T, 2, 3, 3).
         openings: Gripper openings (T, 2).
     """
-    columns = np.swapaxes(rotations[..., :2], -1, -2).reshape(len(rotations), len(SIDES), -1)
+    columns = np.swapaxes(rotations[..., :2], -1, -2).reshape(
+        len(rotations), len(SIDES), -1
+    )
     rows = np.concatenate([positions, columns, openings[..., None]], axis=-1)
     return rows.reshape(len(rows), -1)
 
@@ -111,7 +113,9 @@ LABELS: Mapping[str, ActionLabels] = MappingProxyType(
                 rotation_numbers=_quaternion,
             ),
             ActionLabels(
-                mode=CARTESIAN_RELATIVE, names=SHIFT_LABELS, rotation_numbers=rotation_vector
+                mode=CARTESIAN_RELATIVE,
+                names=SHIFT_LABELS,
+                rotation_numbers=rotation_vector,
             ),
         )
     }
@@ -124,6 +128,10 @@ def find(names: Sequence[str]) -> ActionLabels | None:
 
     The numbers of every action mode are labels too, which stand for themselves.
     """
-    plain = (ActionLabels(mode=m, names=m.names) for m in action_modes.ACTION_MODES.values())
-    matching = (labels for labels in (*LABELS.values(), *plain) if labels.names == tuple(names))
+    plain = (
+        ActionLabels(mode=m, names=m.names) for m in action_modes.ACTION_MODES.values()
+    )
+    matching = (
+        labels for labels in (*LABELS.values(), *plain) if labels.names == tuple(names)
+    )
     return next(matching, None)

@@ -52,7 +52,10 @@ CARTESIAN_RELATIVE = ActionMode(
     name="cartesian_relative",
     names=spaces.SHIFT_NAMES,
     space=spaces.relative_pose_actions,
-    wrappers=(*CARTESIAN.wrappers, "duobench.envs.action_wrappers:RelativeCartesianActions"),
+    wrappers=(
+        *CARTESIAN.wrappers,
+        "duobench.envs.action_wrappers:RelativeCartesianActions",
+    ),
 )
 
 ACTION_MODES: Mapping[str, ActionMode] = MappingProxyType(

@@ -11,7 +11,13 @@ from duobench.core.spatial import SE3, length, product, rotation_by
 from duobench.core.types import ARM_JOINTS, SIDE_SIZE, SIDES, Array, DuoCommand, Side
 from duobench.envs import spaces
 from duobench.envs.action_modes import CARTESIAN, CARTESIAN_RELATIVE, JOINT_RELATIVE
-from duobench.envs.duo_env import ActionModeWrapper, DuoWrapper, ResetOptions, Start, Transition
+from duobench.envs.duo_env import (
+    ActionModeWrapper,
+    DuoWrapper,
+    ResetOptions,
+    Start,
+    Transition,
+)
 from duobench.envs.episode_state import EpisodeState, required
 from duobench.envs.execution import execute
 from duobench.envs.spaces import opening_slots
@@ -179,12 +185,16 @@ class CartesianActions(ActionModeWrapper):
         """The action (16,) that leaves the commanded tool poses and openings as they are."""
         command = self.base.backend.last_command
         poses = self.kinematics.forward(command.joints)
-        return np.ravel([[*poses[side].tquat, command.openings[side.index]] for side in SIDES])
+        return np.ravel(
+            [[*poses[side].tquat, command.openings[side.index]] for side in SIDES]
+        )
 
     def step(self, action: Any) -> Transition:
         """Advance one control step towards the poses."""
         rows = self.check_action(action).reshape(len(SIDES), SIDE_SIZE)
-        targets = {side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES}
+        targets = {
+            side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES
+        }
         last = self.base.backend.last_command
         joints = self.kinematics.step(last.joints, targets)
         command = DuoCommand(joints=joints, openings=rows[:, ARM_JOINTS])
@@ -216,16 +226,23 @@ class ActionChunks(DuoWrapper):
         if not isinstance(single, gym.spaces.Box):
             raise TypeError(f"Chunks are made of actions in a Box, got {single}.")
         self.action_space = gym.spaces.Box(
-            np.tile(single.low, (length, 1)), np.tile(single.high, (length, 1)), dtype=np.float32
+            np.tile(single.low, (length, 1)),
+            np.tile(single.high, (length, 1)),
+            dtype=np.float32,
         )
         self._shape = (length, *single.shape)
         self._check_one = env.get_wrapper_attr("check_action")
         # Images that are taken once a step play in real time at this rate.
-        self.metadata = {**env.metadata, "render_fps": env.metadata["render_fps"] / length}
+        self.metadata = {
+            **env.metadata,
+            "render_fps": env.metadata["render_fps"] / length,
+        }
 
     def check_action(self, action: Any) -> Array:
         """The chunk as float64 numbers (n, actions); an error if one of its actions is rejected."""
-        return np.array([self._check_one(row) for row in spaces.numbers(action, self._shape)])
+        return np.array(
+            [self._check_one(row) for row in spaces.numbers(action, self._shape)]
+        )
 
     def step(self, action: Any) -> Transition:
         """Execute the chunk, until its end or the episode's."""
@@ -234,5 +251,16 @@ class ActionChunks(DuoWrapper):
         rewards[: len(done)] = [step.reward for step in done]
         last = done[-1]
         clipped = np.any([step.info["clipped"] for step in done], axis=0)
-        info = {**last.info, "clipped": clipped, "rewards": rewards, "executed": len(done)}
-        return last.observation, float(rewards.sum()), last.terminated, last.truncated, info
+        info = {
+            **last.info,
+            "clipped": clipped,
+            "rewards": rewards,
+            "executed": len(done),
+        }
+        return (
+            last.observation,
+            float(rewards.sum()),
+            last.terminated,
+            last.truncated,
+            info,
+        )

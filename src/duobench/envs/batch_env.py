@@ -108,8 +108,14 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
                 f"got {autoreset_mode!r}."
             )
         if config.cameras:
-            env.get_wrapper_attr("set_rendering")(False)  # images of all are rendered here
-        self.num_envs, self.spec, self.render_mode = num_envs, env.spec, config.render_mode
+            env.get_wrapper_attr("set_rendering")(
+                False
+            )  # images of all are rendered here
+        self.num_envs, self.spec, self.render_mode = (
+            num_envs,
+            env.spec,
+            config.render_mode,
+        )
         self.config = config
         """What was chosen about the environments."""
         self.object_state_names = self._base.definition.object_state.names
@@ -148,7 +154,10 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self._texts = np.empty((num_envs, self._max_stage + 1), dtype=object)
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: Info | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: Info | None = None,
     ) -> tuple[Observation, Info]:
         """Begin episodes, all of them unless the options say otherwise.
 
@@ -167,22 +176,36 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             raise OptionError(f"{STATES} is a list of states, got {states!r}.")
         if not isinstance(seeds, Sequence | np.ndarray):
             first = checked_seed(seeds)
-            seeds = [None if first is None else first + number for number in range(count)]
-        if mask.dtype != bool or {mask.shape, (len(states),), (len(seeds),)} != {(count,)}:
+            seeds = [
+                None if first is None else first + number for number in range(count)
+            ]
+        if mask.dtype != bool or {mask.shape, (len(states),), (len(seeds),)} != {
+            (count,)
+        }:
             raise OptionError(
                 f"A list of seeds, {STATES} and the booleans of {RESET_MASK} have one entry for "
                 f"each of the {count} environments."
             )
         if not (self._starts or mask.all()):
-            raise ResetNeededError("The first reset begins all episodes; leave reset_mask out.")
+            raise ResetNeededError(
+                "The first reset begins all episodes; leave reset_mask out."
+            )
         numbers = np.flatnonzero(mask).tolist()
-        starts = {n: self._start(n, checked_seed(seeds[n]), given, states[n]) for n in numbers}
+        starts = {
+            n: self._start(n, checked_seed(seeds[n]), given, states[n]) for n in numbers
+        }
         if starts:
             self._begin(starts)
-        return self._observations(), self._info(np.zeros(self._sent.shape, dtype=bool), starts)
+        return self._observations(), self._info(
+            np.zeros(self._sent.shape, dtype=bool), starts
+        )
 
     def _start(
-        self, number: int, seed: int | None, options: Info, state: EpisodeState | None = None
+        self,
+        number: int,
+        seed: int | None,
+        options: Info,
+        state: EpisodeState | None = None,
     ) -> Start:
         """How the next episode of one environment begins."""
         if seed is not None:
@@ -198,9 +221,15 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             return self._made(self._env.reset(options=options)[1])
         used = checked_seed(options.get(LAYOUT_SEED))
         if used is None:
-            used = int(self._generators[number].integers(self._layouts)) if seed is None else seed
+            used = (
+                int(self._generators[number].integers(self._layouts))
+                if seed is None
+                else seed
+            )
         if options.keys() - {LAYOUT_SEED, SPLIT}:
-            return self._made(self._env.reset(options={**options, LAYOUT_SEED: used})[1])
+            return self._made(
+                self._env.reset(options={**options, LAYOUT_SEED: used})[1]
+            )
         key = used, options.get(SPLIT, self._config.split)
         if key not in self._bank:
             self._bank[key] = self._made(
@@ -216,8 +245,13 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         return state, {"seed": -1, **info, "look": self._base.look}
 
     def _begin(self, starts: Mapping[int, Start]) -> None:
-        self._starts = self._starts or [starts[number] for number in range(self.num_envs)]
-        states, numbers = [state for state, _ in starts.values()], np.array(list(starts))
+        self._starts = self._starts or [
+            starts[number] for number in range(self.num_envs)
+        ]
+        states, numbers = (
+            [state for state, _ in starts.values()],
+            np.array(list(starts)),
+        )
         variants = [state.layout.variants for state in states]
         self.simulations.load(numbers, variants, [state.physics for state in states])
         self._sent[numbers] = self.simulations.commands()[numbers]
@@ -244,9 +278,13 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if not self._starts:
             raise ResetNeededError("No episode is running; call reset first.")
         if self._is_over.any() and self.autoreset_mode is AutoresetMode.DISABLED:
-            raise ResetNeededError("An episode is over; reset it, by reset_mask if others go on.")
+            raise ResetNeededError(
+                "An episode is over; reset it, by reset_mask if others go on."
+            )
         actions, where = self._checked(actions), ~self._is_over
-        begin = {n: self._start(n, None, {}) for n in np.flatnonzero(self._is_over).tolist()}
+        begin = {
+            n: self._start(n, None, {}) for n in np.flatnonzero(self._is_over).tolist()
+        }
         try:
             clipped = self._advance(actions, where)
         except SimulationError:
@@ -260,7 +298,13 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         self._is_over = terminated | truncated
         if begin:
             self._begin(begin)
-        return self._observations(), rewards, terminated, truncated, self._info(clipped, begin)
+        return (
+            self._observations(),
+            rewards,
+            terminated,
+            truncated,
+            self._info(clipped, begin),
+        )
 
     def _measured(self) -> Array:
         """What rewards are made of (n,): the stage, and how near the next one is."""
@@ -274,7 +318,10 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             targets += self._sent
             targets[:, OPENINGS] = actions[:, OPENINGS]
         within, simulations = targets, self.simulations
-        measured, velocities = simulations.proprioception(), simulations.joint_velocities()
+        measured, velocities = (
+            simulations.proprioception(),
+            simulations.joint_velocities(),
+        )
         for limits in self._limits:
             within = limits.clip(within, self._sent, measured, velocities)
         self._sent[where] = within[where]
@@ -311,7 +358,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if cameras:
             size = self._config.image_size
             seen = self._rendered(lambda: self._base.backend.images(cameras, size))
-            observation[PIXELS] = {name: np.stack([one[name] for one in seen]) for name in cameras}
+            observation[PIXELS] = {
+                name: np.stack([one[name] for one in seen]) for name in cameras
+            }
         return flat_entries(observation) if self._config.flat_obs else observation
 
     def _rendered(self, render: Callable[[], Any]) -> list[Any]:
@@ -334,16 +383,26 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             "success_at_end": self.judge.final_holds.copy(),
             "clipped": clipped,
             "sent": self._sent.copy(),
-            "seed": np.array([-1 if info["seed"] is None else info["seed"] for info in infos]),
-            "instruction": np.array([info["instruction"] for info in infos], dtype=object),
-            "current_subinstruction": self._texts[np.arange(count), self.judge.standing],
+            "seed": np.array(
+                [-1 if info["seed"] is None else info["seed"] for info in infos]
+            ),
+            "instruction": np.array(
+                [info["instruction"] for info in infos], dtype=object
+            ),
+            "current_subinstruction": self._texts[
+                np.arange(count), self.judge.standing
+            ],
             "stage_to_subinstructions": {
                 stage: self._texts[:, stage].copy() for stage in range(self._max_stage)
             },
         }
         for number in begun:
             # A state that was given does not say where its episode began.
-            start = {key: infos[number][key] for key in (LAYOUT, SPLIT) if key in infos[number]}
+            start = {
+                key: infos[number][key]
+                for key in (LAYOUT, SPLIT)
+                if key in infos[number]
+            }
             told = self._add_info(told, start, number)
         return told
 
@@ -351,7 +410,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         """The whole state of one of the episodes; an environment of `make` takes it as well."""
         ClosedEnvError.check(self.closed)
         if not self._starts:
-            raise ResetNeededError("There is no state before the first reset; call reset first.")
+            raise ResetNeededError(
+                "There is no state before the first reset; call reset first."
+            )
         if not isinstance(number, SupportsIndex) or not 0 <= number < self.num_envs:
             raise OptionError(f"Episodes are 0 to {self.num_envs - 1}, got {number}.")
         start, _ = self._starts[number]
@@ -378,7 +439,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
 
 
 def _check(config: EnvConfig, task: str) -> None:
-    shifted = [axis for axis in (PHYSICS, SENSING) if level_for(config.shift, axis, task)]
+    shifted = [
+        axis for axis in (PHYSICS, SENSING) if level_for(config.shift, axis, task)
+    ]
     if config.action_mode not in MODES or config.chunk is not None or shifted:
         raise OptionError(
             f"Threads and Warp take action_mode {' or '.join(map(repr, MODES))}, no chunk, and no "

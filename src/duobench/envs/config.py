@@ -12,7 +12,14 @@ from duobench.core.errors import (
     escaped,
 )
 from duobench.core.randomness import EVAL, SPLITS
-from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS, as_count, as_several, as_size, as_whole
+from duobench.core.types import (
+    CONTROL_HZ,
+    POLICY_CAMERAS,
+    as_count,
+    as_several,
+    as_size,
+    as_whole,
+)
 from duobench.envs import action_modes
 from duobench.envs.rewards import REWARDS, STAGE
 from duobench.tasks.shifts.shift import NO_SHIFT, Shift
@@ -95,16 +102,22 @@ class EnvConfig:
         check_known("kind of instructions", self.instructions, INSTRUCTIONS)
         check_known("reward", self.reward, REWARDS)
         if self.render_mode is not None and self.render_mode not in RENDER_MODES:
-            raise UnknownNameError(f"Unknown render mode {self.render_mode!r}. {RENDERED}")
+            raise UnknownNameError(
+                f"Unknown render mode {self.render_mode!r}. {RENDERED}"
+            )
         for name in _FLAGS:
             value = getattr(self, name)
             if not isinstance(value, bool):
                 raise OptionError(f"{name} is True or False, got {value!r}.")
         if not isinstance(self.speed_fraction, int | float):
-            raise OptionError(f"speed_fraction is a number, got {self.speed_fraction!r}.")
+            raise OptionError(
+                f"speed_fraction is a number, got {self.speed_fraction!r}."
+            )
         check_speed_fraction(self.speed_fraction)
         if self.control_rate_hz != CONTROL_HZ:
-            raise OptionError(f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}.")
+            raise OptionError(
+                f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}."
+            )
         if not isinstance(self.cameras, tuple):
             raise OptionError(
                 "cameras is True, False, the name of a camera, or a list of names; their images "
@@ -117,10 +130,14 @@ class EnvConfig:
         _check_count("chunk", self.chunk)
         _check_count("horizon", self.horizon)
         if not isinstance(self.look, Look | str):
-            raise OptionError(f"A look is a name, a Look or its JSON form; got {self.look!r}.")
+            raise OptionError(
+                f"A look is a name, a Look or its JSON form; got {self.look!r}."
+            )
         as_look(self.look)
         if not isinstance(self.shift, Shift):
-            raise OptionError(f"A shift is a Shift, its name or its fields; got {self.shift!r}.")
+            raise OptionError(
+                f"A shift is a Shift, its name or its fields; got {self.shift!r}."
+            )
 
     @classmethod
     def from_options(cls, options: Mapping[str, Any]) -> Self:
@@ -175,7 +192,9 @@ def _look(value: Any) -> Any:
 def _shift(value: Any) -> Any:
     if isinstance(value, Mapping):
         for name in value:
-            check_known("field of a shift", str(name), [field.name for field in fields(Shift)])
+            check_known(
+                "field of a shift", str(name), [field.name for field in fields(Shift)]
+            )
         return Shift(**value)
     return Shift.parse(value) if isinstance(value, str) else value
 
@@ -196,7 +215,11 @@ _FORMS: Mapping[str, Callable[[Any], Any]] = {
 
 def _check_size(name: str, value: Any) -> None:
     is_size = isinstance(value, tuple) and all(isinstance(part, int) for part in value)
-    if not (is_size and as_size(value)) or value[0] > NATIVE_HEIGHT or value[1] > NATIVE_WIDTH:
+    if (
+        not (is_size and as_size(value))
+        or value[0] > NATIVE_HEIGHT
+        or value[1] > NATIVE_WIDTH
+    ):
         raise OptionError(
             f"{name} is (height, width) in pixels, at most {(NATIVE_HEIGHT, NATIVE_WIDTH)}, or one "
             f"number for a square; got {value!r}."
@@ -232,15 +255,21 @@ def checked_seed(seed: Any) -> int | None:
     return number
 
 
-def checked_reset_options(options: Any, known: Collection[str] | None = None) -> dict[str, Any]:
+def checked_reset_options(
+    options: Any, known: Collection[str] | None = None
+) -> dict[str, Any]:
     """The options of a reset as a new dict, all of them among `known`, if that is given."""
     if options is not None and not isinstance(options, Mapping):
         raise OptionError(f"The options of a reset are a dict, got {options!r}.")
-    given = {name: value for name, value in (options or {}).items() if name not in OF_OTHERS}
+    given = {
+        name: value for name, value in (options or {}).items() if name not in OF_OTHERS
+    }
     if known is not None:
         for name in given:
             if name == "seed":
-                raise UnknownNameError(f"Unknown option of a reset 'seed'. {ELSEWHERE[name]}")
+                raise UnknownNameError(
+                    f"Unknown option of a reset 'seed'. {ELSEWHERE[name]}"
+                )
             check_known("option of a reset", name, known)
     return given
 

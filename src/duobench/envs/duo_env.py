@@ -81,7 +81,10 @@ class DuoEnv(gym.Env[Observation, Any]):
         BackendError: The arms cannot be reached.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(CONTROL_HZ)}  # noqa: RUF012 - Gymnasium's way to declare it
+    metadata: dict[str, Any] = {  # noqa: RUF012 - Gymnasium's way to declare it
+        "render_modes": ["rgb_array"],
+        "render_fps": round(CONTROL_HZ),
+    }
 
     action_mode = "joint"
     """Name of what an action means; `env.get_wrapper_attr` finds that of the outermost wrapper."""
@@ -120,14 +123,19 @@ class DuoEnv(gym.Env[Observation, Any]):
     @property
     def subinstructions(self) -> dict[int, str]:
         """What to do at each stage 0 to n-1 to reach the next one."""
-        return {number: stage.instruction for number, stage in enumerate(self.definition.stages)}
+        return {
+            number: stage.instruction
+            for number, stage in enumerate(self.definition.stages)
+        }
 
     @property
     def _max_episode_steps(self) -> int:
         """The task's horizon in control steps; a time limit enforces it."""
         return self.definition.horizon
 
-    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Start:
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> Start:
         """Begin an episode.
 
         Args:
@@ -201,14 +209,18 @@ class DuoEnv(gym.Env[Observation, Any]):
     def _truncation_reason(self) -> str | None:
         """Why the arms, which hold then, cannot go on; None where they can."""
         backend = self.backend
-        if backend.held is None and (fault := backend.health() or _stale(backend.image_ages())):
+        if backend.held is None and (
+            fault := backend.health() or _stale(backend.image_ages())
+        ):
             backend.hold(fault)
         return backend.held
 
     def _info(self, clipped: NDArray[np.bool_] | None = None) -> Info:
         return {
             "instruction": self._instruction,
-            "clipped": np.zeros(len(self._sent), dtype=bool) if clipped is None else clipped,
+            "clipped": np.zeros(len(self._sent), dtype=bool)
+            if clipped is None
+            else clipped,
             "sent": self._sent.copy(),
         }
 
@@ -245,7 +257,9 @@ def base_of(env: gym.Env) -> DuoEnv:
     """
     base = env.unwrapped
     if not isinstance(base, DuoEnv):
-        raise TypeError(f"Expected a DuoEnv, wrapped or not, got {type(base).__name__}.")
+        raise TypeError(
+            f"Expected a DuoEnv, wrapped or not, got {type(base).__name__}."
+        )
     return base
 
 
@@ -265,7 +279,9 @@ def _by_name(reset: Callable[..., Start]) -> Callable[..., Start]:
     @wraps(reset)
     def checked(self: gym.Env, *wrong: Any, **named: Any) -> Start:
         if wrong:
-            raise OptionError(f"reset takes its arguments by name: reset(seed={wrong[0]!r}).")
+            raise OptionError(
+                f"reset takes its arguments by name: reset(seed={wrong[0]!r})."
+            )
         return reset(self, **named)
 
     return checked
@@ -374,11 +390,15 @@ class ObservingWrapper(DuoWrapper, gym.ObservationWrapper):
         arguments: What the wrapper was made with.
     """
 
-    def __init__(self, env: gym.Env, added: Mapping[str, gym.Space], **arguments: Any) -> None:
+    def __init__(
+        self, env: gym.Env, added: Mapping[str, gym.Space], **arguments: Any
+    ) -> None:
         super().__init__(env, **arguments)
         inner = env.observation_space
         if not isinstance(inner, gym.spaces.Dict):
-            raise TypeError(f"{type(self).__name__} takes a Dict of observations, got {inner}.")
+            raise TypeError(
+                f"{type(self).__name__} takes a Dict of observations, got {inner}."
+            )
         self.observation_space = gym.spaces.Dict({**inner.spaces, **added})
 
     def restore_state(self, state: EpisodeState) -> Start:

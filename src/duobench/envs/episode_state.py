@@ -75,7 +75,9 @@ class EpisodeState:
     def hash(self) -> str:
         """SHA-256 over all of it but instruction and look; equal states, equal hashes."""
         digest = hashlib.sha256(self.physics.tobytes())
-        targets = [(side, pose.tquat.tolist()) for side, pose in self.tool_targets or ()]
+        targets = [
+            (side, pose.tquat.tolist()) for side, pose in self.tool_targets or ()
+        ]
         progress = None if self.progress is None else asdict(self.progress)
         rest = [self.layout.to_json(), progress, self.steps, self.over, targets]
         if self.scale != UNSCALED:

@@ -90,7 +90,9 @@ class RandomizedReset(DuoWrapper):
             split = options.setdefault(SPLIT, self._split)
             if self._is_varied and options.get(INSTRUCTION) is None:
                 count = len(self.base.definition.instructions)
-                number = instruction_number(self.task, options[LAYOUT_SEED], count, split)
+                number = instruction_number(
+                    self.task, options[LAYOUT_SEED], count, split
+                )
                 options[INSTRUCTION] = number
         observation, info = self.env.reset(seed=seed, options=options)
         info["seed"], info[SPLIT] = None if used is None else int(used), split
@@ -153,7 +155,9 @@ class TaskStages(DuoWrapper):
         OptionError: The reward is "dense", and the judge measures nothing, as a person does.
     """
 
-    def __init__(self, env: gym.Env, judge: Judge | None = None, *, reward: str = STAGE) -> None:
+    def __init__(
+        self, env: gym.Env, judge: Judge | None = None, *, reward: str = STAGE
+    ) -> None:
         check_known("reward", reward, REWARDS)
         super().__init__(env, reward=reward)
         self._reward = reward
@@ -306,7 +310,9 @@ class TimeLimit(DuoWrapper):
         """Advance one control step; the last one of the horizon is truncated."""
         if self._over:
             ClosedEnvError.check(self.base.closed)
-            raise ResetNeededError("The episode is over; call reset to begin another one.")
+            raise ResetNeededError(
+                "The episode is over; call reset to begin another one."
+            )
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
         truncated = truncated or self._steps >= self._limit

@@ -74,7 +74,11 @@ class Step:
 
 
 def execute(
-    env: gym.Env, chunk: NDArray[np.floating], *, before: int = 0, render_last: bool = False
+    env: gym.Env,
+    chunk: NDArray[np.floating],
+    *,
+    before: int = 0,
+    render_last: bool = False,
 ) -> Iterator[Step]:
     """Execute the actions (H, n) of a chunk in order, until its end or the episode's.
 

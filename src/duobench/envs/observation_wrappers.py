@@ -63,7 +63,9 @@ class Cameras(ObservingWrapper):
     ) -> None:
         names = as_several(cameras)
         if names is None:
-            raise OptionError(f"cameras is a name, or a list of names; got {cameras!r}.")
+            raise OptionError(
+                f"cameras is a name, or a list of names; got {cameras!r}."
+            )
         for name in names:
             check_known("camera", name, POLICY_CAMERAS)
         self._cameras = names
@@ -72,10 +74,13 @@ class Cameras(ObservingWrapper):
         check_image_size(height, width)
 
         images: dict[str, gym.Space] = {
-            name: gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8) for name in names
+            name: gym.spaces.Box(0, 255, (height, width, 3), dtype=np.uint8)
+            for name in names
         }
         space = gym.spaces.Dict(images)
-        super().__init__(env, {PIXELS: space}, cameras=self._cameras, image_size=image_size)
+        super().__init__(
+            env, {PIXELS: space}, cameras=self._cameras, image_size=image_size
+        )
 
     def set_rendering(self, is_on: bool) -> None:
         """Switch images on or off; while they are off, an observation has no `pixels`."""
@@ -85,7 +90,10 @@ class Cameras(ObservingWrapper):
         """The observation with an image of each camera, unless they are switched off."""
         if not self._is_rendering:
             return observation
-        return {**observation, PIXELS: self.base.backend.images(self._cameras, self._shape)}
+        return {
+            **observation,
+            PIXELS: self.base.backend.images(self._cameras, self._shape),
+        }
 
 
 class ObjectStates(ObservingWrapper):
@@ -106,7 +114,9 @@ class ObjectStates(ObservingWrapper):
             )
         self._simulation = cast("SimEnv", base).simulation
         self._state = base.definition.object_state
-        numbers = gym.spaces.Box(-LARGEST, LARGEST, (len(self._state.names),), dtype=np.float32)
+        numbers = gym.spaces.Box(
+            -LARGEST, LARGEST, (len(self._state.names),), dtype=np.float32
+        )
         super().__init__(env, {ENVIRONMENT_STATE: numbers})
 
     @property
@@ -139,7 +149,9 @@ class FlatObservations(ObservingWrapper):
 
 def flat_entries(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Entries of an observation, or their spaces, with each image at the top."""
-    images = {f"{camera}_image": image for camera, image in entries.get(PIXELS, {}).items()}
+    images = {
+        f"{camera}_image": image for camera, image in entries.get(PIXELS, {}).items()
+    }
     return {key: value for key, value in entries.items() if key != PIXELS} | images
 
 

@@ -17,7 +17,12 @@ from duobench.envs.action_wrappers import ActionChunks, BinaryGripper
 from duobench.envs.config import VARIED, EnvConfig
 from duobench.envs.duo_env import DuoWrapper
 from duobench.envs.episode_wrappers import RandomizedReset, TaskStages, TimeLimit
-from duobench.envs.observation_wrappers import Cameras, FlatObservations, ObjectStates, Sensing
+from duobench.envs.observation_wrappers import (
+    Cameras,
+    FlatObservations,
+    ObjectStates,
+    Sensing,
+)
 from duobench.envs.registration import WRAPPERS
 from duobench.tasks import catalog
 from duobench.tasks.shifts.levels import level_for

@@ -78,7 +78,9 @@ def register(task: Task | str) -> str:
     """
     spec = _spec(task)
     if spec.id in map(env_id, catalog.names()):
-        raise DuoBenchError(f"The benchmark has a task with id {spec.id!r}; give yours another id.")
+        raise DuoBenchError(
+            f"The benchmark has a task with id {spec.id!r}; give yours another id."
+        )
     gym.registry[spec.id] = spec
     return spec.id
 
@@ -178,9 +180,15 @@ def make_vec(
         env = make(task, **{"cameras": False, **options})
         return BatchEnv(env, num_envs, threads, layouts, **given)
     if layouts is not None:
-        raise OptionError("layouts belongs to threads and Warp: add threads=1, or leave it out.")
+        raise OptionError(
+            "layouts belongs to threads and Warp: add threads=1, or leave it out."
+        )
     return gym.make_vec(
-        _spec_with(task, options), num_envs, vectorization_mode, vector_kwargs, **options
+        _spec_with(task, options),
+        num_envs,
+        vectorization_mode,
+        vector_kwargs,
+        **options,
     )
 
 

@@ -109,7 +109,9 @@ class SimEnv(DuoEnv):
     def layout(self) -> Layout:
         """How the current episode began; an error before the first reset."""
         if self._layout is None:
-            raise ResetNeededError("There is no layout before the first reset; call reset first.")
+            raise ResetNeededError(
+                "There is no layout before the first reset; call reset first."
+            )
         return self._layout
 
     @property
@@ -132,8 +134,12 @@ class SimEnv(DuoEnv):
 
     def _begin(self, options: Mapping[str, Any]) -> Info:
         options = checked_reset_options(options, OF_SIMULATION)
-        words = checked_instruction(options.get(INSTRUCTION), len(self.definition.instructions))
-        look = self._usual_look if (given := options.get(LOOK)) is None else as_look(given)
+        words = checked_instruction(
+            options.get(INSTRUCTION), len(self.definition.instructions)
+        )
+        look = (
+            self._usual_look if (given := options.get(LOOK)) is None else as_look(given)
+        )
         # What shifts sample follows from the seed; a layout that is given stands for none.
         seed = checked_seed(options.get(LAYOUT_SEED)) or DEFAULT_SEED
         key = EpisodeKey(task=self.task, seed=seed, split=options.get(SPLIT, EVAL))
@@ -147,7 +153,9 @@ class SimEnv(DuoEnv):
         if options.get(INSTRUCTION) is None:
             kept = self.definition.kept_paraphrases
             number = kept_paraphrase(self._shift, key, len(kept))
-            words = None if number is None else kept[number].format(**self._layout.variants)
+            words = (
+                None if number is None else kept[number].format(**self._layout.variants)
+            )
         self._instruction = words if isinstance(words, str) else own
         self.simulation.settle()
         return {LAYOUT: _as_floats(tried[-1])}
@@ -273,14 +281,21 @@ class SimJudge(Progress):
         """How near the next stage is, from 0 to below 1."""
         return self.nearness(self._env.simulation)
 
-    def set_state(self, state: ProgressState, variants: Mapping[str, str] | None = None) -> None:
+    def set_state(
+        self, state: ProgressState, variants: Mapping[str, str] | None = None
+    ) -> None:
         """Continue from a state, in the environment's layout where no variants are given."""
-        super().set_state(state, self._env.layout.variants if variants is None else variants)
+        super().set_state(
+            state, self._env.layout.variants if variants is None else variants
+        )
 
 
 def _as_floats(layout: Mapping[str, Any]) -> dict[str, Any]:
     """The JSON form of a layout with plain numbers, as it was given."""
-    poses = {name: [float(number) for number in pose] for name, pose in layout["poses"].items()}
+    poses = {
+        name: [float(number) for number in pose]
+        for name, pose in layout["poses"].items()
+    }
     return {"poses": poses, "variants": dict(layout.get("variants", {}))}
 
 

@@ -46,7 +46,9 @@ def box(low: ArrayLike, high: ArrayLike) -> gym.spaces.Box:
     low32, high32 = low.astype(np.float32), high.astype(np.float32)
     with np.errstate(under="ignore"):  # next to 0 is a number that underflows
         low32 = np.where(low32 < low, np.nextafter(low32, np.float32(np.inf)), low32)
-        high32 = np.where(high32 > high, np.nextafter(high32, np.float32(-np.inf)), high32)
+        high32 = np.where(
+            high32 > high, np.nextafter(high32, np.float32(-np.inf)), high32
+        )
     return gym.spaces.Box(low32, high32, dtype=np.float32)
 
 
@@ -81,10 +83,15 @@ def observations(limits: DuoLimits) -> gym.spaces.Dict:
     """What the robot reports about itself; see `DuoEnv`."""
     margin = np.tile([*[JOINT_MARGIN] * ARM_JOINTS, 0.0], len(SIDES))
     pose = np.tile([*[REACH] * 3, *[1.0] * 4], len(SIDES))
-    bounds = {"agent_pos": (limits.low - margin, limits.high + margin), "tcp_pose": (-pose, pose)}
+    bounds = {
+        "agent_pos": (limits.low - margin, limits.high + margin),
+        "tcp_pose": (-pose, pose),
+    }
     return gym.spaces.Dict(
         {
-            name: gym.spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+            name: gym.spaces.Box(
+                low.astype(np.float32), high.astype(np.float32), dtype=np.float32
+            )
             for name, (low, high) in bounds.items()
         }
     )

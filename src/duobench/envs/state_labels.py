@@ -30,7 +30,9 @@ class StatePart(StrEnum):
         """What its 14 numbers are, left then right."""
         if self is StatePart.TCP_POSE:
             return tuple(name for name in POSE_NAMES if not name.endswith(_GRIPPER))
-        return tuple(f"{name}_velocity" for name in JOINT_NAMES if not name.endswith(_GRIPPER))
+        return tuple(
+            f"{name}_velocity" for name in JOINT_NAMES if not name.endswith(_GRIPPER)
+        )
 
 
 SHOWN = (StatePart.TCP_POSE,)
@@ -39,18 +41,25 @@ SHOWN = (StatePart.TCP_POSE,)
 
 def names_of(parts: Collection[StatePart]) -> tuple[str, ...]:
     """What each number of a state with some parts is, in order."""
-    return (*JOINT_NAMES, *(name for part in StatePart if part in parts for name in part.names))
+    return (
+        *JOINT_NAMES,
+        *(name for part in StatePart if part in parts for name in part.names),
+    )
 
 
 def find(names: Sequence[str]) -> tuple[StatePart, ...] | None:
     """The parts of a state whose numbers have some names; None if there are none."""
     choices = (
-        each for count in range(len(StatePart) + 1) for each in combinations(StatePart, count)
+        each
+        for count in range(len(StatePart) + 1)
+        for each in combinations(StatePart, count)
     )
     return next((parts for parts in choices if names_of(parts) == tuple(names)), None)
 
 
-def shown(observation: Mapping[str, Any], parts: Collection[StatePart]) -> NDArray[np.float32]:
+def shown(
+    observation: Mapping[str, Any], parts: Collection[StatePart]
+) -> NDArray[np.float32]:
     """The state (n,) with some parts, all of them in `SHOWN`, from an observation."""
     keys = ("agent_pos", *(part.value for part in StatePart if part in parts))
     return np.concatenate([np.asarray(observation[key], np.float32) for key in keys])

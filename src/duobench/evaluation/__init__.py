@@ -22,10 +22,16 @@ if TYPE_CHECKING:
         rollout as rollout,
     )
     from duobench.evaluation.video import VideoRecorder as VideoRecorder
-    from duobench.results.bundle import open_source as open_source, write_bundle as write_bundle
+    from duobench.results.bundle import (
+        open_source as open_source,
+        write_bundle as write_bundle,
+    )
     from duobench.results.folder import RunFolder as RunFolder
     from duobench.results.records import EpisodeRecord as EpisodeRecord
-    from duobench.results.report import read_results as read_results, write_report as write_report
+    from duobench.results.report import (
+        read_results as read_results,
+        write_report as write_report,
+    )
     from duobench.results.run import Run as Run, TimeLimits as TimeLimits
     from duobench.results.scores import (
         Results as Results,

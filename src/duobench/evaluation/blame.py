@@ -55,7 +55,9 @@ def _causes(error: BaseException) -> list[BaseException]:
     return causes
 
 
-def place_of(error: BaseException) -> tuple[Place | None, BaseException, TracebackType | None]:
+def place_of(
+    error: BaseException,
+) -> tuple[Place | None, BaseException, TracebackType | None]:
     """Place at which an error was raised, by which error, and its traceback from there on."""
     for cause in _causes(error):
         trace = cause.__traceback__
@@ -76,7 +78,9 @@ def fault_of(error: BaseException, task: str) -> MachineryError:
     place, cause, trace = place_of(error)
     if place is Place.TASK:
         text = foreign_traceback(cause.with_traceback(trace))
-        return TaskFailedError(f"The task {task!r} itself failed, not the policy.\n{text}")
+        return TaskFailedError(
+            f"The task {task!r} itself failed, not the policy.\n{text}"
+        )
     if isinstance(error, DuoBenchError):
         return MachineryError(str(error))
     if place is Place.RENDERING:

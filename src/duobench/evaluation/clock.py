@@ -138,7 +138,9 @@ class Stopwatch:
         busy_s = self._policy if busy_s is None else min(busy_s, self._policy)
         return EpisodeTimes(
             total=time.perf_counter() - self._start,
-            simulation=max(0.0, self._rollout - self._rendering - self._policy - video_s),
+            simulation=max(
+                0.0, self._rollout - self._rendering - self._policy - video_s
+            ),
             rendering=self._rendering,
             policy=busy_s,
             waiting=self._policy - busy_s,

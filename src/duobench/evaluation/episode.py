@@ -18,7 +18,12 @@ from duobench.core.errors import (
     escaped,
 )
 from duobench.core.randomness import EVAL, SALTED, episode_seed
-from duobench.core.versions import package_source, package_versions, record_versions, source_hashes
+from duobench.core.versions import (
+    package_source,
+    package_versions,
+    record_versions,
+    source_hashes,
+)
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
 from duobench.envs.config import FIXED, EnvConfig
@@ -91,7 +96,9 @@ class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """Its recording as a Parquet file, if there is one that is kept."""
     times: EpisodeTimes | None = None
 
-    def objection(self, episode: Episode, run: Run, plan: RecordingPlan | None) -> str | None:
+    def objection(
+        self, episode: Episode, run: Run, plan: RecordingPlan | None
+    ) -> str | None:
         """Why this is not the episode of a run that was to be played; None if it is."""
         wrong = run.objection(self.record, episode)
         if wrong is not None:
@@ -199,7 +206,11 @@ class EpisodeRunner:
         config = EnvConfig(
             **needed_options(metadata),
             instructions=job.recording.instructions if job.recording else FIXED,
-            split=job.recording.split if job.recording else SALTED if job.suite.salt else EVAL,
+            split=job.recording.split
+            if job.recording
+            else SALTED
+            if job.suite.salt
+            else EVAL,
             look=job.suite.look,
         )
         with before_policy(""):
@@ -244,7 +255,9 @@ class EpisodeRunner:
         asking = Asking()
 
         def busy() -> AbstractContextManager[None]:
-            return asking.within(watch.policy(self._clock.timed(self._limits, recorder.steps)))
+            return asking.within(
+                watch.policy(self._clock.timed(self._limits, recorder.steps))
+            )
 
         error = late = None
         before = getattr(policy, "busy_s", None)
@@ -257,7 +270,9 @@ class EpisodeRunner:
                     hashed=episode.policy_seed,
                     watchers=watchers,
                     busy=busy,
-                    execution=self.run.suite.execution_of(episode.task.id, episode.shift),
+                    execution=self.run.suite.execution_of(
+                        episode.task.id, episode.shift
+                    ),
                 )
                 so_far = recorder.record(self.run, self.versions)
                 late = self._play_on(env, following, so_far, asking)
@@ -288,7 +303,11 @@ class EpisodeRunner:
         )
 
     def _play_on(
-        self, env: gym.Env, following: Iterator[Step], record: EpisodeRecord, asking: Asking
+        self,
+        env: gym.Env,
+        following: Iterator[Step],
+        record: EpisodeRecord,
+        asking: Asking,
     ) -> int | None:
         """Play on after the horizon, if asked to; the step that reached the last stage, if any."""
         limit = round(self.run.suite.overtime * record.horizon)
@@ -318,7 +337,9 @@ class EpisodeRunner:
         with before_policy(episode.task.id):
             observation, info = env.reset(seed=episode.seed)
         question = _digest(
-            instruction=info["instruction"], seed=episode.policy_seed, observation=observation
+            instruction=info["instruction"],
+            seed=episode.policy_seed,
+            observation=observation,
         )
         answers: list[str] = []
         try:
@@ -333,7 +354,9 @@ class EpisodeRunner:
                 f"nothing was played:\n{error}"
             ) from error
         is_same = answers[0] == answers[1]
-        return FirstAnswer(question=question, answer=answers[0] if is_same else NOT_REPEATABLE)
+        return FirstAnswer(
+            question=question, answer=answers[0] if is_same else NOT_REPEATABLE
+        )
 
     def close(self) -> None:
         """Free environment and policy, which are not used again."""
@@ -346,7 +369,9 @@ class EpisodeRunner:
     def _prepare(self, episode: Episode) -> _Setting:
         """What a task and a shift are played in; that of others is closed first."""
         with before_policy(episode.task.id):
-            return self._latest.get((episode.task, episode.shift), lambda: self._make(episode))
+            return self._latest.get(
+                (episode.task, episode.shift), lambda: self._make(episode)
+            )
 
     def _make(self, episode: Episode) -> _Setting:
         config = replace(self.run.candidate.config, shift=episode.shift)

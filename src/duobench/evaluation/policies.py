@@ -73,11 +73,19 @@ class PolicyChoice:
     @property
     def may_see(self) -> bool:
         """Whether it may ask for images."""
-        return self.name.kind in (PolicyKind.LEROBOT, PolicyKind.MODULE, PolicyKind.SERVED)
+        return self.name.kind in (
+            PolicyKind.LEROBOT,
+            PolicyKind.MODULE,
+            PolicyKind.SERVED,
+        )
 
     @classmethod
     def parse(
-        cls, name: str, *, batching: Batching | None = None, server: RemoteServer | None = None
+        cls,
+        name: str,
+        *,
+        batching: Batching | None = None,
+        server: RemoteServer | None = None,
     ) -> Self:
         """Choose a policy, without making it.
 
@@ -102,7 +110,9 @@ class PolicyChoice:
                 f"The policy {self.name.text!r} is served somewhere: it needs an address."
             )
         if self.batching is not None:
-            raise PolicyError("How many observations are answered together is up to the server.")
+            raise PolicyError(
+                "How many observations are answered together is up to the server."
+            )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -133,7 +143,9 @@ class ExpertPolicy(Expert):
     def __init__(self, env: gym.Env, variety: Variety = NONE) -> None:
         duo = sim_of(env)
         script = find_script(duo.definition)
-        super().__init__(duo.simulation, script, variety=variety, task_id=duo.definition.id)
+        super().__init__(
+            duo.simulation, script, variety=variety, task_id=duo.definition.id
+        )
         self.metadata = _expert_metadata(variety)
 
 
@@ -147,7 +159,9 @@ class BlindPolicy(Expert):
 
     def __init__(self, env: gym.Env) -> None:
         duo = sim_of(env)
-        super().__init__(duo.simulation, blind.SCRIPTS.get(duo.definition.id, lambda _: wait(0)))
+        super().__init__(
+            duo.simulation, blind.SCRIPTS.get(duo.definition.id, lambda _: wait(0))
+        )
 
 
 def variety_of(name: PolicyName) -> Variety:
@@ -194,20 +208,29 @@ def find_source(
         modules = {find_script(task.reference).__module__ for task in tasks}
         if variety is not NONE:
             modules.add(Variety.__module__)
-        metadata, bind = _expert_metadata(variety), partial(ExpertPolicy, variety=variety)
+        metadata, bind = (
+            _expert_metadata(variety),
+            partial(ExpertPolicy, variety=variety),
+        )
     elif choice.name.kind is PolicyKind.BLIND:
         modules = {script.__module__ for script in blind.SCRIPTS.values()}
         modules |= {find_script(task).__module__ for task in blind.SCRIPTS}
         metadata, bind = BlindPolicy.metadata, BlindPolicy
     else:
         made, metadata, batching = make_batched(choice.name, choice.batching)
-        return _for_any(ContainedPolicy(made, batching or ONE_BY_ONE), metadata, batching)
+        return _for_any(
+            ContainedPolicy(made, batching or ONE_BY_ONE), metadata, batching
+        )
     if choice.batching is not None:
         raise no_batches(choice.name)
-    return PolicySource(metadata=replace(metadata, version=source_version(*modules)), bind=bind)
+    return PolicySource(
+        metadata=replace(metadata, version=source_version(*modules)), bind=bind
+    )
 
 
-def _served(choice: PolicyChoice, server: RemoteServer, limits: TimeLimits) -> PolicySource:
+def _served(
+    choice: PolicyChoice, server: RemoteServer, limits: TimeLimits
+) -> PolicySource:
     path = SERVED.get(choice.name.text, OPENPI)
     remote = resolve_name(path)(replace(server, answer_s=limits.served_s))
     return _for_any(remote, remote.metadata, remote.batching)
@@ -218,14 +241,23 @@ def _apart(address: PolicyAddress) -> PolicySource:
     from duobench.policy.serving.client import OwnPolicy
 
     remote = OwnPolicy(
-        RemoteServer(url=address.url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S)
+        RemoteServer(
+            url=address.url, key=address.key, answer_s=MAX_S, wait_s=_ANSWERING_S
+        )
     )
-    return replace(_for_any(remote, remote.metadata, address.batching), waits_for_others=True)
+    return replace(
+        _for_any(remote, remote.metadata, address.batching), waits_for_others=True
+    )
 
 
-def _for_any(policy: Any, metadata: PolicyMetadata, batching: Batching | None) -> PolicySource:
+def _for_any(
+    policy: Any, metadata: PolicyMetadata, batching: Batching | None
+) -> PolicySource:
     return PolicySource(
-        metadata=metadata, bind=lambda _env: policy, close=policy.close, batching=batching
+        metadata=metadata,
+        bind=lambda _env: policy,
+        close=policy.close,
+        batching=batching,
     )
 
 

@@ -28,7 +28,9 @@ class EpisodeRecorder:
         on_stage: Called when it has begun, and whenever it has reached a new stage.
     """
 
-    def __init__(self, episode: Episode, on_stage: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, episode: Episode, on_stage: Callable[[], None] = lambda: None
+    ) -> None:
         self._episode = episode
         self._on_stage = on_stage
         self._env: gym.Env | None = None
@@ -42,7 +44,12 @@ class EpisodeRecorder:
         self._start: EpisodeState | None = None
         self._end: EpisodeState | None = None
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+    def on_episode_start(
+        self,
+        env: gym.Env,
+        observation: Observation,  # noqa: ARG002 - the protocol's signature
+        info: Info,
+    ) -> None:
         """Note what the reset sampled, and the state that it led to."""
         self._env, self._info, self._requested = env, info, [base_of(env).requested]
         self._start = _state(env)

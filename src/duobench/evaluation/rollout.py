@@ -11,7 +11,13 @@ import numpy as np
 from duobench.core.randomness import EVAL, policy_seed
 from duobench.envs.config import SPLIT
 from duobench.envs.duo_env import base_of
-from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution, Step, execute, optional_method
+from duobench.envs.execution import (
+    WHOLE_CHUNKS,
+    ChunkExecution,
+    Step,
+    execute,
+    optional_method,
+)
 from duobench.policy.policy import Policy, as_chunk, check_fits
 from duobench.results.run import Run
 
@@ -28,7 +34,9 @@ class Watcher(Protocol):
     only at those that the policy sees. What inherits from it need not have all of its methods.
     """
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:
+    def on_episode_start(
+        self, env: gym.Env, observation: Observation, info: Info
+    ) -> None:
         """The environment was reset, and the policy too."""
 
     def on_step(self, step: Step) -> None:
@@ -121,7 +129,9 @@ def rollout(
             watcher.on_episode_start(env, observation, info)
         if needs_frames:
             render(True)
-        steps = _steps(env, policy, observation, busy, execution, render_last=not needs_frames)
+        steps = _steps(
+            env, policy, observation, busy, execution, render_last=not needs_frames
+        )
         for step in steps:
             for watcher in watching:
                 watcher.on_step(step)
@@ -145,7 +155,9 @@ def _steps(
     waiting, number = np.tile(held, (execution.latency, 1)), 0
     while True:
         with busy():
-            answered = as_chunk(policy.act(observation), action_size)[: execution.execute]
+            answered = as_chunk(policy.act(observation), action_size)[
+                : execution.execute
+            ]
             wanted = getattr(policy, "intended_action", None)
             if wanted is not None:
                 optional_method(env, "intend")(wanted)
@@ -161,7 +173,10 @@ def _changes_observations(env: gym.Env) -> bool:
     """Whether a wrapper around the one that renders makes something of every observation."""
     while isinstance(env, gym.Wrapper) and not hasattr(env, "set_rendering"):
         space = env.env.observation_space
-        if isinstance(env, gym.ObservationWrapper) or env.observation_space is not space:
+        if (
+            isinstance(env, gym.ObservationWrapper)
+            or env.observation_space is not space
+        ):
             return True
         env = env.env
     return False
@@ -176,5 +191,7 @@ def watched_by(watchers: Sequence[Watcher]) -> Iterator[None]:
         yield
 
 
-def _end(watcher: Watcher, _kind: object, error: BaseException | None, _trace: object) -> None:
+def _end(
+    watcher: Watcher, _kind: object, error: BaseException | None, _trace: object
+) -> None:
     watcher.on_episode_end(error)

@@ -43,7 +43,9 @@ class Overview:
     def __init__(self, env: gym.Env) -> None:
         self._base = sim_of(env)
         height, width = VIDEO_SIZE
-        self._renderer = Renderer(self._base.simulation.model, height=height, width=width)
+        self._renderer = Renderer(
+            self._base.simulation.model, height=height, width=width
+        )
 
     def image(self) -> Image:
         """The current image (480, 640, 3), in the look of the episode."""
@@ -65,14 +67,21 @@ class VideoRecorder:
         picture: Adds stage, time and the images of observations; None shows the image alone.
     """
 
-    def __init__(self, render: Callable[[], Image], picture: "Picture | None" = None) -> None:
+    def __init__(
+        self, render: Callable[[], Image], picture: "Picture | None" = None
+    ) -> None:
         self._render, self._picture = render, picture
         self.seconds = 0.0
         """Seconds that the video has taken so far."""
         self._file = io.BytesIO()
         self._writer = VideoWriter(self._file, VP9, FRAME_RATE)
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+    def on_episode_start(
+        self,
+        env: gym.Env,  # noqa: ARG002 - the protocol's signature
+        observation: Observation,
+        info: Info,
+    ) -> None:
         """Show the reset."""
         self._look(0, observation)
         self._show(0, info)
@@ -152,8 +161,12 @@ class Picture:
         cell = height // max(_MOST_SHARE, len(self._images))
         scaled: dict[str, Pillow.Image] = {}
         for name, image in self._images.items():
-            width = 2 * max(1, round(cell * image.shape[1] / image.shape[0] / 2))  # even, for VP9
-            scaled[name] = Pillow.fromarray(image).resize((width, cell), Pillow.Resampling.LANCZOS)
+            width = 2 * max(
+                1, round(cell * image.shape[1] / image.shape[0] / 2)
+            )  # even, for VP9
+            scaled[name] = Pillow.fromarray(image).resize(
+                (width, cell), Pillow.Resampling.LANCZOS
+            )
         widest = max(image.width for image in scaled.values())
         column = Pillow.new("RGB", (widest, height), _PAPER)
         for nth, (name, image) in enumerate(scaled.items()):

@@ -143,7 +143,9 @@ def answer(
             filled.append(begin(policy, sessions[0].instruction, _PADDING_SEED))
             padding.callback(end, policy, filled[-1])
         if len(set(map(id, filled))) < len(filled):
-            raise PolicyError("`begin` returned one session twice; each episode has its own.")
+            raise PolicyError(
+                "`begin` returned one session twice; each episode has its own."
+            )
         given: Any = policy.act_batch(filled, copies)
         if isinstance(given, Mapping) or not isinstance(given, Iterable):
             raise PolicyError(
@@ -274,7 +276,9 @@ class PolicyPool:
         size: Most objects at a time.
     """
 
-    def __init__(self, first: Policy, make: Callable[[], Policy], size: int = 1) -> None:
+    def __init__(
+        self, first: Policy, make: Callable[[], Policy], size: int = 1
+    ) -> None:
         self._make = make
         self.size = size
         self._all = [first]
@@ -287,7 +291,9 @@ class PolicyPool:
         """Begin an episode with an object that no other episode has; an error if all play."""
         if not self._idle:
             if len(self._all) == self.size:
-                raise MachineryError(f"All {self.size} objects of this policy are playing.")
+                raise MachineryError(
+                    f"All {self.size} objects of this policy are playing."
+                )
             seed_generators(MAKING_SEED)
             self._idle.append(self._make())
             self._all.append(self._idle[-1])
@@ -296,7 +302,9 @@ class PolicyPool:
             tried(partial(policy.reset, instruction, seed))
         noise = _reset(policy, instruction, seed)
         self._idle.pop()
-        return _PlainSession(instruction=instruction, seed=seed, policy=policy, noise=noise)
+        return _PlainSession(
+            instruction=instruction, seed=seed, policy=policy, noise=noise
+        )
 
     def act_batch(
         self, sessions: Sequence[_PlainSession], observations: Sequence[Observation]

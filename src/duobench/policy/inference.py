@@ -94,7 +94,9 @@ class InferenceLoop:
     def begin(self, instruction: str, seed: int) -> Future[Session]:
         """Begin an episode: the session, or what the policy raised, as a `PolicyError`."""
         future: Future[Session] = Future()
-        self._queue((future, partial(begin, self._policy, instruction, seed)), self._calls)
+        self._queue(
+            (future, partial(begin, self._policy, instruction, seed)), self._calls
+        )
         return future
 
     def act(self, session: Session, observation: Observation) -> Answer:
@@ -135,7 +137,11 @@ class InferenceLoop:
     def _queue(self, request: T, queue: deque[T], back: Session | None = None) -> None:
         with self._events:
             if self._is_over or len(self._requests) + len(self._calls) >= MAX_WAITING:
-                what = "has ended" if self._is_over else f"has {MAX_WAITING} requests waiting"
+                what = (
+                    "has ended"
+                    if self._is_over
+                    else f"has {MAX_WAITING} requests waiting"
+                )
                 raise BusyError(f"The policy's server {what}.")
             queue.append(request)
             self._expected.discard(id(back))
@@ -144,8 +150,14 @@ class InferenceLoop:
     def _wait(self) -> bool:
         """Wait for something to do; whether the loop goes on."""
         with self._events:
-            while not (self._is_over or self._calls or (self._requests and self._is_due())):
-                left = max(self._deadline - time.monotonic(), 0.0) if self._requests else None
+            while not (
+                self._is_over or self._calls or (self._requests and self._is_due())
+            ):
+                left = (
+                    max(self._deadline - time.monotonic(), 0.0)
+                    if self._requests
+                    else None
+                )
                 self._events.wait(left)
             return not self._is_over
 
@@ -182,7 +194,9 @@ class InferenceLoop:
             busy_s = time.perf_counter() - start
             with self._events:
                 self._expected = set(map(id, sessions))
-                self._deadline = time.monotonic() + min(PATIENCE * busy_s, LONGEST_WAIT_S)
+                self._deadline = time.monotonic() + min(
+                    PATIENCE * busy_s, LONGEST_WAIT_S
+                )
             for request, chunk in zip(batch, chunks, strict=True):
                 request.busy_s = busy_s
                 if isinstance(chunk, PolicyError):

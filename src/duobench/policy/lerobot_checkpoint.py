@@ -82,13 +82,21 @@ def parse(text: str) -> Address:
     for name, value in parse_qsl(query, keep_blank_values=True):
         check_known("option of a LeRobot policy", name, known)
         if not value or name in options:
-            raise PolicyError(f"Option {name!r} of a LeRobot policy needs one value: {text!r}.")
+            raise PolicyError(
+                f"Option {name!r} of a LeRobot policy needs one value: {text!r}."
+            )
         options[name] = value
     steps = options.pop("steps", None)
-    if steps is not None and not (steps.isascii() and steps.isdigit() and int(steps) > 0):
-        raise PolicyError(f"The steps of a LeRobot policy are 1 or more, got {steps!r}.")
+    if steps is not None and not (
+        steps.isascii() and steps.isdigit() and int(steps) > 0
+    ):
+        raise PolicyError(
+            f"The steps of a LeRobot policy are 1 or more, got {steps!r}."
+        )
     check_known("domain", options.get("domain", DOMAINS[0]), DOMAINS)
-    return Address(checkpoint=checkpoint, steps=None if steps is None else int(steps), **options)
+    return Address(
+        checkpoint=checkpoint, steps=None if steps is None else int(steps), **options
+    )
 
 
 def find(checkpoint: str) -> Path:
@@ -104,7 +112,9 @@ def find(checkpoint: str) -> Path:
     if missing:
         last = folder / LAST
         hint = f" Did you mean {Path(checkpoint) / LAST}?" if last.is_dir() else ""
-        raise PolicyError(f"{checkpoint} is no LeRobot policy: no {', '.join(missing)}.{hint}")
+        raise PolicyError(
+            f"{checkpoint} is no LeRobot policy: no {', '.join(missing)}.{hint}"
+        )
     suite = read(folder / FEATURE_NAMES).get(SUITE)
     if suite not in (None, SUITE_VERSION):
         raise PolicyError(
@@ -129,7 +139,9 @@ def _downloaded(checkpoint: str) -> Path:
     from huggingface_hub import snapshot_download  # pyright: ignore[reportMissingImports]
 
     try:
-        return Path(snapshot_download(checkpoint, allow_patterns=["*.json", "*.safetensors"]))
+        return Path(
+            snapshot_download(checkpoint, allow_patterns=["*.json", "*.safetensors"])
+        )
     except (OSError, ValueError) as error:  # the errors of its connections are OSErrors
         raise PolicyError(
             f"There is no folder {checkpoint}, and no checkpoint of that id was downloaded: {error}"
@@ -177,8 +189,12 @@ def inputs(
     sizes = set(shapes.values())
     if len(sizes) > 1:
         listed = ", ".join(f"{key} {h}x{w}" for key, (h, w) in shapes.items())
-        raise PolicyError(f"All images have one size here; the checkpoint's differ: {listed}.")
-    return tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes), next(iter(sizes), None)
+        raise PolicyError(
+            f"All images have one size here; the checkpoint's differ: {listed}."
+        )
+    return tuple(key.removeprefix(IMAGE_PREFIX) for key in shapes), next(
+        iter(sizes), None
+    )
 
 
 def horizon(config: Any) -> int:
@@ -196,7 +212,9 @@ def horizon(config: Any) -> int:
             f"A LeRobot policy of type {config.type!r} is not supported; "
             f"{', '.join(sorted((*CHUNKED, DIFFUSION)))} are."
         )
-    return len(config.action_delta_indices)  # `chunk_size`, or less where a base of GR00T has less
+    return len(
+        config.action_delta_indices
+    )  # `chunk_size`, or less where a base of GR00T has less
 
 
 def _check_vectors(config: Any) -> None:
@@ -241,8 +259,12 @@ def object_numbers(config: Any) -> int:
 
 
 def _with_near_miss(key: str) -> str:
-    near = difflib.get_close_matches(key.removeprefix(IMAGE_PREFIX), POLICY_CAMERAS, n=1)
-    return f"{key!r}" + "".join(f" (did you mean {IMAGE_PREFIX}{camera}?)" for camera in near)
+    near = difflib.get_close_matches(
+        key.removeprefix(IMAGE_PREFIX), POLICY_CAMERAS, n=1
+    )
+    return f"{key!r}" + "".join(
+        f" (did you mean {IMAGE_PREFIX}{camera}?)" for camera in near
+    )
 
 
 def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:

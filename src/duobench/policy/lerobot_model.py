@@ -22,7 +22,13 @@ from safetensors import safe_open  # pyright: ignore[reportMissingImports]
 from torch.overrides import TorchFunctionMode  # pyright: ignore[reportMissingImports]
 
 from duobench.core.errors import PolicyError
-from duobench.core.lerobot_keys import DOMAINS, EXECUTED, IMAGE_PREFIX, OBJECT_STATE, STATE
+from duobench.core.lerobot_keys import (
+    DOMAINS,
+    EXECUTED,
+    IMAGE_PREFIX,
+    OBJECT_STATE,
+    STATE,
+)
 from duobench.envs.state_labels import shown
 from duobench.policy import lerobot_checkpoint as checkpoint
 from duobench.policy.batch import NOISE_STREAM, Chunk, Observation, Session
@@ -79,7 +85,9 @@ class LeRobotPolicy:
         self._steps = _steps(address.steps, longest)
         self._past = config.n_obs_steps if config.type == DIFFUSION else None
         if config.type in (DIFFUSION, GROOT):
-            config.n_action_steps = longest  # it predicts no more than it is going to execute
+            config.n_action_steps = (
+                longest  # it predicts no more than it is going to execute
+            )
         if self._past is not None and self._steps < self._past:
             raise PolicyError(
                 f"The checkpoint sees {self._past} observations at a time, so at least that "
@@ -112,7 +120,9 @@ class LeRobotPolicy:
             object_state=self._object_numbers > 0,
             image_size=image_size,
             action_mode=mode,
-            version=_version(folder, self._steps, mode, self._model, device, config.use_amp)
+            version=_version(
+                folder, self._steps, mode, self._model, device, config.use_amp
+            )
             + (f", domain {address.domain}" if self._domain_key else ""),
             horizon=None if self._past is not None else self._steps,
             dtype=_dtype(self._model),
@@ -147,7 +157,9 @@ class LeRobotPolicy:
             answers.append(answer)
         return answers
 
-    def _window(self, session: LeRobotSession, observation: Observation) -> tuple[Observation, ...]:
+    def _window(
+        self, session: LeRobotSession, observation: Observation
+    ) -> tuple[Observation, ...]:
         past = self._past or 1
         before = session.past or (observation,) * (past - 1)
         return (*before, observation)[-past:]
@@ -163,7 +175,9 @@ class LeRobotPolicy:
         if self._object_numbers:
             batch[OBJECT_STATE] = self._stacked(windows, self._objects)
         for camera in self._cameras:
-            images = self._stacked(windows, lambda one, name=camera: one["pixels"][name])
+            images = self._stacked(
+                windows, lambda one, name=camera: one["pixels"][name]
+            )
             channels_first = images.movedim(-1, -3).contiguous().float()
             batch[IMAGE_PREFIX + camera] = channels_first / 255
         batch["task"] = [session.instruction for session in sessions]
@@ -235,15 +249,23 @@ def _configure(config: Any, folder: Path, device: str, dtype: str | None) -> Non
 
 def _rename_map(processor: Any) -> Mapping[str, str]:
     """From names of the environment to those of the checkpoint, as it was trained."""
-    steps = (step for step in processor.steps if getattr(step, "_registry_name", "") == _RENAMING)
+    steps = (
+        step
+        for step in processor.steps
+        if getattr(step, "_registry_name", "") == _RENAMING
+    )
     return next((step.rename_map for step in steps), {})
 
 
 def _dtype(model: Any) -> str:
-    return "+".join(sorted({str(v.dtype).removeprefix("torch.") for v in model.parameters()}))
+    return "+".join(
+        sorted({str(v.dtype).removeprefix("torch.") for v in model.parameters()})
+    )
 
 
-def _version(folder: Path, steps: int, mode: str, model: Any, device: str, amp: bool) -> str:
+def _version(
+    folder: Path, steps: int, mode: str, model: Any, device: str, amp: bool
+) -> str:
     """What a run must not change: checkpoint, actions executed, numbers, device, libraries."""
     where = torch.device(device)
     card = f" ({torch.cuda.get_device_name(where)})" if where.type == "cuda" else ""
@@ -275,7 +297,11 @@ class EpisodeNoise(TorchFunctionMode):
     ) -> Any:
         kwargs = kwargs or {}
         result = func(*args, **kwargs)
-        if func not in _NORMAL or not result.ndim or len(result) != len(self._generators):
+        if (
+            func not in _NORMAL
+            or not result.ndim
+            or len(result) != len(self._generators)
+        ):
             return result
         rows = [
             generator.standard_normal(result.shape[1:], dtype=np.float32)
@@ -283,7 +309,11 @@ class EpisodeNoise(TorchFunctionMode):
         ]
         noise = torch.from_numpy(np.stack(rows)).to(result)
         if func is torch.normal:
-            named = {"mean": 0.0, "std": 1.0, **dict(zip(("mean", "std"), args, strict=False))}
+            named = {
+                "mean": 0.0,
+                "std": 1.0,
+                **dict(zip(("mean", "std"), args, strict=False)),
+            }
             named |= kwargs
             return noise * named["std"] + named["mean"]
         return noise
@@ -296,18 +326,27 @@ def _check_loaded(model: Any, file: Path) -> None:
     """
     state = model.state_dict()
     with safe_open(file, framework="pt") as weights:
-        names = {name if name in state else _PREFIX + name: name for name in weights.keys()}  # noqa: SIM118 - no mapping
+        names = {
+            name if name in state else _PREFIX + name: name
+            for name in weights.keys()  # noqa: SIM118 - no mapping
+        }
         wrong = [
             own
             for own, name in names.items()
             if own in state and not _is_equal(state[own], weights.get_slice(name))
         ]
-    there = {state[name].data_ptr() for name in names if name in state}  # some share memory
+    there = {
+        state[name].data_ptr() for name in names if name in state
+    }  # some share memory
     wrong += [
-        name for name, value in state.items() if name not in names and value.data_ptr() not in there
+        name
+        for name, value in state.items()
+        if name not in names and value.data_ptr() not in there
     ]
     if wrong:
-        listed = ", ".join(wrong[:_MOST_NAMED]) + (" …" if len(wrong) > _MOST_NAMED else "")
+        listed = ", ".join(wrong[:_MOST_NAMED]) + (
+            " …" if len(wrong) > _MOST_NAMED else ""
+        )
         raise PolicyError(
             f"{len(wrong)} of {len(state)} weights of the model are not those of {file}: {listed}. "
             "The file belongs to another configuration or another version of LeRobot."

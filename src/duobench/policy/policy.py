@@ -71,22 +71,30 @@ class PolicyMetadata:
                     f"The {name} of a policy cannot be {getattr(self, name)!r}: {error}."
                 ) from error
         if not self.control_rate_hz > 0:
-            raise PolicyError(f"A control rate is positive, got {self.control_rate_hz} Hz.")
+            raise PolicyError(
+                f"A control rate is positive, got {self.control_rate_hz} Hz."
+            )
         for name in ("name", "action_mode", "version", "dtype", "device"):
             kinds = str if name in {"name", "action_mode"} else str | None
             value = getattr(self, name)
             if not isinstance(value, kinds) or (value and value != escaped(value)):
-                raise PolicyError(f"The {name} of a policy is printable text, got {value!a}.")
+                raise PolicyError(
+                    f"The {name} of a policy is printable text, got {value!a}."
+                )
             if value and len(value) > _LONGEST_TEXT:
                 raise PolicyError(
                     f"The {name} of a policy has at most {_LONGEST_TEXT} characters, not "
                     f"{len(value)}, as a hash of what it would say."
                 )
         if not all(isinstance(camera, str) for camera in self.cameras):
-            raise PolicyError(f"The cameras of a policy are names, got {self.cameras!r}.")
+            raise PolicyError(
+                f"The cameras of a policy are names, got {self.cameras!r}."
+            )
 
 
-def _or_none(convert: Callable[[Any], object], expected: str) -> Callable[[Any], object]:
+def _or_none(
+    convert: Callable[[Any], object], expected: str
+) -> Callable[[Any], object]:
     def converted(value: Any) -> object:
         result = convert(value)
         if value is not None and result is None:
@@ -105,7 +113,9 @@ def _names(value: Any) -> tuple[Any, ...]:
 
 _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     "cameras": _names,
-    "image_size": _or_none(as_size, "it is (height, width) in pixels, or one number for a square"),
+    "image_size": _or_none(
+        as_size, "it is (height, width) in pixels, or one number for a square"
+    ),
     "control_rate_hz": float,
     "horizon": _or_none(as_count, "it is at least 1 action"),
     "object_state": bool,
@@ -174,7 +184,9 @@ def as_chunk(actions: ArrayLike, width: int | None = FLAT_SIZE) -> NDArray[np.fl
         PolicyError: If the shape is another one, or a number is NaN or infinite.
     """
     try:
-        with np.errstate(over="ignore"):  # too large is infinite, which is rejected below
+        with np.errstate(
+            over="ignore"
+        ):  # too large is infinite, which is rejected below
             chunk = real_array(actions, np.float32).copy()
     except (TypeError, ValueError, OverflowError) as error:
         raise PolicyError(
@@ -217,7 +229,9 @@ def check_fits(metadata: PolicyMetadata, env: gym.Env) -> None:
         )
     problems = [*_differences(metadata, config)]
     if problems:
-        size = "" if metadata.image_size is None else f", image_size={metadata.image_size}"
+        size = (
+            "" if metadata.image_size is None else f", image_size={metadata.image_size}"
+        )
         state = ", object_state=True" if metadata.object_state else ""
         raise PolicyError(
             f"Policy {metadata.name!r} does not fit the environment: {'; '.join(problems)}. One "

@@ -9,7 +9,12 @@ from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
-from duobench.core.errors import DuoBenchError, PolicyError, UnknownNameError, traceback_text
+from duobench.core.errors import (
+    DuoBenchError,
+    PolicyError,
+    UnknownNameError,
+    traceback_text,
+)
 from duobench.core.machine import install_extra
 from duobench.core.references import load
 from duobench.policy.baselines import HoldPolicy, RandomPolicy, ZeroPolicy
@@ -67,7 +72,9 @@ class PolicyName:
     """Name of the expert's variety, if there is one in the name."""
 
     @classmethod
-    def parse(cls, text: str, words: Mapping[str, PolicyKind] = MADE_ALONE) -> "PolicyName":
+    def parse(
+        cls, text: str, words: Mapping[str, PolicyKind] = MADE_ALONE
+    ) -> "PolicyName":
         """Take a name apart, without importing anything.
 
         Args:
@@ -85,9 +92,13 @@ class PolicyName:
         elif is_divided:
             kind = PolicyKind.MODULE
         if kind is None and Path(f"{text}.py").exists():
-            raise PolicyError(f"{text!r} is a module; name a class in it, such as {text}:MyPolicy.")
+            raise PolicyError(
+                f"{text!r} is a module; name a class in it, such as {text}:MyPolicy."
+            )
         if kind is None and "/" in text and not text.endswith(".py"):
-            raise PolicyError(f"A checkpoint of LeRobot is lerobot:{text}, not {text!r}.")
+            raise PolicyError(
+                f"A checkpoint of LeRobot is lerobot:{text}, not {text!r}."
+            )
         if kind is None and "." in text:
             path = Path(text)
             module, attribute = path.stem, path.suffix.removeprefix(".")
@@ -133,7 +144,9 @@ def make_any(name: PolicyName) -> Policy | BatchPolicy:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        is_ours = name.kind is PolicyKind.LEROBOT or name.reference.startswith("duobench.")
+        is_ours = name.kind is PolicyKind.LEROBOT or name.reference.startswith(
+            "duobench."
+        )
         if is_ours and isinstance(error, DuoBenchError):
             raise
         trace = traceback_text(error, skip=1).strip()
@@ -187,8 +200,12 @@ def make_batched(
     policy = make_any(name)
     metadata = policy.metadata
     if metadata.version is None:
-        own = [name.reference.partition(":")[0]] if name.kind is PolicyKind.MODULE else []
-        metadata = replace(metadata, version=source_version(type(policy).__module__, *own))
+        own = (
+            [name.reference.partition(":")[0]] if name.kind is PolicyKind.MODULE else []
+        )
+        metadata = replace(
+            metadata, version=source_version(type(policy).__module__, *own)
+        )
     if isinstance(policy, BatchPolicy):
         return policy, metadata, batching or Batching()
     if batching is not None and objects is None:

@@ -10,8 +10,14 @@ from duobench.core.references import lazy
 if TYPE_CHECKING:
     from duobench.core.sheets import Paper as Paper
     from duobench.printing.coupon import fit_coupon as fit_coupon
-    from duobench.printing.folder import PrintChoice as PrintChoice, write_prints as write_prints
-    from duobench.printing.formats import stl_bytes as stl_bytes, threemf_bytes as threemf_bytes
+    from duobench.printing.folder import (
+        PrintChoice as PrintChoice,
+        write_prints as write_prints,
+    )
+    from duobench.printing.formats import (
+        stl_bytes as stl_bytes,
+        threemf_bytes as threemf_bytes,
+    )
     from duobench.printing.jig import Foot as Foot, placing_jig as placing_jig
     from duobench.printing.parts import (
         PrintedPart as PrintedPart,

@@ -51,17 +51,23 @@ def _peg(name: str, corners: int, across: float) -> PrintedPart:
     return upright(name, mesh_of(section.extrude(PEG_HEIGHT)), YELLOW)
 
 
-def _plate(name: str, corners: int, across: float, plays: tuple[float, ...]) -> PrintedPart:
+def _plate(
+    name: str, corners: int, across: float, plays: tuple[float, ...]
+) -> PrintedPart:
     """A plate with sockets in a row along x, and dimples that number them in front of each."""
     import manifold3d
 
     m = manifold3d.Manifold
     radius, depth, apart = DIMPLE
     step = across + 2 * plays[-1] + WALL
-    tall = (across + 2 * plays[-1]) / (math.cos(math.pi / corners) if corners % 4 else 1)
+    tall = (across + 2 * plays[-1]) / (
+        math.cos(math.pi / corners) if corners % 4 else 1
+    )
     strip = 2 * WALL
     plate = m.cube((step * len(plays) + WALL, tall + 2 * WALL + strip, HEIGHT))
-    plate = plate.translate((-step * len(plays) / 2 - WALL / 2, -tall / 2 - WALL - strip, 0.0))
+    plate = plate.translate(
+        (-step * len(plays) / 2 - WALL / 2, -tall / 2 - WALL - strip, 0.0)
+    )
     for number, play in enumerate(plays, 1):
         x = step * (number - (len(plays) + 1) / 2)
         hole = manifold3d.CrossSection([polygon(corners, (across + 2 * play) / 2)])

@@ -71,22 +71,30 @@ DIMENSIONS: Mapping[str, tuple[Dimension, ...]] = {
         _size("length of the hinge's barrel", chest.LID_WIDTH, FREE),
         _size("hole in the barrel, diameter", 2 * chest.THREAD_RADIUS),
     ),
-    "pour_marbles/left_cup": (_size("inside, between flats", 2 * cup.INNER_RADIUS, FREE),),
-    "pour_marbles/right_cup": (_size("inside, between flats", 2 * cup.INNER_RADIUS, FREE),),
+    "pour_marbles/left_cup": (
+        _size("inside, between flats", 2 * cup.INNER_RADIUS, FREE),
+    ),
+    "pour_marbles/right_cup": (
+        _size("inside, between flats", 2 * cup.INNER_RADIUS, FREE),
+    ),
     "ball_maze/board/floor": (
         _size("way between walls", maze_board.PITCH - maze_board.WALL, FREE),
     ),
     "ball_maze/board/frame": (
         _size("opening for a floor, above its shoulders", 2 * maze_board.INNER),
         _size("slot for a dovetail, at the rim's outside", _narrow(JOINT_PLAY)),
-        _size("slot for a dovetail, at its end", maze_board.DOVETAIL[2] + 2 * JOINT_PLAY),
+        _size(
+            "slot for a dovetail, at its end", maze_board.DOVETAIL[2] + 2 * JOINT_PLAY
+        ),
     ),
     "ball_maze/board/grip": (
         _size("dovetail where it leaves the stay", _narrow(0.0)),
         _size("dovetail at its end", maze_board.DOVETAIL[2]),
         _size("bar, thickness", maze_board.BAR[0], FREE),
     ),
-    "join_blocks/light_block": (_size("peg, either way across", joint_blocks.PEG_WIDTH),),
+    "join_blocks/light_block": (
+        _size("peg, either way across", joint_blocks.PEG_WIDTH),
+    ),
     "join_blocks/dark_block": (
         _size("sockets, either way across", joint_blocks.SOCKET_WIDTH),
         _size("depth of a socket", joint_blocks.SOCKET_DEPTH, FREE),
@@ -95,7 +103,9 @@ DIMENSIONS: Mapping[str, tuple[Dimension, ...]] = {
         _size("peg, either way across", joint_blocks.PEG_WIDTH),
         _size("height of the peg's middle", joint_blocks.PEG_HEIGHT, FREE),
     ),
-    "transfer_gate/gate/base": (_size("hole for the post", gate.POST + 2 * JOINT_PLAY),),
+    "transfer_gate/gate/base": (
+        _size("hole for the post", gate.POST + 2 * JOINT_PLAY),
+    ),
     "transfer_gate/gate/post": (
         _size("edge of the post", gate.POST),
         _size("slot for the ring", _RING + 2 * JOINT_PLAY),
@@ -137,7 +147,12 @@ NAMED = {
 }
 """Numbers that the words name and no object has by itself: lengths in metres, but where a name says
 mm, a mass in grams."""
-_MODULES = {"cup": cup, "microwave": microwave, "pot": pot, "pour_marbles": pour_marbles}
+_MODULES = {
+    "cup": cup,
+    "microwave": microwave,
+    "pot": pot,
+    "pour_marbles": pour_marbles,
+}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -202,7 +217,9 @@ def parts_to_buy(task: Task) -> tuple[PurchasedPart, ...]:
         return () if task.printable else tuple(map(_unprinted, task.props))
     names, bought = [prop.name for prop in task.props], []
     for part in details()[task.id].bought:
-        props = tuple(name for name in names if any(fnmatch(name, each) for each in part.props))
+        props = tuple(
+            name for name in names if any(fnmatch(name, each) for each in part.props)
+        )
         bought.append(replace(part, props=props, count=len(props) or part.count))
     return tuple(bought)
 
@@ -212,7 +229,9 @@ def _unprinted(prop: Prop) -> PurchasedPart:
     names = (prop.name, *(prop.part_name(part.name) for part in prop.parts))
     sizes = []
     for name, solid in zip(names, solids, strict=True):
-        edges = " × ".join(f"{1000 * e:.0f}" for e in np.ptp(printable(solid).vertices, axis=0))
+        edges = " × ".join(
+            f"{1000 * e:.0f}" for e in np.ptp(printable(solid).vertices, axis=0)
+        )
         sizes.append(f"{name}: {edges} mm, {1000 * mass_properties(solid).mass:.0f} g")
     return PurchasedPart(name=prop.name, props=(prop.name,), sizes=tuple(sizes))
 

@@ -23,7 +23,13 @@ from duobench.printing.details import shopping_lines
 from duobench.printing.formats import stl_bytes, threemf_bytes
 from duobench.printing.jig import ID as JIG, Foot, placing_jig
 from duobench.printing.parts import ALL_VARIANTS, PrintJob, job_of
-from duobench.printing.recipe import RECIPE_SCHEMA, UNTRIED, Recipe, recipe_of, recipe_page
+from duobench.printing.recipe import (
+    RECIPE_SCHEMA,
+    UNTRIED,
+    Recipe,
+    recipe_of,
+    recipe_page,
+)
 from duobench.printing.sheet import layout_sheet, neutral_layout
 from duobench.tasks.task import Task
 from duobench.world.sim.layout import Layout
@@ -97,11 +103,16 @@ def write_prints(
     """
     ids = [task.id for task in tasks]
     _check_names(ids)
-    choices = {name for task in tasks for p in task.props if p.choice for name in p.variants}
+    choices = {
+        name for task in tasks for p in task.props if p.choice for name in p.variants
+    }
     for name in variants:
         check_known("variant", name, {*choices, ALL_VARIANTS})
     layouts = layouts or {}
-    jobs = [job_of(task, variants or _variants(task, layouts.get(task.id))) for task in tasks]
+    jobs = [
+        job_of(task, variants or _variants(task, layouts.get(task.id)))
+        for task in tasks
+    ]
     title = "neutral layout" if seed is None else f"layout of seed {seed}"
     choice = PrintChoice(
         tasks=ids,
@@ -112,24 +123,42 @@ def write_prints(
     )
     first = (fit_coupon(), *([placing_jig(foot)] if foot else ()))
     with locked(folder):
-        begin_or_continue(folder, folder / DESCRIPTION, choice, FOLDER_SCHEMA, what="print")
+        begin_or_continue(
+            folder, folder / DESCRIPTION, choice, FOLDER_SCHEMA, what="print"
+        )
         remove_temporary(folder)
         recipes = []
-        for job, task in zip((*first, *jobs), (*(None for _ in first), *tasks), strict=True):
+        for job, task in zip(
+            (*first, *jobs), (*(None for _ in first), *tasks), strict=True
+        ):
             recipes.append(_write_job(folder / job.id, job))
             if task is not None:
                 layout = layouts.get(task.id) or neutral_layout(task)
-                write(folder / task.id / "layout.pdf", layout_sheet(task, layout, title, paper))
+                write(
+                    folder / task.id / "layout.pdf",
+                    layout_sheet(task, layout, title, paper),
+                )
             progress(recipes[-1])
-        words = {"recipes": recipes, "shopping_lines": shopping_lines, "untried": UNTRIED}
-        for name, template in (("README.md", "prints.md.j2"), ("shopping.md", "shopping.md.j2")):
+        words = {
+            "recipes": recipes,
+            "shopping_lines": shopping_lines,
+            "untried": UNTRIED,
+        }
+        for name, template in (
+            ("README.md", "prints.md.j2"),
+            ("shopping.md", "shopping.md.j2"),
+        ):
             write(folder / name, pages.render("duobench.printing", template, **words))
 
 
 def _check_names(ids: list[str]) -> None:
-    taken = sorted({name for name in ids if ids.count(name) > 1 or name in (COUPON, JIG)})
+    taken = sorted(
+        {name for name in ids if ids.count(name) > 1 or name in (COUPON, JIG)}
+    )
     if taken:
-        raise FabricationError(f"Each folder needs a name of its own, got twice: {taken}.")
+        raise FabricationError(
+            f"Each folder needs a name of its own, got twice: {taken}."
+        )
     odd = [name for name in ids if not _NAME.fullmatch(name)]
     if odd:
         raise FabricationError(
@@ -140,7 +169,9 @@ def _check_names(ids: list[str]) -> None:
 def _variants(task: Task, layout: Layout | None) -> list[str]:
     if layout is None:
         return []
-    return [layout.variants[prop.choice] for prop in task.props if prop.choice is not None]
+    return [
+        layout.variants[prop.choice] for prop in task.props if prop.choice is not None
+    ]
 
 
 def _write_job(folder: Path, job: PrintJob) -> Recipe:

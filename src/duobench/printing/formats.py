@@ -22,7 +22,9 @@ _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 _MATERIALS = "http://schemas.microsoft.com/3dmanufacturing/material/2015/02"
 _MODEL = "3D/3dmodel.model"
 _HEADER = 80
-_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+_TRIANGLE = np.dtype(
+    [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")]
+)
 
 _TYPES = """<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
@@ -48,7 +50,9 @@ def stl_bytes(mesh: Mesh, name: str) -> bytes:
     triangles["corners"] = corners
     # A header that begins with "solid" would be taken for that of a text file.
     header = f"DuoBench, mm: {name}".encode("ascii", "replace")[:_HEADER].ljust(_HEADER)
-    return header + np.uint32(len(triangles)).astype("<u4").tobytes() + triangles.tobytes()
+    return (
+        header + np.uint32(len(triangles)).astype("<u4").tobytes() + triangles.tobytes()
+    )
 
 
 def threemf_bytes(job: PrintJob) -> bytes:
@@ -66,7 +70,9 @@ def threemf_bytes(job: PrintJob) -> bytes:
 
 def hex_colour(rgba: Colour) -> str:
     """A colour as #RRGGBB, as it looks on a screen."""
-    return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02X}" for part in rgba[:3])
+    return "#" + "".join(
+        f"{round(255 * min(max(part, 0.0), 1.0)):02X}" for part in rgba[:3]
+    )
 
 
 def _lines(job: PrintJob, spots: Sequence[Spot]) -> Iterator[str]:

@@ -111,7 +111,9 @@ def _cuts(foot: Foot) -> tuple[Shape, ...]:
     )
 
 
-def _block(x: tuple[float, float], y: tuple[float, float], height: float = HEIGHT) -> Shape:
+def _block(
+    x: tuple[float, float], y: tuple[float, float], height: float = HEIGHT
+) -> Shape:
     """A box between values of x and y, around the middle of the jig's height."""
     at = SE3.at(sum(x) / 2, sum(y) / 2, HEIGHT / 2)
     return box(x[1] - x[0], y[1] - y[0], height, at=at)

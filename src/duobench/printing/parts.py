@@ -128,7 +128,9 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
         for number, (value, variant) in enumerate(_values(prop, variants)):
             label = f"{prop.name}_{value}" if value else prop.name
             new, weights = _printed(prop, label, variant)
-            parts += new if number == 0 else [part for part in new if not part.is_shared]
+            parts += (
+                new if number == 0 else [part for part in new if not part.is_shared]
+            )
             masses += weights
     parts = _with_names(_merged(parts))
     for part in parts:
@@ -146,7 +148,9 @@ def job_of(task: Task, variants: Sequence[str] = ()) -> PrintJob:
 def _check(part: PrintedPart) -> None:
     """Reject what no printer makes: too large, in several bodies, or thin as a whole."""
     size = " × ".join(f"{1000 * edge:.1f}".removesuffix(".0") for edge in part.size)
-    bodies = sum(body.volume() > 0 for body in manifold_from(part.mesh).decompose())  # no hollows
+    bodies = sum(
+        body.volume() > 0 for body in manifold_from(part.mesh).decompose()
+    )  # no hollows
     if (part.size > PRINTER).any():
         why = (
             f"it is {size} mm as it lies, and the printer takes {1000 * PRINTER:.0f} mm. Give its "
@@ -155,7 +159,9 @@ def _check(part: PrintedPart) -> None:
     elif bodies > 1:
         why = f"it is {bodies} bodies that do not touch. Join its shapes, or give it `pieces`."
     elif (part.size < THINNEST_WALL).any():
-        why = f"it is {size} mm, and the thinnest wall is {1000 * THINNEST_WALL:.1f} mm."
+        why = (
+            f"it is {size} mm, and the thinnest wall is {1000 * THINNEST_WALL:.1f} mm."
+        )
     else:
         return
     raise FabricationError(f"{part.body} cannot be printed: {why}")
@@ -181,13 +187,19 @@ def upright(
     )
 
 
-def _values(prop: Prop, variants: Sequence[str]) -> Iterator[tuple[str, Mapping[str, str]]]:
+def _values(
+    prop: Prop, variants: Sequence[str]
+) -> Iterator[tuple[str, Mapping[str, str]]]:
     """The variants of an object to print; one without a name where it has none."""
     if prop.choice is None:
         yield "", {}
         return
     known = tuple(prop.variants)
-    chosen = known if ALL_VARIANTS in variants else tuple(dict.fromkeys(variants)) or known[:1]
+    chosen = (
+        known
+        if ALL_VARIANTS in variants
+        else tuple(dict.fromkeys(variants)) or known[:1]
+    )
     for value in chosen:
         if value not in known:
             raise UnknownNameError(f"variant of {prop.name}", value, known)
@@ -218,7 +230,9 @@ def _pieces(body: str, shared: str, solid: Solid, turn: SE3) -> Iterator[Printed
     """The pieces of a solid, or the one that it is; and the body that shared ones belong to."""
     meshes = pieces_of(solid)
     if not solid.pieces:
-        yield upright(body.replace("/", "-"), meshes[0], solid.rgba, turn=turn, body=body)
+        yield upright(
+            body.replace("/", "-"), meshes[0], solid.rgba, turn=turn, body=body
+        )
         return
     for number, (piece, mesh) in enumerate(zip(solid.pieces, meshes, strict=True), 1):
         name, owner = piece.name or str(number), shared if piece.is_shared else body
@@ -250,7 +264,8 @@ def _same(one: Mesh, other: Mesh) -> bool:
     first, second = manifold_from(one), manifold_from(other)
     turns = (SE3.at(yaw=k * math.pi / 2) for k in range(4))
     return any(
-        (first - turned).volume() < SAME_VOLUME and (turned - first).volume() < SAME_VOLUME
+        (first - turned).volume() < SAME_VOLUME
+        and (turned - first).volume() < SAME_VOLUME
         for turned in (placed(second, turn) for turn in turns)
     )
 
@@ -258,12 +273,16 @@ def _same(one: Mesh, other: Mesh) -> bool:
 def _with_names(parts: list[PrintedPart]) -> list[PrintedPart]:
     """Parts with names that any file system takes, each another one."""
     names = [_UNSAFE.sub("_", part.name).lstrip(".") or "part" for part in parts]
-    several = {name for name, count in Counter(map(str.lower, names)).items() if count > 1}
+    several = {
+        name for name, count in Counter(map(str.lower, names)).items() if count > 1
+    }
     numbered = [
         f"{name}-{number}" if name.lower() in several else name
         for number, name in enumerate(names, 1)
     ]
-    return [replace(part, name=name) for part, name in zip(parts, numbered, strict=True)]
+    return [
+        replace(part, name=name) for part, name in zip(parts, numbered, strict=True)
+    ]
 
 
 # --- where they lie on the beds, without overlapping, and clear of one corner ---
@@ -308,7 +327,9 @@ def lay_out(parts: Sequence[PrintedPart]) -> tuple[Spot, ...]:
     kept free; a part that fills the bed lies alone.
     """
     copies = [(part, copy) for part in parts for copy in range(part.count)]
-    copies.sort(key=lambda each: (-each[0].size[1], -each[0].size[0], each[0].name, each[1]))
+    copies.sort(
+        key=lambda each: (-each[0].size[1], -each[0].size[0], each[0].name, each[1])
+    )
     beds: list[list[_Row]] = []
     for part, copy in copies:
         if not any(row.add(part, copy) for rows in beds for row in rows):

@@ -111,7 +111,9 @@ def recipe_of(job: PrintJob) -> Recipe:
     """How to print a job."""
     spots = lay_out(job.parts)
     known = details.details_of(job.id)
-    beds = {part.name: [s.bed + 1 for s in spots if s.part is part] for part in job.parts}
+    beds = {
+        part.name: [s.bed + 1 for s in spots if s.part is part] for part in job.parts
+    }
     parts = [_part(job.id, part, beds[part.name]) for part in job.parts]
     return Recipe(
         id=job.id,
@@ -147,7 +149,9 @@ def extruded(part: PrintedPart) -> float:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
     areas = np.linalg.norm(normals, axis=1)
     is_flat = np.abs(normals[:, 2]) > _STEEP * areas
-    skin = float(areas[~is_flat].sum() * WALLS * NOZZLE + areas[is_flat].sum() * CAPS * LAYER)
+    skin = float(
+        areas[~is_flat].sum() * WALLS * NOZZLE + areas[is_flat].sum() * CAPS * LAYER
+    )
     skin = min(volume, skin / 1000)
     return skin + SPARSE * (volume - skin)
 
@@ -167,7 +171,9 @@ def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
         size_mm=(width, depth, height),
         orientation=_orientation(part),
         colour=hex_colour(part.rgba),
-        colour_changes=[(round(1000 * above, 3), hex_colour(rgba)) for above, rgba in changes],
+        colour_changes=[
+            (round(1000 * above, 3), hex_colour(rgba)) for above, rgba in changes
+        ],
         layer_mm=layer,
         walls=WALLS,
         infill_percent=100 if part.is_solid else round(100 * SPARSE),

@@ -85,7 +85,9 @@ def outlines_of(
     return tuple(sorted(outer, key=_area, reverse=True))
 
 
-def outlines_on_table(prop: Prop, layout: Layout, below: float | None) -> tuple[Array, ...]:
+def outlines_on_table(
+    prop: Prop, layout: Layout, below: float | None
+) -> tuple[Array, ...]:
     """Outlines as of `outlines_of`, but in the table frame, where a layout has the object."""
     pose = layout.poses[prop.name]
     upright = SE3.at(*pose.translation[:2], yaw=pose.yaw)
@@ -103,7 +105,9 @@ def neutral_layout(task: Task) -> Layout:
     """
     middle = Layout(
         poses={
-            name: SE3.at(_middle(place.x), _middle(place.y), place.z, yaw=_middle(place.yaw))
+            name: SE3.at(
+                _middle(place.x), _middle(place.y), place.z, yaw=_middle(place.yaw)
+            )
             for name, place in task.placements.items()
         },
         variants={name: choice.options[0] for name, choice in task.variants.items()},
@@ -125,7 +129,9 @@ def layout_sheet(
     tiles = _tiles_of(marks, paper)
     pages = [_overview(f"{task.title}: {title}", marks, tiles, paper)]
     pages += [
-        _tile_sheet(f"{task.id}, {title}: sheet {number} of {len(tiles)}", place, marks, paper)
+        _tile_sheet(
+            f"{task.id}, {title}: sheet {number} of {len(tiles)}", place, marks, paper
+        )
         for number, place in enumerate(tiles, 1)
     ]
     return pdf(pages, f"DuoBench {task.id}: {title}")
@@ -138,7 +144,9 @@ def marks_of(task: Task, layout: Layout) -> Iterator[Mark]:
         pose = layout.poses[prop.name]
         x, y, z = (1000 * float(v) for v in pose.translation)
         yaw = math.degrees(pose.yaw)
-        name = " ".join(filter(None, (prop.name, layout.variants.get(prop.choice or ""))))
+        name = " ".join(
+            filter(None, (prop.name, layout.variants.get(prop.choice or "")))
+        )
         solids = prop.prints(layout.variants)
         poses = [SE3(), *(part.pose for part in prop.parts)]
         lowest = min(
@@ -152,7 +160,9 @@ def marks_of(task: Task, layout: Layout) -> Iterator[Mark]:
             tuple(1000 * outline for outline in outlines_on_table(prop, layout, below))
             for below in (CONTACT, None)
         )
-        yield Mark(name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen)
+        yield Mark(
+            name=name, x=x, y=y, yaw=yaw, on_table=True, contact=contact, seen=seen
+        )
 
 
 def _area(polygon: Array) -> float:
@@ -213,7 +223,9 @@ def _tiles_of(marks: Sequence[Mark], paper: Paper) -> list[Tile]:
             low, high = outline.min(axis=0), outline.max(axis=0)
             near, far = ((x - START) / height for x in (low[0], high[0]))
             rows = range(math.floor(near), math.floor(far) + 1)
-            columns = range(math.floor(low[1] / width + 0.5), math.floor(high[1] / width + 0.5) + 1)
+            columns = range(
+                math.floor(low[1] / width + 0.5), math.floor(high[1] / width + 0.5) + 1
+            )
             found |= set(product(rows, columns))
     for row, column in sorted(found, key=_from_jig):
         down, across = int(np.sign(row)), int(np.sign(column))
@@ -229,7 +241,9 @@ def _from_jig(tile: Tile) -> tuple[int, int, int]:
     return abs(tile[0]), abs(tile[1]), -tile[1]
 
 
-def _overview(title: str, marks: Sequence[Mark], tiles: Sequence[Tile], paper: Paper) -> Sheet:
+def _overview(
+    title: str, marks: Sequence[Mark], tiles: Sequence[Tile], paper: Paper
+) -> Sheet:
     """All objects in small, with the tiles, and a table of their places."""
     sheet = Sheet(*paper.size)
     width, height = sheet.width - 2 * MARGIN, sheet.height
@@ -245,7 +259,9 @@ def _overview(title: str, marks: Sequence[Mark], tiles: Sequence[Tile], paper: P
     )
     for number, line in enumerate(explanation):
         sheet.text(MARGIN, height - 28 - 5 * number, line, 2.6)
-    (low_x, high_x), (low_y, high_y) = (1000 * np.array(edge) for edge in (TABLE_X, TABLE_Y))
+    (low_x, high_x), (low_y, high_y) = (
+        1000 * np.array(edge) for edge in (TABLE_X, TABLE_Y)
+    )
     scale = width / (high_y - low_y)
     top = height - 67
 
@@ -276,12 +292,17 @@ def _overview(title: str, marks: Sequence[Mark], tiles: Sequence[Tile], paper: P
 
 def _places(sheet: Sheet, marks: Sequence[Mark], top: float) -> None:
     standing = [mark for mark in marks if mark.on_table]
-    lines = [f"{number}  {mark.name}: {mark.words}" for number, mark in enumerate(standing, 1)]
+    lines = [
+        f"{number}  {mark.name}: {mark.words}"
+        for number, mark in enumerate(standing, 1)
+    ]
     others = [mark for mark in marks if not mark.on_table]
     if len(others) > 3:  # noqa: PLR2004 - a heap, such as of marbles
         lines.append(f"In or on another object: {others[0].name} to {others[-1].name}")
     else:
-        lines += [f"In or on another object: {mark.name}, {mark.words}" for mark in others]
+        lines += [
+            f"In or on another object: {mark.name}, {mark.words}" for mark in others
+        ]
     for number, line in enumerate(lines):
         sheet.text(MARGIN, top - 5.5 * number, line, 2.8)
 
@@ -341,7 +362,9 @@ def _cross(sheet: Sheet, mark: Mark, at: tuple[float, float], inside: Box) -> No
     sheet.line((x, y), tip, line=0.3)
     for side in (-1, 1):
         turn = angle + side * 2.7
-        sheet.line(tip, (tip[0] - 3 * math.sin(turn), tip[1] + 3 * math.cos(turn)), line=0.3)
+        sheet.line(
+            tip, (tip[0] - 3 * math.sin(turn), tip[1] + 3 * math.cos(turn)), line=0.3
+        )
     _plus(sheet, x, y, 3, line=0.2)
     begin = min(x + 2, inside[2] - 62)
     base = y - 5 if y - 10 > inside[1] else y + 7
@@ -367,7 +390,8 @@ def _clipped(points: Sequence[Point], inside: Box) -> Iterator[tuple[Point, Poin
         if first < last:
             way = (end[0] - start[0], end[1] - start[1])
             one, other = (
-                (start[0] + share * way[0], start[1] + share * way[1]) for share in (first, last)
+                (start[0] + share * way[0], start[1] + share * way[1])
+                for share in (first, last)
             )
             yield one, other
 

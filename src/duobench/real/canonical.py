@@ -45,7 +45,9 @@ def nominal_pose(camera: str) -> SE3:
 
     The parent is the table for the head, and the flange for a wrist.
     """
-    return (TABLE_FROM_HEAD if camera == HEAD else FLANGE_FROM_WRIST) @ MUJOCO_FROM_OPENCV
+    return (
+        TABLE_FROM_HEAD if camera == HEAD else FLANGE_FROM_WRIST
+    ) @ MUJOCO_FROM_OPENCV
 
 
 def distorted(points: Array, lens: CameraCalibration) -> Array:
@@ -69,7 +71,10 @@ class CanonicalView:
     """
 
     def __init__(
-        self, camera: str, calibration: CameraCalibration | None, size: tuple[int, int] = NATIVE
+        self,
+        camera: str,
+        calibration: CameraCalibration | None,
+        size: tuple[int, int] = NATIVE,
     ) -> None:
         focal = focal_of(camera)
         self.camera, self.size = camera, size
@@ -102,7 +107,9 @@ class CanonicalView:
         if straight.shape[:2] == shape:
             return straight.copy() if straight is image else straight
         height, width = shape
-        picture = Pictures.fromarray(straight).resize((width, height), Pictures.Resampling.BOX)
+        picture = Pictures.fromarray(straight).resize(
+            (width, height), Pictures.Resampling.BOX
+        )
         return np.array(picture)
 
 
@@ -143,7 +150,9 @@ def _inside(places: NDArray[np.floating], size: tuple[int, int]) -> NDArray[np.b
 class CanonicalViews:
     """The cameras of a rig as the simulation's would see; a view is made when it is asked for."""
 
-    def __init__(self, cameras: Mapping[str, Camera], configs: Mapping[str, CameraConfig]) -> None:
+    def __init__(
+        self, cameras: Mapping[str, Camera], configs: Mapping[str, CameraConfig]
+    ) -> None:
         self._cameras, self._configs = cameras, configs
         self._views: dict[str, CanonicalView] = {}
 
@@ -174,5 +183,7 @@ def view_of(camera: str, about: Mapping[str, Any]) -> View:
     try:
         config = msgspec.convert(dict(about), CameraConfig)
     except msgspec.ValidationError as error:
-        raise DataError(f"What is said about the camera {camera} is invalid: {error}") from error
+        raise DataError(
+            f"What is said about the camera {camera} is invalid: {error}"
+        ) from error
     return CanonicalView(camera, config.calibration, config.size).image

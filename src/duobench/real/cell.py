@@ -59,4 +59,6 @@ class Obstacle:
                 f"centre is at most {LONGEST:g} m away along each axis, got {list(self.centre)}."
             )
         if not abs(self.yaw) <= math.tau:
-            raise OptionError(f"yaw is an angle in radians, at most a turn; got {self.yaw}.")
+            raise OptionError(
+                f"yaw is an angle in radians, at most a turn; got {self.yaw}."
+            )

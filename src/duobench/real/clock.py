@@ -148,7 +148,9 @@ class PacedClock(VirtualClock):
         with self._passed:
             ticker = super().every(period_s, call, name)
             if self._thread is None and self._error is None:
-                self._thread = threading.Thread(target=self._run, name="time", daemon=True)
+                self._thread = threading.Thread(
+                    target=self._run, name="time", daemon=True
+                )
                 self._thread.start()
         return ticker
 
@@ -182,7 +184,9 @@ class _Virtual:
 
     @property
     def due(self) -> float:
-        return self.start + (self.calls + 1) * self.period_s  # so that no rounding adds up
+        return (
+            self.start + (self.calls + 1) * self.period_s
+        )  # so that no rounding adds up
 
     def run(self) -> None:
         with self.running:

@@ -112,7 +112,9 @@ class ArmsController:
             config = self._configs[side]
             slow = min(config.home_fraction, config.speed_fraction)
             with streamer.lock:
-                streamer.follower.speed_fraction = slow if is_home else config.speed_fraction
+                streamer.follower.speed_fraction = (
+                    slow if is_home else config.speed_fraction
+                )
 
     def aim(self, joints: Array) -> None:
         """Lead both arms towards joint positions (2, 7) in radians over the next control period."""

@@ -157,4 +157,7 @@ class Camera(Device, Protocol):
 def image_ages(cameras: Mapping[str, Camera], now: float) -> dict[str, float]:
     """Seconds since the latest image of each camera was taken; infinite without one."""
     latest = {name: camera.latest() for name, camera in cameras.items()}
-    return {name: now - frame.time_s if frame else math.inf for name, frame in latest.items()}
+    return {
+        name: now - frame.time_s if frame else math.inf
+        for name, frame in latest.items()
+    }

@@ -15,7 +15,15 @@ from duobench.core.types import SIDES, Array, DuoCommand, DuoState, Side
 from duobench.real.canonical import CanonicalViews
 from duobench.real.clock import Clock
 from duobench.real.controller import ArmsController
-from duobench.real.devices import Arm, ArmReading, Camera, Device, Frame, Gripper, GripperReading
+from duobench.real.devices import (
+    Arm,
+    ArmReading,
+    Camera,
+    Device,
+    Frame,
+    Gripper,
+    GripperReading,
+)
 from duobench.real.follower import PERIOD, paced
 from duobench.real.guard import Guard
 from duobench.real.hands import OPEN, Hands
@@ -62,19 +70,29 @@ class FrankaDuo:
         world: RehearsalWorld | None = None,
     ) -> None:
         self.rig, self.clock, self.guard = rig, clock, guard
-        self.arms, self.grippers, self.cameras = dict(arms), dict(grippers), dict(cameras)
+        self.arms, self.grippers, self.cameras = (
+            dict(arms),
+            dict(grippers),
+            dict(cameras),
+        )
         self.world = world
         """What the arms of a rehearsal act on; None where arms are real, or act on nothing."""
         self.supervisor = Supervisor(self._recover)
         self.hands = Hands(self.grippers, self.supervisor, clock)
         """The grippers, as the operator has them activated and opened."""
         self._controller = ArmsController(self.arms, self.grippers, rig.arms, clock)
-        self._watchdog = Watchdog(self._controller, self.cameras, self.supervisor, clock, self.hold)
-        self._motion = threading.RLock()  # between who moves the arms and who holds them
+        self._watchdog = Watchdog(
+            self._controller, self.cameras, self.supervisor, clock, self.hold
+        )
+        self._motion = (
+            threading.RLock()
+        )  # between who moves the arms and who holds them
         left, right = (rig.arms[side] for side in SIDES)
         self.limits = duo_limits()
         """Those of the simulation, so that spaces are the same; the rig's own are narrower."""
-        self._limits = duo_limits((left.speed_fraction, right.speed_fraction), RANGE_MARGIN)
+        self._limits = duo_limits(
+            (left.speed_fraction, right.speed_fraction), RANGE_MARGIN
+        )
         self._tool_speeds = left.tool_speed, right.tool_speed
         self._accelerations = np.array([[left.acceleration], [right.acceleration]])
         slow = [[min(arm.home_fraction, arm.speed_fraction)] for arm in (left, right)]
@@ -201,7 +219,11 @@ class FrankaDuo:
     def _recover(self) -> None:
         """Clear the faults of all devices, at the operator's word; nothing moves."""
         self._controller.disengage()
-        for device in (*self.arms.values(), *self.grippers.values(), *self.cameras.values()):
+        for device in (
+            *self.arms.values(),
+            *self.grippers.values(),
+            *self.cameras.values(),
+        ):
             device.recover()
         fault = self._watchdog.find_fault()
         if fault is not None:
@@ -256,7 +278,9 @@ class FrankaDuo:
             self._tick()
             self.supervisor.check_confirmed()  # a hold takes it back
             if self.clock.now() > end:
-                raise BackendError("The arms did not get home: they do not come to rest.")
+                raise BackendError(
+                    "The arms did not get home: they do not come to rest."
+                )
 
     def _go(self, start: Array, end: Array) -> None:
         """Lead both arms along a straight line in joint space, as slowly as the rig says."""
@@ -305,7 +329,9 @@ class FrankaDuo:
         """
         targets = command.flat
         if not np.isfinite(targets).all():
-            raise ActionError(f"A command is finite, got {targets.tolist()}. Nothing was moved.")
+            raise ActionError(
+                f"A command is finite, got {targets.tolist()}. Nothing was moved."
+            )
         self._begin()
         self.late_s = max(0.0, self.clock.now() - self._due - PERIOD)
         if self.health() is None and self.held is None:
@@ -318,7 +344,9 @@ class FrankaDuo:
         if state in HELD or state is State.RUNNING:
             return
         if state in {State.OFF, State.HOMING}:
-            raise BackendError(f"Commands are followed after start and home; the rig is {state}.")
+            raise BackendError(
+                f"Commands are followed after start and home; the rig is {state}."
+            )
         self.supervisor.check_confirmed()
         self.hands.check_active()
         if not self._controller.is_engaged:
@@ -331,7 +359,9 @@ class FrankaDuo:
 
     def _send(self, targets: Array) -> None:
         last = self.last_command
-        within = self._limits.clip(targets, last.flat, self.read().flat, self._velocities)
+        within = self._limits.clip(
+            targets, last.flat, self.read().flat, self._velocities
+        )
         sent = paced(last, DuoCommand.from_flat(within), self._tool_speeds)
         fault = self._guard_fault(last.joints, sent.joints)
         if fault is not None:
@@ -355,7 +385,9 @@ class FrankaDuo:
         try:
             problem = self.guard.problem(target) or self.guard.problem(rest)
         except Exception as error:  # noqa: BLE001 - whatever it is, nobody looks out then
-            return FaultKind.CONTROLLER.fault(f"The guard failed: {escaped(repr(error))}")
+            return FaultKind.CONTROLLER.fault(
+                f"The guard failed: {escaped(repr(error))}"
+            )
         if problem is None:
             return None
         return FaultKind.CONTACT.fault(f"The guard refused a command: {problem}")
@@ -422,7 +454,9 @@ class FrankaDuo:
         """Seconds since the latest image of each camera that is seen; infinite without one."""
         return self._watchdog.image_ages()
 
-    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
+    def images(
+        self, cameras: Sequence[str], shape: tuple[int, int]
+    ) -> dict[str, Image]:
         """The latest image of each of some cameras, as the simulation's camera would see it.
 
         Raises:
@@ -436,7 +470,9 @@ class FrankaDuo:
         joints = np.array([readings[side].joints for side in SIDES])
         self._velocities = np.array([readings[side].velocities for side in SIDES])
         openings = np.array([grippers[side].opening for side in SIDES])
-        self._state = DuoState(joints=joints, openings=openings, tcp_poses=tcp_poses(joints))
+        self._state = DuoState(
+            joints=joints, openings=openings, tcp_poses=tcp_poses(joints)
+        )
         self.time = self.clock.now()
 
     def _here(self) -> DuoCommand:

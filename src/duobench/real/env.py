@@ -166,8 +166,14 @@ def make_real_env(
     duo = rig if isinstance(rig, FrankaDuo) else open_rig(rig)
     definition = cast("Task", catalog.get(task))
     config = EnvConfig.from_options({"cameras": tuple(duo.cameras), **options})
-    if config.object_state or config.render_mode is not None or config.shift != NO_SHIFT:
-        raise OptionError("Object states, `render` and shifts need a simulation; leave them out.")
+    if (
+        config.object_state
+        or config.render_mode is not None
+        or config.shift != NO_SHIFT
+    ):
+        raise OptionError(
+            "Object states, `render` and shifts need a simulation; leave them out."
+        )
     for name in config.cameras:
         check_known("camera of this rig", name, duo.cameras)
     horizon = config.horizon or definition.horizon

@@ -101,7 +101,9 @@ class Follower:
         if tool_share(self._jacobian, velocity, most) < 1.0:
             # Joints that change together lead from one speed that the tool may have to another.
             turn = allowed - self.velocity
-            velocity = self.velocity + turn * min(1.0, change / max(np.abs(turn).max(), change))
+            velocity = self.velocity + turn * min(
+                1.0, change / max(np.abs(turn).max(), change)
+            )
             velocity = self._within(velocity, dt)
         # Last, so that it holds whatever else changes; from any speed that was allowed a joint can
         # stop before its range ends.
@@ -115,7 +117,9 @@ class Follower:
         behind = after - (self.reference + (after - before))
         # Far behind, only as fast as the acceleration can still take back on the way.
         braking = 2.0 * BRAKING_SHARE * self._acceleration
-        correction = np.minimum(GAIN * np.abs(behind), np.sqrt(braking * np.abs(behind)))
+        correction = np.minimum(
+            GAIN * np.abs(behind), np.sqrt(braking * np.abs(behind))
+        )
         wanted = (after - before) / dt + np.copysign(correction, behind)
         # So near and slow that one more call reaches the target: end there, exactly at rest.
         rests = (after == before) & (np.abs(behind) < self._acceleration * dt * dt)
@@ -169,5 +173,7 @@ def _stopping(distance: Array, reach: float, dt: float) -> Array:
 def _checked(joints: Array) -> Array:
     values = np.array(joints, dtype=np.float64)
     if values.shape != (ARM_JOINTS,) or not all(map(math.isfinite, values.tolist())):
-        raise ActionError(f"An arm takes {ARM_JOINTS} finite joint positions, got {joints!r}.")
+        raise ActionError(
+            f"An arm takes {ARM_JOINTS} finite joint positions, got {joints!r}."
+        )
     return values

@@ -80,7 +80,9 @@ class Guard:
     """
 
     def __init__(
-        self, workspace: Workspace | None = None, obstacles: Mapping[str, Obstacle] | None = None
+        self,
+        workspace: Workspace | None = None,
+        obstacles: Mapping[str, Obstacle] | None = None,
     ) -> None:
         self._lock = threading.RLock()
         self._workspace, self._obstacles = workspace, obstacles or {}
@@ -90,7 +92,9 @@ class Guard:
 
     def set_scene(self, props: Iterable[Prop], layout: Layout) -> None:
         """Look out for those props, too, that stand fixed in a layout, and for no earlier ones."""
-        fixed = tuple(prop for prop in props if prop.fixed and prop.name in layout.poses)
+        fixed = tuple(
+            prop for prop in props if prop.fixed and prop.name in layout.poses
+        )
         with self._lock:
             if fixed != self._fixed:
                 self._fixed, self._sim = fixed, None
@@ -112,7 +116,9 @@ class Guard:
                 # Overlaps count whatever is looked for.
                 most = within if best is None else best.room + margin
                 reach = max(most, 0.0)
-                distance = mujoco.mj_geomDistance(sim.model, sim.data, one, other, reach, None)
+                distance = mujoco.mj_geomDistance(
+                    sim.model, sim.data, one, other, reach, None
+                )
                 if distance < most:
                     parts = self._words[one], self._words[other]
                     best = Clearance(distance=distance, margin=margin, parts=parts)
@@ -163,12 +169,15 @@ class Guard:
         """By how many metres parts are too near and tools outside, negative, and both in words."""
         with self._lock:
             nearest = self.nearest(joints, MARGIN)
-            rooms = [(0.0, "") if nearest is None else (min(nearest.room, 0.0), str(nearest))]
+            rooms = [
+                (0.0, "") if nearest is None else (min(nearest.room, 0.0), str(nearest))
+            ]
             workspace = self._workspace
             if workspace is not None:
                 places = self._at(joints).data.site_xpos
                 room, side = min(
-                    (workspace.room(places[site]), side) for side, site in self._tools.items()
+                    (workspace.room(places[site]), side)
+                    for side, site in self._tools.items()
                 )
                 far = f"{1000 * -room:.0f} mm outside of the workspace that the rig's file allows."
                 rooms.append((min(room, 0.0), f"the {side} tool would be {far}"))
@@ -181,7 +190,9 @@ class Guard:
         if sim is None:
             from duobench.world.sim.simulation import Simulation
 
-            boxes = [_prop_of(name, obstacle) for name, obstacle in self._obstacles.items()]
+            boxes = [
+                _prop_of(name, obstacle) for name, obstacle in self._obstacles.items()
+            ]
             sim = self._sim = Simulation([*self._fixed, *boxes])
             self._place(sim)
             self._describe(sim)
@@ -199,7 +210,9 @@ class Guard:
     def _describe(self, sim: Simulation) -> None:
         """Say what each geom is, and list all pairs of them that may come too near."""
         model = sim.model
-        solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
+        solid = np.flatnonzero(
+            (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        )
         parts = {int(geom): _part_of(model, int(geom)) for geom in solid}
         parts = {geom: part for geom, part in parts.items() if not part.is_hinged}
         self._tools = {side: model.site(tcp_name(side)).id for side in SIDES}
@@ -212,7 +225,9 @@ class Guard:
         self._first, self._second = np.array([pair[:2] for pair in self._pairs]).T
         self._reach = model.geom_rbound[self._first] + model.geom_rbound[self._second]
 
-    def _near_pairs(self, sim: Simulation, within: float) -> list[tuple[int, int, float]]:
+    def _near_pairs(
+        self, sim: Simulation, within: float
+    ) -> list[tuple[int, int, float]]:
         """Geoms whose spheres may come nearer than `within`, with the distance that they keep."""
         places = sim.data.geom_xpos
         between = places[self._first] - places[self._second]
@@ -244,7 +259,9 @@ def _prop_of(name: str, obstacle: Obstacle) -> Prop:
     from duobench.world.objects.solid import Solid
 
     shape = box(*obstacle.size)
-    return Prop(name=f"{OBSTACLE} {name}", solid=Solid(shapes=(shape,), rgba=_GREY), fixed=True)
+    return Prop(
+        name=f"{OBSTACLE} {name}", solid=Solid(shapes=(shape,), rgba=_GREY), fixed=True
+    )
 
 
 def _part_of(model: MjModel, geom: int) -> _Part:
@@ -264,7 +281,11 @@ def _part_of(model: MjModel, geom: int) -> _Part:
             continue
         if rest.startswith("gripper"):
             is_finger = rest.endswith(_FINGER_WORDS)
-            words = f"a finger of the {side} gripper" if is_finger else f"the {side} gripper"
+            words = (
+                f"a finger of the {side} gripper"
+                if is_finger
+                else f"the {side} gripper"
+            )
             return _Part(words=words, side=side, link=7, is_finger=is_finger)
         return _Part(words=f"the {side} arm's {rest}", side=side, link=int(rest[-1]))
     words = {"table": "the table", "floor": "the floor"}.get(name, "the mount")
@@ -276,7 +297,9 @@ def _margin(one: _Part, other: _Part) -> float | None:
     if one.side is None or other.side is None:
         arm, still = (one, other) if other.side is None else (other, one)
         if arm.side is None or (arm.link < 2 and not still.is_table):  # noqa: PLR2004
-            return None  # the shoulder stands on the mount, and never comes near the table
+            return (
+                None  # the shoulder stands on the mount, and never comes near the table
+            )
         if still.is_prop:
             return None if arm.is_finger else PROP_MARGIN
         return -TABLE_DEPTH if arm.is_finger and still.is_table else MARGIN

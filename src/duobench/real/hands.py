@@ -33,14 +33,18 @@ class Hands:
     @property
     def inactive(self) -> tuple[Side, ...]:
         """Those that were not activated since they were switched on, and move nowhere."""
-        return tuple(side for side in SIDES if not self._grippers[side].read().is_active)
+        return tuple(
+            side for side in SIDES if not self._grippers[side].read().is_active
+        )
 
     @property
     def to_activate(self) -> tuple[Side, ...]:
         """Those that are not active, or that have a fault, which their activation may clear."""
         readings = {side: self._grippers[side].read() for side in SIDES}
         return tuple(
-            side for side, each in readings.items() if not each.is_active or each.fault is not None
+            side
+            for side, each in readings.items()
+            if not each.is_active or each.fault is not None
         )
 
     @property
@@ -97,7 +101,9 @@ class Hands:
             for side in sides:
                 self._grippers[side].command(1.0)
             end = self._clock.now() + OPENING_S
-            while closed := [side for side in sides if self._grippers[side].read().opening < OPEN]:
+            while closed := [
+                side for side in sides if self._grippers[side].read().opening < OPEN
+            ]:
                 if not may_go_on():
                     raise BackendError("The hands were stopped while they opened.")
                 if self._clock.now() > end:
@@ -108,4 +114,6 @@ class Hands:
 
 
 def _named(what: str, sides: tuple[Side, ...]) -> str:
-    return f"Both {what}s are" if len(sides) == len(SIDES) else f"The {sides[0]} {what} is"
+    return (
+        f"Both {what}s are" if len(sides) == len(SIDES) else f"The {sides[0]} {what} is"
+    )

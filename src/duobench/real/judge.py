@@ -24,7 +24,9 @@ class HumanJudge:
         self.max_stage = max_stage
         """The last stage of the task."""
         self._now = now
-        self._lock = threading.Lock()  # one word after the other; no control step waits for it
+        self._lock = (
+            threading.Lock()
+        )  # one word after the other; no control step waits for it
         self.begin()
 
     def begin(self) -> None:
@@ -82,9 +84,15 @@ class HumanJudge:
                 raise OptionError(f"The stages are 1 to {self.max_stage}, got {stage}.")
             time_s, step, end = self.time_s, self.steps, self._end
             if film_s is not None:
-                time_s, step, end = film_s, min(round(film_s * CONTROL_HZ), step), step / CONTROL_HZ
+                time_s, step, end = (
+                    film_s,
+                    min(round(film_s * CONTROL_HZ), step),
+                    step / CONTROL_HZ,
+                )
             late = stage is not None and end is not None and time_s > end + REACTION_S
-            label = StageLabel(stage=stage, step=step, time_s=round(time_s, 3), late=late)
+            label = StageLabel(
+                stage=stage, step=step, time_s=round(time_s, 3), late=late
+            )
             note(label)
             self.labels = StageLabels((*self.labels.all, label))
         return label

@@ -54,7 +54,10 @@ def rehearsal_rig() -> Rig:
     return Rig(
         name="rehearsal",
         arms=arms,
-        grippers={side: GripperConfig(driver=GripperDriver.REHEARSAL, port=side) for side in SIDES},
+        grippers={
+            side: GripperConfig(driver=GripperDriver.REHEARSAL, port=side)
+            for side in SIDES
+        },
         cameras=dict.fromkeys(POLICY_CAMERAS, camera),
     )
 
@@ -72,7 +75,9 @@ DRIVERS = {
 and a clock, and a camera's with its name; their libraries are loaded when one is made."""
 
 
-def open_rig(rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True) -> FrankaDuo:
+def open_rig(
+    rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True
+) -> FrankaDuo:
     """A rig, its file, "simulated" or "rehearsal", not connected yet: `start` does that.
 
     Without a clock it takes the machine's own, and a rehearsal a paced one. With a guard our own

@@ -41,7 +41,10 @@ class GripperRegisters:
         self._goal = 0
         self._activation: list[int] = []  # ends that are still to be visited
         self._is_blocked = False
-        self._seen, self._moved_at = self.position, -1.0  # where they were when they last moved
+        self._seen, self._moved_at = (
+            self.position,
+            -1.0,
+        )  # where they were when they last moved
 
     def lose_power(self) -> None:
         """Cut the supply; the activation is lost with it."""

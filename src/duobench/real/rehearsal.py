@@ -112,7 +112,11 @@ class RehearsalWorld:
         self._sides = [arm_joint_names(side) for side in SIDES]
         self._install(Simulation())
         model = self.simulation.model
-        self._own = model.nq, model.nv, model.nu  # of the robot, which is compiled first
+        self._own = (
+            model.nq,
+            model.nv,
+            model.nu,
+        )  # of the robot, which is compiled first
         for side in SIDES:
             self._measure(side)
             self.arms[side].stop()
@@ -191,7 +195,9 @@ class RehearsalWorld:
             share = 1.0 - number / (_TRIES - 1)
             poses: dict[str, SE3] = {}
             for name, pose in layout.poses.items():
-                x, y, turn = share * self._random.normal(0.0, (HAND_M, HAND_M, HAND_RAD))
+                x, y, turn = share * self._random.normal(
+                    0.0, (HAND_M, HAND_M, HAND_RAD)
+                )
                 there = SE3.at(*(pose.translation + np.array([x, y, 0.0])), yaw=turn)
                 poses[name] = there @ SE3(pose.rotation, np.zeros(3))
             yield Layout(poses=poses, variants=layout.variants)
@@ -199,10 +205,16 @@ class RehearsalWorld:
     def _put(self, layout: Layout, robot: mujoco.MjData) -> None:
         """Put objects where a layout says, as new, beside a robot that stays as it is."""
         simulation, (nq, nv, nu) = self.simulation, self._own
-        qpos, qvel, ctrl = robot.qpos[:nq].copy(), robot.qvel[:nv].copy(), robot.ctrl[:nu].copy()
+        qpos, qvel, ctrl = (
+            robot.qpos[:nq].copy(),
+            robot.qvel[:nv].copy(),
+            robot.ctrl[:nu].copy(),
+        )
         simulation.reset_data()
         data = simulation.data
-        if np.isfinite(qpos).all() and np.isfinite(qvel).all():  # or physics had failed: home
+        if (
+            np.isfinite(qpos).all() and np.isfinite(qvel).all()
+        ):  # or physics had failed: home
             data.qpos[:nq], data.qvel[:nv], data.ctrl[:nu] = qpos, qvel, ctrl
         simulation.apply(layout)
         self._has_failed = False
@@ -233,12 +245,22 @@ class RehearsalWorld:
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self._places = simulation.duo.joints
         joints = [[model.joint(name) for name in names] for names in self._sides]
-        self._dofs = np.array([[int(joint.dofadr[0]) for joint in row] for row in joints])
-        self._motors = np.array([[model.actuator(name).id for name in row] for row in self._sides])
+        self._dofs = np.array(
+            [[int(joint.dofadr[0]) for joint in row] for row in joints]
+        )
+        self._motors = np.array(
+            [[model.actuator(name).id for name in row] for row in self._sides]
+        )
         self._hands = [model.actuator(gripper_name(side)).id for side in SIDES]
-        drivers = [[f"{gripper_name(s)}/{finger}_driver" for finger in FINGERS] for s in SIDES]
-        self._drivers = [[int(model.joint(name).qposadr[0]) for name in row] for row in drivers]
-        self._driver_dofs = [[int(model.joint(name).dofadr[0]) for name in row] for row in drivers]
+        drivers = [
+            [f"{gripper_name(s)}/{finger}_driver" for finger in FINGERS] for s in SIDES
+        ]
+        self._drivers = [
+            [int(model.joint(name).qposadr[0]) for name in row] for row in drivers
+        ]
+        self._driver_dofs = [
+            [int(model.joint(name).dofadr[0]) for name in row] for row in drivers
+        ]
         self._tools = [model.site(tcp_name(side)).id for side in SIDES]
         self._felt = np.zeros(model.nv)
         self._jacobian = np.zeros((6, model.nv))
@@ -310,7 +332,9 @@ class RehearsalWorld:
             arm.wrench = wrench.astype(np.float64)
             if arm.is_tracking and (name := arm.reflex()) is not None:
                 self._measure(side)
-                arm.stop(FaultKind.CONTACT.fault(f'motion aborted by reflex! ["{name}"]'))
+                arm.stop(
+                    FaultKind.CONTACT.fault(f'motion aborted by reflex! ["{name}"]')
+                )
 
     def _measure(self, side: Side) -> None:
         arm, data, dofs = self.arms[side], self._data, self._dofs[side.index]
@@ -322,7 +346,9 @@ class RehearsalWorld:
         """Lead the fingers of a gripper to where its registers say, and tell them how far it is."""
         gripper, data, index = self.grippers[side], self._data, side.index
         low, high = gripper.ends
-        share = sum(data.qpos[self._drivers[index]].tolist()) / (len(FINGERS) * DRIVER_CLOSED)
+        share = sum(data.qpos[self._drivers[index]].tolist()) / (
+            len(FINGERS) * DRIVER_CLOSED
+        )
         gripper.move(low + min(max(share, 0.0), 1.0) * (high - low), self._time)
         hand = self._hands[index]
         target = gripper.target

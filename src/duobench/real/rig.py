@@ -59,7 +59,9 @@ _LARGEST = {
     "moment_threshold": max(JOINT_TORQUES[4:]),
 }
 """Numbers of an arm that are over 0, and their largest values."""
-_MEASURED = re.compile(r"name|grippers\.\w+\.(open|closed)_count|cameras\.\w+\.calibration")
+_MEASURED = re.compile(
+    r"name|grippers\.\w+\.(open|closed)_count|cameras\.\w+\.calibration"
+)
 """Places in the file that may change while a rig stays the same: it is called otherwise, or its
 grippers' ends, lenses and mounts are measured again."""
 GRIPPER_SPEEDS, GRIPPER_FORCES = (20.0, 150.0), (20.0, 235.0)
@@ -138,7 +140,9 @@ class ArmConfig:
         for name in (*largest, "damping"):
             values = getattr(self, name)
             if len(values) != ARM_JOINTS:
-                raise OptionError(f"{name} is {ARM_JOINTS} numbers, one a joint; got {values}.")
+                raise OptionError(
+                    f"{name} is {ARM_JOINTS} numbers, one a joint; got {values}."
+                )
             for number, most in enumerate(largest.get(name, ())):
                 _check_positive(f"{name} of joint {number + 1}", values[number], most)
         for number, damping in enumerate(self.damping):
@@ -220,7 +224,9 @@ class CameraCalibration:
 
     def __post_init__(self) -> None:
         if len(self.pose) != 7 or len(self.distortion) != 5:  # noqa: PLR2004
-            raise OptionError("A pose has 7 numbers, x y z qx qy qz qw, and a distortion 5.")
+            raise OptionError(
+                "A pose has 7 numbers, x y z qx qy qz qw, and a distortion 5."
+            )
         if not abs(math.hypot(*self.pose[3:]) - 1.0) <= UNIT:
             raise OptionError(
                 f"The quaternion in pose, qx qy qz qw, has length 1; got {list(self.pose[3:])}."
@@ -299,18 +305,26 @@ class Rig:
         _check_schema(self.schema)
         for what, devices in (("arms", self.arms), ("grippers", self.grippers)):
             if set(devices) != set(SIDES):
-                raise OptionError(f"A rig has {what} left and right, got {sorted(devices)}.")
+                raise OptionError(
+                    f"A rig has {what} left and right, got {sorted(devices)}."
+                )
         for name in self.cameras:
             check_known("camera of a rig", name, POLICY_CAMERAS)
         for name in (self.name, *self.obstacles):
             if not name.strip() or not name.isprintable():
-                raise OptionError(f"A rig and its obstacles have names in one line, got {name!r}.")
+                raise OptionError(
+                    f"A rig and its obstacles have names in one line, got {name!r}."
+                )
         self._check_places()
         self._check_drivers()
 
     def _places(self) -> Iterator[tuple[str, str, Any]]:
         """Each device with its name, and the field that says where it is."""
-        for part, key in (("arms", "address"), ("grippers", "port"), ("cameras", "device")):
+        for part, key in (
+            ("arms", "address"),
+            ("grippers", "port"),
+            ("cameras", "device"),
+        ):
             for name, device in getattr(self, part).items():
                 yield f"{part}.{name}", key, device
 
@@ -322,7 +336,9 @@ class Rig:
                 continue
             place = getattr(device, key)
             if not place or place != place.strip():
-                raise OptionError(f"{name}.{key} says where it is, without spaces; got {place!r}.")
+                raise OptionError(
+                    f"{name}.{key} says where it is, without spaces; got {place!r}."
+                )
             if key == "address" and not is_host(place):
                 raise OptionError(
                     f"{name}.address is a host name or four numbers, such as 172.16.0.2; got "
@@ -368,7 +384,11 @@ class Rig:
     @property
     def is_computed(self) -> bool:
         """Whether no part of it is hardware, so that its time may be computed as well."""
-        return self.drivers <= {ArmDriver.SIMULATED, ArmDriver.REHEARSAL, CameraDriver.FILE}
+        return self.drivers <= {
+            ArmDriver.SIMULATED,
+            ArmDriver.REHEARSAL,
+            CameraDriver.FILE,
+        }
 
     @property
     def drivers(self) -> set[str]:
@@ -424,7 +444,10 @@ class Rig:
         return hashlib.sha256(self._json()).hexdigest()
 
     def _json(self) -> bytes:
-        return msgspec.json.format(msgspec.json.encode(self, order="deterministic")) + b"\n"
+        return (
+            msgspec.json.format(msgspec.json.encode(self, order="deterministic"))
+            + b"\n"
+        )
 
 
 HARDWARE = {

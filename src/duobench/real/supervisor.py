@@ -84,7 +84,12 @@ class Supervisor:
         What it gives says whether they may go on: a hold ends it.
         """
         with self._lock:
-            if self._state in {State.OFF, State.HOMING, State.RUNNING, State.RECOVERING}:
+            if self._state in {
+                State.OFF,
+                State.HOMING,
+                State.RUNNING,
+                State.RECOVERING,
+            }:
                 raise BackendError(
                     f"Hands are opened and activated while the arms are held; the rig is "
                     f"{self._state}."
@@ -106,7 +111,9 @@ class Supervisor:
                     f"The arms are held: {self._reason} Recover them first, then confirm."
                 )
             if self._state is State.OFF:
-                raise BackendError("There is nothing to confirm: the rig is not connected.")
+                raise BackendError(
+                    "There is nothing to confirm: the rig is not connected."
+                )
             self._is_confirmed = True
 
     def revoke(self) -> None:
@@ -118,7 +125,9 @@ class Supervisor:
         """The operator has all faults cleared. Nothing moves; confirm and go home next."""
         with self._lock:
             if self._state not in {State.FAULTED, State.HOLDING}:
-                raise BackendError(f"There is nothing to recover from: the rig is {self._state}.")
+                raise BackendError(
+                    f"There is nothing to recover from: the rig is {self._state}."
+                )
             reason, fault = self._reason, self._fault
             self._state = State.RECOVERING
         try:
@@ -137,7 +146,9 @@ class Supervisor:
         """Reject what would move the arms without the operator's word."""
         with self._lock:
             if self._state in {State.FAULTED, State.RECOVERING}:
-                raise BackendError(f"The arms are held: {self._reason} Recover them first.")
+                raise BackendError(
+                    f"The arms are held: {self._reason} Recover them first."
+                )
             if not self._is_confirmed:
                 raise BackendError(
                     "Nothing moves before the operator has confirmed that the arms are free to."
@@ -148,10 +159,14 @@ class Supervisor:
         with self._lock:
             self.check_confirmed()
             if self._is_handling:
-                raise BackendError("The hands are being opened or activated; wait until they are.")
+                raise BackendError(
+                    "The hands are being opened or activated; wait until they are."
+                )
             self.enter(state)
 
-    def enter(self, state: State, *, only_from: tuple[State, ...] | None = None) -> bool:
+    def enter(
+        self, state: State, *, only_from: tuple[State, ...] | None = None
+    ) -> bool:
         """Go to a state that is no held one, and forget why the arms were held.
 
         False, without a change, where the state was none of `only_from`.

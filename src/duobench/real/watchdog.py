@@ -94,8 +94,13 @@ class Watchdog:
             self._hold(text, FaultKind.CONTROLLER.fault(text))
         if self._controller.is_engaged and self._clock.now() - self._fed > STOP_AFTER_S:
             self._controller.disengage()
-            if self._supervisor.state in {State.HOMING, State.RUNNING}:  # asked now: it may be new
-                reason = f"No command came for {STOP_AFTER_S:g} s; the arms were stopped."
+            if self._supervisor.state in {
+                State.HOMING,
+                State.RUNNING,
+            }:  # asked now: it may be new
+                reason = (
+                    f"No command came for {STOP_AFTER_S:g} s; the arms were stopped."
+                )
                 self._hold(reason, None)
 
     def _arm_fault(self) -> Fault | None:
@@ -116,7 +121,9 @@ class Watchdog:
             if late > MAX_FREEZE_S:
                 return _lost(f"This computer stood still for {late:.2f} s.")
             if streamer.error is not None:
-                return _lost(f"The {side} arm cannot be told where to be: {streamer.error}")
+                return _lost(
+                    f"The {side} arm cannot be told where to be: {streamer.error}"
+                )
         return None
 
     def _gripper_fault(self) -> Fault | None:
@@ -152,7 +159,11 @@ class Watchdog:
         self.waits += 1
         self._controller.hold()
         end = self._clock.now() + GRACE_S
-        while self._supervisor.reason is None and self.late_image() and self._clock.now() < end:
+        while (
+            self._supervisor.reason is None
+            and self.late_image()
+            and self._clock.now() < end
+        ):
             self._clock.wait_until(self._clock.now() + PERIOD)
         if self._supervisor.reason is None and (fault := self.late_image()) is not None:
             self._hold(fault.text, fault)

@@ -34,7 +34,10 @@ def path_home(guard: Guard | None, here: Array, *, retreats: bool) -> list[Array
         away = retreated(here)
         if guard is None or guard.is_free(here, [away]):
             here, back = away, [away]
-    return [*back, *([HOME_JOINTS] if guard is None else guard.plan_path(here, HOME_JOINTS))]
+    return [
+        *back,
+        *([HOME_JOINTS] if guard is None else guard.plan_path(here, HOME_JOINTS)),
+    ]
 
 
 def points(
@@ -48,11 +51,15 @@ def points(
     """
     way, share = end - start, 0.0
     while share < 1.0:
-        low, high = map(np.array, zip(*map(speed_limits, start + share * way), strict=True))
+        low, high = map(
+            np.array, zip(*map(speed_limits, start + share * way), strict=True)
+        )
         speeds = np.maximum(HOME_SHARE * fractions * np.minimum(-low, high), SLOWEST)
         tools = tool_jacobians(start + share * way) @ way[..., None]
         most = HOME_SHARE * np.array(tool_speeds)
-        seconds = max(np.max(np.abs(way) / speeds), np.max(np.linalg.norm(tools, axis=1).T / most))
+        seconds = max(
+            np.max(np.abs(way) / speeds), np.max(np.linalg.norm(tools, axis=1).T / most)
+        )
         share = min(1.0, share + PERIOD / max(seconds, PERIOD))
         yield start + share * way
 
@@ -73,10 +80,14 @@ def retreated(joints: Array) -> Array:
 
 def _change(side: Side, row: Array) -> Array:
     """Change of the joints (7,) that takes a tool one step back, by damped least squares."""
-    positions, rotations = tool_frames(side, np.vstack([row, row + _EPSILON * np.eye(7)]))
+    positions, rotations = tool_frames(
+        side, np.vstack([row, row + _EPSILON * np.eye(7)])
+    )
     moves = (positions[1:] - positions[0]) / _EPSILON
     turns = (rotations[1:] @ rotations[0].T - np.eye(3)) / _EPSILON
-    jacobian = np.hstack([moves, turns[:, 2, 1, None], turns[:, 0, 2, None], turns[:, 1, 0, None]])
+    jacobian = np.hstack(
+        [moves, turns[:, 2, 1, None], turns[:, 0, 2, None], turns[:, 1, 0, None]]
+    )
     wanted = np.concatenate([-STEP * rotations[0][:, 2], np.zeros(3)])
     square = jacobian.T @ jacobian + _DAMPING**2 * np.eye(6)
     return np.array(jacobian @ np.linalg.solve(square, wanted), dtype=np.float64)

@@ -39,5 +39,7 @@ def repeats_text(earlier: Iterable[tuple[str, ...]]) -> str:
     if not repeated:
         return ""
     counts = Counter(end for ends in each for end in ends)
-    why = "; ".join(f"{text} ({counts[end]})" for end, text in ENDS.items() if counts[end])
+    why = "; ".join(
+        f"{text} ({counts[end]})" for end, text in ENDS.items() if counts[end]
+    )
     return f"{repeated} of {len(each)} episodes were begun more than once: {why}."

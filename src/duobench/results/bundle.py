@@ -90,7 +90,9 @@ def write_bundle(run: RunReader, path: Path) -> Manifest:
         missing=description.size - len(records),
         commands=tuple(run.commands()),
         attempts=dict(sorted(run.attempts().items())),
-        parts={name: hashlib.sha256(content).hexdigest() for name, content in parts.items()},
+        parts={
+            name: hashlib.sha256(content).hexdigest() for name, content in parts.items()
+        },
     )
     parts = {_MANIFEST: encode(manifest, BUNDLE_SCHEMA).encode(), **parts}
     write(path, zipped(parts, zipfile.ZIP_DEFLATED))
@@ -196,11 +198,17 @@ def _unpacked(path: Path) -> dict[str, bytes]:
         if path.stat().st_size > MAX_BYTES:
             raise FileError(f"It is larger than {MAX_BYTES} bytes.")
         data = path.read_bytes()
-        if data.count(_ENTRY) > MAX_PARTS:  # before they are listed, which takes memory for each
+        if (
+            data.count(_ENTRY) > MAX_PARTS
+        ):  # before they are listed, which takes memory for each
             raise FileError(f"It has more than {MAX_PARTS} parts.")
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             # Folders, which other tools put in when they pack it again, hold nothing.
-            entries = [each for each in archive.infolist() if each.file_size or not each.is_dir()]
+            entries = [
+                each
+                for each in archive.infolist()
+                if each.file_size or not each.is_dir()
+            ]
             _check_entries(entries)
             return {entry.filename: _content(archive, entry) for entry in entries}
     except _DAMAGE as error:
@@ -218,7 +226,8 @@ def _check_entries(entries: Iterable[zipfile.ZipInfo]) -> None:
             f"It has {name} twice.": name in names,
             f"{name} is a link, or something else that is no file.": stat.S_IFMT(mode)
             not in {0, stat.S_IFREG},
-            f"{name} has more than {MAX_PART_BYTES} bytes.": entry.file_size > MAX_PART_BYTES,
+            f"{name} has more than {MAX_PART_BYTES} bytes.": entry.file_size
+            > MAX_PART_BYTES,
             f"Its parts have more than {MAX_BYTES} bytes.": size > MAX_BYTES,
             f"{name} is compressed in another way than a bundle's parts are.": entry.compress_type
             not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED),

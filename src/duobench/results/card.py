@@ -49,7 +49,9 @@ def write_checkpoint_card(folder: Path, source: Path, name: str, licence: str) -
         )
     left = part.size - part.results.overall.episodes
     if left:
-        raise EvaluationError(f"{source} lacks {left} of {part.size} episodes: finish it first.")
+        raise EvaluationError(
+            f"{source} lacks {left} of {part.size} episodes: finish it first."
+        )
     bundle = folder / EVALUATION
     if not isinstance(reader, Bundle):
         write_bundle(reader, bundle)
@@ -99,7 +101,12 @@ def _digests(folder: Path) -> Iterator[str]:
         yield content_hash(folder)[:_HASH]
         return
     for path in folder.iterdir():
-        is_other = path.suffix == ".py" or path.name in (CARD, FIGURE, EVALUATION, TRAINING)
+        is_other = path.suffix == ".py" or path.name in (
+            CARD,
+            FIGURE,
+            EVALUATION,
+            TRAINING,
+        )
         if path.is_file() and not is_other:
             yield digest_of(path)[:_HASH]
 

@@ -42,7 +42,9 @@ def compare_entrants(entrants: Sequence[Entrant]) -> RunComparison:
     """Compare entrants that have their letters, any two of them."""
     rows = table_rows(entrants)
     pairs = [compare_pair(a, b, rows) for a, b in combinations(entrants, 2)]
-    tested = sorted((pair for pair in pairs if pair), key=lambda pair: pair.crosses_groups)
+    tested = sorted(
+        (pair for pair in pairs if pair), key=lambda pair: pair.crosses_groups
+    )
     return RunComparison(entrants=tuple(entrants), rows=rows, pairs=tuple(tested))
 
 
@@ -88,13 +90,20 @@ def _figures(comparison: RunComparison) -> dict[str, str]:
         for one in comparison.entrants
     }
     bars = [
-        (task.title, [(key, ours[task.id]) for key, ours in reached.items() if task.id in ours])
+        (
+            task.title,
+            [(key, ours[task.id]) for key, ours in reached.items() if task.id in ours],
+        )
         for task in tasks
     ]
     curves = [
-        (f"{one.key}  {one.title}", reached[one.key]) for one in comparison.entrants if one.part
+        (f"{one.key}  {one.title}", reached[one.key])
+        for one in comparison.entrants
+        if one.part
     ]
     return {
         "stages": figures.as_svg("stages", figures.grouped_stage_bars, bars),
-        "progress": figures.as_svg("progress", figures.overlaid_progress, tasks, curves),
+        "progress": figures.as_svg(
+            "progress", figures.overlaid_progress, tasks, curves
+        ),
     }

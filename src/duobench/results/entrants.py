@@ -75,12 +75,18 @@ def published(name: str) -> PublishedResults:
 def check_policy(source: str) -> tuple[PublishedResults, str]:
     """The table that a name such as `paper:ACT` is of, and the policy in it."""
     tables: list[PublishedResults] = [published(name) for name in (PAPER, AUTHORS)]
-    known = {f"{one.name}:{policy}": (one, policy) for one in tables for policy in one.policies}
+    known = {
+        f"{one.name}:{policy}": (one, policy)
+        for one in tables
+        for policy in one.policies
+    }
     check_known("published policy", source, known)
     return known[source]
 
 
-def value_of(results: PublishedResults, policy: str, tasks: Collection[str]) -> Value | int | None:
+def value_of(
+    results: PublishedResults, policy: str, tasks: Collection[str]
+) -> Value | int | None:
     """What is reported for a policy on one task, or as the mean of exactly these tasks.
 
     Successes of several tasks add up, if those of each are there.
@@ -92,7 +98,9 @@ def value_of(results: PublishedResults, policy: str, tasks: Collection[str]) -> 
     counts = [value for value in values if isinstance(value, int)]
     if len(counts) == len(values):
         return sum(counts)
-    means = (mean.values[policy] for mean in results.means.values() if mean.tasks == wanted)
+    means = (
+        mean.values[policy] for mean in results.means.values() if mean.tasks == wanted
+    )
     return next(means, None)
 
 
@@ -222,11 +230,17 @@ def lettered(read: Sequence[Entrant]) -> tuple[Entrant, ...]:
             f"A comparison takes 2 to {len(ascii_uppercase)} runs, got {len(read)}."
         )
     if not any(entrant.part for entrant in read):
-        raise EvaluationError("A comparison needs a run; published results stand beside one.")
+        raise EvaluationError(
+            "A comparison needs a run; published results stand beside one."
+        )
     sorted_by_group = [one for group in Group for one in read if one.group is group]
     titles = Counter(entrant.title for entrant in read)
     return tuple(
-        replace(one, key=key, name=f"{one.title} ({key})" if titles[one.title] > 1 else one.title)
+        replace(
+            one,
+            key=key,
+            name=f"{one.title} ({key})" if titles[one.title] > 1 else one.title,
+        )
         for key, one in zip(ascii_uppercase, sorted_by_group, strict=False)
     )
 
@@ -246,7 +260,9 @@ def entrant_of(part: RunPart, name: str = "") -> Entrant:
     Its name for people is that of the policy by default, with its shift if it has one.
     """
     if not part.results.overall.episodes:
-        raise EvaluationError(f"{part.condition.name} has no finished episode to compare.")
+        raise EvaluationError(
+            f"{part.condition.name} has no finished episode to compare."
+        )
     shift = "" if part.condition.shift == NO_SHIFT else f", {part.condition.shift}"
     return Entrant(
         title=name or f"{part.candidate.name}{shift}",
@@ -317,11 +333,16 @@ def table_rows(entrants: Sequence[Entrant]) -> tuple[TableRow, ...]:
     for task in played:
         by_id.setdefault(task.id, task)
     tasks = list(by_id.values())
-    common = [task for task in tasks if all(part.results.played(task.id) for part in parts)]
+    common = [
+        task for task in tasks if all(part.results.played(task.id) for part in parts)
+    ]
     rows: list[TableRow] = []
     for category in dict.fromkeys(task.category for task in tasks):
         members = [task for task in tasks if task.category == category]
-        rows += [TableRow(kind=RowKind.TASK, label=task.title, tasks=(task,)) for task in members]
+        rows += [
+            TableRow(kind=RowKind.TASK, label=task.title, tasks=(task,))
+            for task in members
+        ]
         rows += _sum(RowKind.CATEGORY, category, members, common)
     return (*rows, *_sum(RowKind.OVERALL, "All tasks", tasks, common))
 
@@ -340,5 +361,9 @@ def _sum(
         return []
     if len(shared) < len(members):
         whole = kind is RowKind.OVERALL
-        label = f"{len(shared)} common tasks" if whole else f"{label} ({len(shared)} common)"
+        label = (
+            f"{len(shared)} common tasks"
+            if whole
+            else f"{label} ({len(shared)} common)"
+        )
     return [TableRow(kind=kind, label=label, tasks=tuple(shared))]

@@ -44,13 +44,19 @@ class Excess:
 
     @classmethod
     def of(
-        cls, requested: Sequence[Array], sent: ArrayLike, speed: float, limits: DuoLimits
+        cls,
+        requested: Sequence[Array],
+        sent: ArrayLike,
+        speed: float,
+        limits: DuoLimits,
     ) -> Self:
         """From commands (1 + steps, 16) that were requested, and those (steps, 16) that were sent.
 
         The first of the former is where the arms were at the start.
         """
-        ends = np.clip(requested, limits.low, limits.high).reshape(-1, len(SIDES), SIDE_SIZE)
+        ends = np.clip(requested, limits.low, limits.high).reshape(
+            -1, len(SIDES), SIDE_SIZE
+        )
         targets = np.reshape(requested, ends.shape)
         arms, joints = targets[0, :, :-1], targets[..., :-1]
         first = joints[(np.abs(joints - arms).max(axis=(1, 2)) > NOTABLE).argmax()]
@@ -58,7 +64,10 @@ class Excess:
             joint=_furthest(joints, ends[..., :-1]),
             opening=_furthest(targets[..., -1], ends[..., -1]),
             change=float(np.abs(np.subtract(requested[1:], sent)).max()),
-            first=(float(np.abs(first - arms).max()), float(np.abs(first - arms[::-1]).max())),
+            first=(
+                float(np.abs(first - arms).max()),
+                float(np.abs(first - arms[::-1]).max()),
+            ),
             speed=speed,
         )
 
@@ -69,7 +78,9 @@ class Excess:
         out = math.copysign(1.0, joint) * (math.radians(joint) - end)
         mistakes = {
             "are these degrees?": abs(joint) >= NO_RADIANS and out < NEAR,
-            "are openings 0 to 100 or 255?": NO_OPENING <= self.opening[0] <= FULLY_OPEN,
+            "are openings 0 to 100 or 255?": NO_OPENING
+            <= self.opening[0]
+            <= FULLY_OPEN,
             "are the arms in the other order?": exchanged < NEAR < here - exchanged,
         }
         return [question for question, explains in mistakes.items() if explains]

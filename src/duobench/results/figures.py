@@ -78,7 +78,9 @@ DASHES: tuple[Any, ...] = (
 Levels = Mapping[str, Mapping[int, Score]]
 """What was reached at each level of each axis."""
 _GAP = 0.5  # between the bars of two tasks, in bars
-_LONG_NAME = 27  # letters of a name, its key included, above which a legend has one name a line
+_LONG_NAME = (
+    27  # letters of a name, its key included, above which a legend has one name a line
+)
 _LONGEST_TITLE = 24  # letters that fit above the narrowest panel
 _APART = 0.06  # between the markers of two runs at one level, in levels
 _SHORTEST_LABELLED = 0.035
@@ -89,7 +91,10 @@ def stage_colours(max_stage: int) -> tuple[str, ...]:
     """Colours of the stages 0, 1, ..., max_stage as `#rrggbb`."""
     stops = np.linspace(0, 1, len(_RAMP))
     shares = np.arange(max_stage) / max(1, max_stage - 1)
-    channels = [np.rint(np.interp(shares, stops, channel)) for channel in zip(*_RAMP, strict=True)]
+    channels = [
+        np.rint(np.interp(shares, stops, channel))
+        for channel in zip(*_RAMP, strict=True)
+    ]
     return (*map(to_hex, np.transpose(channels) / 255), SUCCESS)
 
 
@@ -118,20 +123,26 @@ def stage_bars(results: Results) -> Figure:
     return figure
 
 
-def grouped_stage_bars(groups: Sequence[tuple[str, Sequence[tuple[str, TaskResult]]]]) -> Figure:
+def grouped_stage_bars(
+    groups: Sequence[tuple[str, Sequence[tuple[str, TaskResult]]]],
+) -> Figure:
     """One bar for each run in each titled task, with a word beside it."""
     titles: list[tuple[float, str]] = []
     bars: list[tuple[float, str, TaskResult]] = []
     at = 0.0
     for title, runs in groups:
         titles.append((at, title))
-        bars += [(at + place, word, result) for place, (word, result) in enumerate(runs)]
+        bars += [
+            (at + place, word, result) for place, (word, result) in enumerate(runs)
+        ]
         at += len(runs) + _GAP
     figure = _figure(0.75 + 0.27 * at)
     axes = figure.add_subplot()
     _plot_bars(axes, bars, max(1.0, at - _GAP), weight="bold")
     named = axes.secondary_yaxis(-0.035)
-    named.set_yticks([place for place, _ in titles], [_short(title) for _, title in titles])
+    named.set_yticks(
+        [place for place, _ in titles], [_short(title) for _, title in titles]
+    )
     named.tick_params(length=0)
     named.spines["left"].set_visible(False)
     return figure
@@ -143,7 +154,9 @@ def _plot_bars(
     """Plot bars at their places along y up to an end, with the styled label of each beside it."""
     for place, _, result in bars:
         _plot_bar(axes, place, result)
-    axes.set_yticks([place for place, *_ in bars], [label for _, label, _ in bars], **labels)
+    axes.set_yticks(
+        [place for place, *_ in bars], [label for _, label, _ in bars], **labels
+    )
     axes.set_xticks([0.0, 0.25, 0.5, 0.75, 1.0], ["0", "25", "50", "75", "100 %"])
     what = "Share of episodes by last stage; success rate at the right"
     axes.set(xlim=(0.0, 1.09), ylim=(end - 0.5, -0.5), xlabel=what)
@@ -163,10 +176,14 @@ def _plot_bar(axes: Axes, row: float, result: TaskResult) -> None:
         colour = colours[stage]
         bar = axes.barh(row, share, left=left, height=0.68, color=colour, linewidth=0)
         if left:
-            axes.plot([left, left], [row - 0.34, row + 0.34], color="white", linewidth=0.8)
+            axes.plot(
+                [left, left], [row - 0.34, row + 0.34], color="white", linewidth=0.8
+            )
         if share >= _SHORTEST_LABELLED:
             label = "✓" if stage == result.task.max_stage else str(stage)
-            axes.bar_label(bar, [label], label_type="center", color=ink_on(colour), fontsize=8)
+            axes.bar_label(
+                bar, [label], label_type="center", color=ink_on(colour), fontsize=8
+            )
         left += share
     axes.annotate(
         f"{percent(result.score.success_rate)} %",
@@ -183,7 +200,9 @@ def progress_over_time(results: Results) -> Figure:
     tasks = [one for one in results.tasks if one.score.episodes]
     figure, panels = _progress_panels([one.task for one in tasks])
     for axes, one in zip(panels, tasks, strict=True):
-        axes.fill_between(TIME, one.progress, step="post", color=CURVE, alpha=0.25, linewidth=0)
+        axes.fill_between(
+            TIME, one.progress, step="post", color=CURVE, alpha=0.25, linewidth=0
+        )
         axes.step(TIME, one.progress, where="post", color=CURVE, linewidth=1.6)
     return figure
 
@@ -193,7 +212,9 @@ def _progress_panels(tasks: Sequence[TaskInfo]) -> tuple[Any, list[Axes]]:
     rows = max(1, math.ceil(len(tasks) / MOST_COLUMNS))
     columns = max(1, math.ceil(len(tasks) / rows))
     figure = _figure(0.5 + 1.5 * rows)
-    panels = [figure.add_subplot(rows, columns, index + 1) for index in range(len(tasks))]
+    panels = [
+        figure.add_subplot(rows, columns, index + 1) for index in range(len(tasks))
+    ]
     for index, (axes, task) in enumerate(zip(panels, tasks, strict=True)):
         for stage in range(1, task.max_stage + 1):
             level = stage / task.max_stage
@@ -233,16 +254,24 @@ def levels(axes: Sequence[str], runs: Sequence[tuple[str, Levels]]) -> Figure:
     columns = min(MOST_COLUMNS, max(1, len(axes)))
     rows = -(-max(1, len(axes)) // columns)
     figure = _figure(1.75 * rows + 0.5)
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    panels = figure.subplots(
+        rows, columns, squeeze=False, sharex=True, sharey=True
+    ).ravel()
     for panel, axis in zip(panels, axes, strict=False):
-        panel.set_title("all axes" if axis == ALL_AXES else axis, fontsize=9, loc="left")
+        panel.set_title(
+            "all axes" if axis == ALL_AXES else axis, fontsize=9, loc="left"
+        )
         panel.set(xticks=range(LEVELS + 1), yticks=[0, 25, 50, 75, 100])
         panel.set(xlim=(-0.3, LEVELS + 0.3), ylim=(-4, 104))
         panel.grid(axis="y", linewidth=0.4, alpha=0.5)
-        for index, (style, (_, reached)) in enumerate(zip(_styles(len(runs)), runs, strict=True)):
+        for index, (style, (_, reached)) in enumerate(
+            zip(_styles(len(runs)), runs, strict=True)
+        ):
             scores = reached.get(axis)
             if scores:
-                _plot_levels(panel, scores, style, _APART * (index - (len(runs) - 1) / 2))
+                _plot_levels(
+                    panel, scores, style, _APART * (index - (len(runs) - 1) / 2)
+                )
     for panel in panels[len(axes) :]:
         panel.set_visible(False)
     figure.supxlabel("Level", fontsize=9)
@@ -275,7 +304,11 @@ def _add_legend(figure: Any, names: Sequence[str], columns: int) -> None:
         for name, style in zip(names, _styles(len(names)), strict=True)
     ]
     figure.legend(
-        handles=handles, loc="outside upper left", ncols=columns, frameon=False, handlelength=3.5
+        handles=handles,
+        loc="outside upper left",
+        ncols=columns,
+        frameon=False,
+        handlelength=3.5,
     )
 
 
@@ -300,7 +333,9 @@ def as_svg(name: str, make: Callable[[*Values], Figure], *values: *Values) -> st
     with (
         # A user's own settings of Matplotlib change no figure.
         matplotlib.style.context({**_STYLE, "svg.hashsalt": name}, after_reset=True),
-        warnings.catch_warnings(action="ignore", category=UserWarning),  # of glyphs and narrow axes
+        warnings.catch_warnings(
+            action="ignore", category=UserWarning
+        ),  # of glyphs and narrow axes
     ):
         figure: Any = make(*values)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -315,7 +350,11 @@ def for_page(svg: str) -> str:
     which would not be unique on a page with several figures.
     """
     element = re.sub(r' (width|height)="[^"]*"', "", svg[svg.index("<svg") :], count=2)
-    for unwanted in ("<style.*?</style>", "<metadata>.*?</metadata>", '<g id="patch_1">.*?</g>'):
+    for unwanted in (
+        "<style.*?</style>",
+        "<metadata>.*?</metadata>",
+        '<g id="patch_1">.*?</g>',
+    ):
         element = re.sub(unwanted, "", element, count=1, flags=re.DOTALL)
     element = re.sub(r'<g id="[^"]*"', "<g", element)
     return element.replace(INK, "currentColor").replace(CURVE, "var(--accent)")

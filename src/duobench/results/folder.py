@@ -32,7 +32,14 @@ from duobench.core.files import (
     writing,
 )
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS
-from duobench.results.journal import Begun, Entry, Journal, Started, read_attempts, read_entries
+from duobench.results.journal import (
+    Begun,
+    Entry,
+    Journal,
+    Started,
+    read_attempts,
+    read_entries,
+)
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard
 from duobench.results.salt import Salt
@@ -112,7 +119,11 @@ class RunReader(ABC):
             match = _RECORD.fullmatch(name)
             key = Key(match[1], match[2], int(match[3])) if match else Key("", "", 0)
             is_known = key.task in tasks and key.condition in conditions
-            if not is_known or key.episode not in run.suite.indices or record_name(key) != name:
+            if (
+                not is_known
+                or key.episode not in run.suite.indices
+                or record_name(key) != name
+            ):
                 raise EvaluationError(
                     f"{self.path} has a record of no episode of its run, {name}: {DESCRIPTION} "
                     f"says {run.suite.episodes} episodes of {len(tasks)} tasks under "
@@ -122,20 +133,30 @@ class RunReader(ABC):
                     "axes and levels goes on in this folder."
                 )
             found.append(key)
-        return sorted(found, key=lambda key: (conditions[key.condition], tasks[key.task], key[2]))
+        return sorted(
+            found, key=lambda key: (conditions[key.condition], tasks[key.task], key[2])
+        )
 
     def removed(self, run: Run) -> str:
         """A sentence about what was played, as journals say, and has no record; empty if none."""
         there = {key.path for key in self.finished(run)}
-        ended = (path for path, ends in self.attempts().items() if RECORDED & {*ends[-1:]})
+        ended = (
+            path for path, ends in self.attempts().items() if RECORDED & {*ends[-1:]}
+        )
         lost = sorted(set(ended) - there)
-        return f"Played, and without a record now: {len(lost)}, such as {lost[0]}." if lost else ""
+        return (
+            f"Played, and without a record now: {len(lost)}, such as {lost[0]}."
+            if lost
+            else ""
+        )
 
     def read_record(self, run: Run, key: Key) -> EpisodeRecord:
         """The record of one episode of a run."""
         return self._record(run, run.hash, run.conditions[key.condition], key)
 
-    def read_records(self, run: Run, wanted: Container[Key] | None = None) -> list[EpisodeRecord]:
+    def read_records(
+        self, run: Run, wanted: Container[Key] | None = None
+    ) -> list[EpisodeRecord]:
         """The records of the finished episodes, or of those that are wanted, in the run's order.
 
         Raises:
@@ -150,12 +171,16 @@ class RunReader(ABC):
             if wanted is None or key in wanted
         ]
 
-    def _record(self, run: Run, digest: str, condition: Condition, key: Key) -> EpisodeRecord:
+    def _record(
+        self, run: Run, digest: str, condition: Condition, key: Key
+    ) -> EpisodeRecord:
         file = self.file(record_name(key))
         record = read(file, EpisodeRecord, RECORD_SCHEMA, advice=self.advice)
         (task,) = (task for task in run.suite.tasks if task.id == key.task)
         split = run.of(condition.policy).config.split
-        episode = Episode(task=task, index=key.episode, split=split, shift=condition.shift)
+        episode = Episode(
+            task=task, index=key.episode, split=split, shift=condition.shift
+        )
         episode = replace(episode, salted=run.seeds(record, self.salt))
         objection = run.objection(record, episode)
         if record.run != digest:
@@ -234,7 +259,13 @@ class RunFolder(RunReader):
 
     def report(self) -> list[str]:
         """Names of the files that are there of a report, of whatever shape the run had."""
-        places = ("", *(f"{CONDITIONS}/{path.name}/" for path in self.path.glob(f"{CONDITIONS}/*")))
+        places = (
+            "",
+            *(
+                f"{CONDITIONS}/{path.name}/"
+                for path in self.path.glob(f"{CONDITIONS}/*")
+            ),
+        )
         names = (f"{place}{name}" for place in places for name in _REPORT)
         return [name for name in names if self.file(name).is_file()]
 
@@ -246,7 +277,9 @@ class RunFolder(RunReader):
     @property
     def is_begun(self) -> bool:
         """Whether an attempt at an episode has begun, or somebody else is writing."""
-        return len(self.writers) > 1 or any(isinstance(each, Begun) for each in self.entries())
+        return len(self.writers) > 1 or any(
+            isinstance(each, Begun) for each in self.entries()
+        )
 
     # --- writers -----------------------------------------------------------------------------
 
@@ -265,7 +298,11 @@ class RunFolder(RunReader):
 
     def entries(self) -> list[Entry]:
         """What all writers have noted, one writer after the other."""
-        return [entry for shard in self.writers for entry in read_entries(self.journal(shard))]
+        return [
+            entry
+            for shard in self.writers
+            for entry in read_entries(self.journal(shard))
+        ]
 
     @contextmanager
     def writer(self, shard: Shard = WHOLE) -> Generator[Journal]:
@@ -281,7 +318,9 @@ class RunFolder(RunReader):
         with ExitStack() as ending:
             new = taken_back(self.path, *RUN_BEGINNINGS, is_begun=lambda: self.is_begun)
             ending.enter_context(new)
-            with locked(self.path, wait_s=_WAIT_S):  # in which alone others' locks are looked at
+            with locked(
+                self.path, wait_s=_WAIT_S
+            ):  # in which alone others' locks are looked at
                 self._check_free()
                 for other in self.writers:
                     if shard.overlaps(other):
@@ -329,7 +368,9 @@ class RunFolder(RunReader):
         records = self.read_records(other) if run.differences(other) else []
         return bool(records) and all(record.error is not None for record in records)
 
-    def clear(self, run: Run, shard: Shard = WHOLE, *, keeps_attempts: bool = False) -> None:
+    def clear(
+        self, run: Run, shard: Shard = WHOLE, *, keeps_attempts: bool = False
+    ) -> None:
         """Remove what was played of a shard of a run, or all of another run that is here.
 
         Journals of other writers of that run go too, unless attempts are kept.
@@ -344,7 +385,9 @@ class RunFolder(RunReader):
                     if key in ours:
                         self.discard(key)
             elif self._is_written_beside(shard):
-                raise LockedError(f"Another process is writing another run into {self.path}.")
+                raise LockedError(
+                    f"Another process is writing another run into {self.path}."
+                )
             else:
                 self._clear_all([] if keeps_attempts else self._others(shard))
 
@@ -382,7 +425,9 @@ class RunFolder(RunReader):
             EvaluationError: If there is none.
         """
         if not self.description.exists():
-            raise EvaluationError(f"{self.path} holds no evaluation: {DESCRIPTION} is missing.")
+            raise EvaluationError(
+                f"{self.path} holds no evaluation: {DESCRIPTION} is missing."
+            )
         return super().read_run()
 
     def write(self, record: EpisodeRecord, video: bytes | None = None) -> None:

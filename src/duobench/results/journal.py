@@ -43,7 +43,9 @@ PARTS = tuple(field.name for field in fields(EpisodeTimes))[1:]
 """Fields of `EpisodeTimes` that are parts of the total; the rest of it is preparation."""
 
 
-class Started(msgspec.Struct, tag="started", tag_field="kind", frozen=True, kw_only=True):
+class Started(
+    msgspec.Struct, tag="started", tag_field="kind", frozen=True, kw_only=True
+):
     """A writer starts, or goes on."""
 
     command: str
@@ -119,7 +121,10 @@ def read_attempts(entries: Iterable[Entry]) -> dict[Key, tuple[str, ...]]:
                     twins[entry.key].append(before.how)
             case Started():
                 pass
-    return {key: (*twins[key], *_ends(noted, len(twins[key]))) for key, noted in found.items()}
+    return {
+        key: (*twins[key], *_ends(noted, len(twins[key])))
+        for key, noted in found.items()
+    }
 
 
 def _ends(noted: Mapping[int, Ended | None], twins: int) -> Iterator[str]:
@@ -139,7 +144,9 @@ class Journal:
         entries: Reads what all writers have noted so far, from which attempts are counted.
     """
 
-    def __init__(self, path: Path, entries: Callable[[], Iterable[Entry]] = tuple) -> None:
+    def __init__(
+        self, path: Path, entries: Callable[[], Iterable[Entry]] = tuple
+    ) -> None:
         self._path, self._entries = path, entries
         self._attempts = read_attempts(entries())
         self._workers = 0
@@ -165,9 +172,14 @@ class Journal:
         """Note that an episode has a record, and how long it took, in whole milliseconds."""
         how = end_of(record)
         rounded = times and EpisodeTimes(
-            **{field.name: round(getattr(times, field.name), 3) for field in fields(times)}
+            **{
+                field.name: round(getattr(times, field.name), 3)
+                for field in fields(times)
+            }
         )
-        self.lose(record.key, how, steps=record.steps, workers=self._workers, times=rounded)
+        self.lose(
+            record.key, how, steps=record.steps, workers=self._workers, times=rounded
+        )
 
     def lose(self, key: Key, how: str, **facts: Any) -> None:
         """Note how an attempt ended, one of `ENDS`."""
@@ -214,7 +226,10 @@ def run_times(results: Results, entries: Iterable[Entry]) -> RunTimes:
     """How long finished episodes took, the last attempts, as far as writers have noted it."""
     notes = {entry.key: entry for entry in entries if isinstance(entry, Ended)}
     by_task = [
-        (one.task.title, [notes[record.key] for record in one.records if record.key in notes])
+        (
+            one.task.title,
+            [notes[record.key] for record in one.records if record.key in notes],
+        )
         for one in results.tasks
     ]
     known = [note for _, ours in by_task for note in ours if note.times]

@@ -62,7 +62,9 @@ class StageLabels:
         for label in sorted(self.standing, key=lambda label: label.step):
             stage = label.stage or 0
             if stage > highest:
-                found[label.step] = highest = stage  # of two at one step the higher one counts
+                found[label.step] = highest = (
+                    stage  # of two at one step the higher one counts
+                )
         return tuple(found.items())
 
 

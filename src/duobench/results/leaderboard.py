@@ -17,7 +17,14 @@ from duobench.envs.config import EnvConfig
 from duobench.results import figures
 from duobench.results.bundle import BUNDLE_SUFFIX
 from duobench.results.entrants import PAPER, WARNING, published
-from duobench.results.pages import PAGE, check_free, json_text, page, part_page, write_files
+from duobench.results.pages import (
+    PAGE,
+    check_free,
+    json_text,
+    page,
+    part_page,
+    write_files,
+)
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
 from duobench.results.salt import Round
@@ -133,7 +140,12 @@ class Board:
         """
         rounds = sorted(self.rounds, key=lambda each: each.date, reverse=True)
         return [
-            (title + word, hosted, bool(word), self.ranked(privileged=bool(word), hosted=hosted))
+            (
+                title + word,
+                hosted,
+                bool(word),
+                self.ranked(privileged=bool(word), hosted=hosted),
+            )
             for hosted in (*rounds, None)
             for title in (f"Hosted, {hosted.name}" if hosted else "Self-reported",)
             for word in ("", ", privileged")
@@ -146,7 +158,11 @@ class Board:
         """
         ours = (privileged, hosted)
         complete = sorted(
-            (one for one in self.entries if not one.lacks and (one.privileged, one.hosted) == ours),
+            (
+                one
+                for one in self.entries
+                if not one.lacks and (one.privileged, one.hosted) == ours
+            ),
             key=lambda entry: (*(-number for number in entry.standing), entry.digest),
         )
         standings = [entry.standing for entry in complete]
@@ -207,7 +223,9 @@ def make_entry(  # noqa: PLR0913 - what is known of a bundle
     results = summarize(tasks, part.records)
     repeats = replace(part, results=results).repeats
     # Joint targets of many runs would fill the memory.
-    results = replace(results, tasks=tuple(replace(one, records=()) for one in results.tasks))
+    results = replace(
+        results, tasks=tuple(replace(one, records=()) for one in results.tasks)
+    )
     return BoardEntry(
         file=file,
         digest=digest,
@@ -221,26 +239,33 @@ def make_entry(  # noqa: PLR0913 - what is known of a bundle
     )
 
 
-def _deviations(run: Run, records: Iterable[EpisodeRecord], split: str) -> tuple[str, ...]:
+def _deviations(
+    run: Run, records: Iterable[EpisodeRecord], split: str
+) -> tuple[str, ...]:
     """Why a run is not ranked, one phrase each; none if it has played the whole suite."""
     default = EnvConfig(split=split)
     found = [
         f"{name.replace('_', ' ')} {_word(value)} instead of {expected}"
         for name in (field.name for field in fields(EnvConfig))
         if name not in CHOSEN_BY_POLICY
-        and (value := getattr(run.candidate.config, name)) != (expected := getattr(default, name))
+        and (value := getattr(run.candidate.config, name))
+        != (expected := getattr(default, name))
     ]
     if run.suite.salt and split == EVAL:
         found.append("self-reported: whoever played it may have chosen its salt")
     if run.suite.shifts != (NO_SHIFT,):
-        found.append(f"{len(run.suite.shifts)} conditions, not that without a shift alone")
+        found.append(
+            f"{len(run.suite.shifts)} conditions, not that without a shift alone"
+        )
     other = other_engine({"mujoco": "an unknown version", **run.versions})
     if other:
         found.append(other)
     tasks = catalog.names()
     if len(run.suite.tasks) < len(tasks):
         found.append(f"{len(run.suite.tasks)} of {len(tasks)} tasks")
-    played = {(record.task, record.episode) for record in records if record.episode < EPISODES}
+    played = {
+        (record.task, record.episode) for record in records if record.episode < EPISODES
+    }
     expected = EPISODES * len(run.suite.tasks)
     lacking = expected - len(played)
     if lacking:
@@ -274,9 +299,14 @@ def _front_page(board: Board) -> str:
     plain = board.groups[::2]
     title, hosted, _, ranked = next((each for each in plain if each[-1]), plain[-1])
     shown = [(str(rank), entry) for rank, entry in ranked[:MOST]]
-    shown += [("P", entry) for _, entry in board.ranked(privileged=True, hosted=hosted)[:1]]
+    shown += [
+        ("P", entry) for _, entry in board.ranked(privileged=True, hosted=hosted)[:1]
+    ]
     bars = [
-        (row[0].task.title, [(word, one) for (word, _), one in zip(shown, row, strict=True)])
+        (
+            row[0].task.title,
+            [(word, one) for (word, _), one in zip(shown, row, strict=True)],
+        )
         for row in zip(*(entry.results.tasks for _, entry in shown), strict=True)
     ]
     make = figures.grouped_stage_bars
@@ -324,7 +354,9 @@ def _document(board: Board) -> str:
             ]
             for name, privileged in (("ranked", False), ("ranked_privileged", True))
         },
-        "not_ranked": [{**_entry(entry), "because": list(entry.lacks)} for entry in board.partial],
+        "not_ranked": [
+            {**_entry(entry), "because": list(entry.lacks)} for entry in board.partial
+        ],
         "refused": [{"file": one.file, "reason": one.reason} for one in board.refused],
     }
     return json_text(content)

@@ -81,9 +81,13 @@ class MixedTest:
             for test in self.pair.of(RowKind.OVERALL)
         ]
         if self.pair.conditions:
-            more.append(f"Not the trainings alone differ: {'; '.join(self.pair.conditions)}.")
+            more.append(
+                f"Not the trainings alone differ: {'; '.join(self.pair.conditions)}."
+            )
         verdict = tables.verdict(self.pair)
-        return " ".join([f"{WHERE[self.domain].capitalize()}, with {how}: {verdict}", *more])
+        return " ".join(
+            [f"{WHERE[self.domain].capitalize()}, with {how}: {verdict}", *more]
+        )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -152,7 +156,9 @@ def read_mixed(sources: Sequence[str]) -> MixedTable:
             before = found.setdefault(place, [])
             for one in part.results.tasks:
                 if not one.records:
-                    raise EvaluationError(f"{source} has no finished episode of {one.task.id}.")
+                    raise EvaluationError(
+                        f"{source} has no finished episode of {one.task.id}."
+                    )
                 if any(each.results.played(one.task.id) for each in before):
                     raise EvaluationError(
                         f"{source} is a second run of {one.task.id}, trained on {trained_on} and "
@@ -161,10 +167,20 @@ def read_mixed(sources: Sequence[str]) -> MixedTable:
                     )
             before.append(part)
     names = list(dict.fromkeys(place.policy for place in found))
-    order = sorted(found, key=lambda p: (names.index(p.policy), TRAININGS.index(p.trained_on)))
-    entrants = {place: entrant_of(_joined(found[place]), place.title) for place in order}
-    rows = [row for row in table_rows(list(entrants.values())) if row.kind is not RowKind.CATEGORY]
-    return MixedTable(rows=tuple(rows), entrants=entrants, tests=tuple(_tests(entrants)))
+    order = sorted(
+        found, key=lambda p: (names.index(p.policy), TRAININGS.index(p.trained_on))
+    )
+    entrants = {
+        place: entrant_of(_joined(found[place]), place.title) for place in order
+    }
+    rows = [
+        row
+        for row in table_rows(list(entrants.values()))
+        if row.kind is not RowKind.CATEGORY
+    ]
+    return MixedTable(
+        rows=tuple(rows), entrants=entrants, tests=tuple(_tests(entrants))
+    )
 
 
 def _joined(parts: Sequence[RunPart]) -> RunPart:
@@ -224,7 +240,8 @@ def markdown(table: MixedTable) -> str:
 
 def _latex(table: MixedTable) -> str:
     heads, *rows = (
-        tables.tex_row(map(tables.tex, each)) for each in (_heads(table), *_cells(table))
+        tables.tex_row(map(tables.tex, each))
+        for each in (_heads(table), *_cells(table))
     )
     lines = [
         rf"\begin{{tabular}}{{ll{'c' * len(table.columns)}}}",
@@ -244,7 +261,11 @@ def _heads(table: MixedTable) -> list[str]:
 
 def _cells(table: MixedTable) -> Iterable[list[str]]:
     for row, trained_on, found in table.lines():
-        yield [row.label, trained_on, *("–" if each is None else _text(each) for each in found)]
+        yield [
+            row.label,
+            trained_on,
+            *("–" if each is None else _text(each) for each in found),
+        ]
 
 
 def _text(score: Score) -> str:
@@ -268,7 +289,10 @@ def _csv(table: MixedTable) -> str:
             *place,
             found.episodes,
             found.successes,
-            *(f"{number:.6f}" for number in (found.success_rate or 0.0, *found.interval)),
+            *(
+                f"{number:.6f}"
+                for number in (found.success_rate or 0.0, *found.interval)
+            ),
             f"{found.mean_final_progress or 0.0:.6f}",
         ]
         for task, place, found in _scores(table)
@@ -298,4 +322,6 @@ def _document(table: MixedTable) -> str:
     ]
     overall = [row.tasks for row in table.rows if row.kind is RowKind.OVERALL]
     tasks = [task.id for each in overall for task in each]
-    return json_text({"schema": MIXED_SCHEMA, "all": tasks, "rows": rows, "tests": tests})
+    return json_text(
+        {"schema": MIXED_SCHEMA, "all": tasks, "rows": rows, "tests": tests}
+    )

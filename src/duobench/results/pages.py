@@ -63,7 +63,9 @@ def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
     )
 
 
-def part_page(template: str, svgs: Mapping[str, str], part: RunPart, **values: Any) -> str:
+def part_page(
+    template: str, svgs: Mapping[str, str], part: RunPart, **values: Any
+) -> str:
     """A page of what was played under one condition, as HTML text; see `page`."""
     return page(
         template,
@@ -90,7 +92,9 @@ def check_free(out: Path, sign: str, what: str) -> None:
     make_folder(out)
 
 
-def with_figures(contents: Mapping[str, str], svgs: Mapping[str, str]) -> dict[str, str]:
+def with_figures(
+    contents: Mapping[str, str], svgs: Mapping[str, str]
+) -> dict[str, str]:
     """Files by their names, figures first."""
     return {**{f"figures/{name}.svg": svg for name, svg in svgs.items()}, **contents}
 
@@ -109,10 +113,16 @@ def identity(part: RunPart) -> Facts:
     first, last = suite.indices[0], suite.indices[-1]
     indices = f"number {first}" if first == last else f"numbers {first}–{last}"
     height, width = config.image_size
-    images = f"{', '.join(config.cameras)}, {width} × {height} pixels" if config.cameras else "none"
+    images = (
+        f"{', '.join(config.cameras)}, {width} × {height} pixels"
+        if config.cameras
+        else "none"
+    )
     objects = ", positions of the objects (privileged)" if config.object_state else ""
     batches = batching and f"{batching.mode} batches of {batching.size}"
-    actions = f"{policy.horizon} action{'s' if policy.horizon and policy.horizon > 1 else ''}"
+    actions = (
+        f"{policy.horizon} action{'s' if policy.horizon and policy.horizon > 1 else ''}"
+    )
     facts = {
         "Policy": candidate.policy
         if policy.name == candidate.policy
@@ -134,7 +144,8 @@ def identity(part: RunPart) -> Facts:
         "Executed": f"{execute_text(suite)}, {latency_text(suite)}",
         "Overtime": f"up to {suite.overtime:g} horizons" if suite.overtime > 1 else "",
         "Instructions": config.instructions,
-        "Inference": ", ".join(filter(None, (policy.dtype, policy.device, batches))) or UNKNOWN,
+        "Inference": ", ".join(filter(None, (policy.dtype, policy.device, batches)))
+        or UNKNOWN,
         "Time limits": f"{run.limits.act_timeout:g} s an answer, "
         f"{run.limits.episode_timeout:g} s an episode",
     }
@@ -144,12 +155,18 @@ def identity(part: RunPart) -> Facts:
 def rig_text(records: Iterable[EpisodeRecord]) -> str:
     """The states of a rig's file that episodes were played on."""
     rigs = list(dict.fromkeys(record.rig[:12] for record in records if record.rig))
-    return f"{len(rigs)} measurements of it: {', '.join(rigs)}" if len(rigs) > 1 else "".join(rigs)
+    return (
+        f"{len(rigs)} measurements of it: {', '.join(rigs)}"
+        if len(rigs) > 1
+        else "".join(rigs)
+    )
 
 
 def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
     """Machines and software that records come from, each combination once."""
-    found = map(dict, dict.fromkeys(tuple(record.versions.items()) for record in records))
+    found = map(
+        dict, dict.fromkeys(tuple(record.versions.items()) for record in records)
+    )
     hidden = {*_MACHINE, "inference"}  # which the run says too
     return [
         {
@@ -211,7 +228,10 @@ def invalid_text(trials: Sequence[InvalidTrial]) -> str:
 def counts_text(values: Iterable[str]) -> str:
     """How often each value is there, such as "contact (2), person (1)"; empty ones are left out."""
     counts = Counter(filter(None, values))
-    return ", ".join(f"{value} ({count})" for value, count in sorted(counts.items())) or "nothing"
+    return (
+        ", ".join(f"{value} ({count})" for value, count in sorted(counts.items()))
+        or "nothing"
+    )
 
 
 class PageVideos:
@@ -221,7 +241,12 @@ class PageVideos:
     """
 
     def __init__(
-        self, folder: RunFolder, run: Run, page: Path, has_command: bool, shown: str | None = None
+        self,
+        folder: RunFolder,
+        run: Run,
+        page: Path,
+        has_command: bool,
+        shown: str | None = None,
     ) -> None:
         self._folder, self._run, self._page = folder, run, page
         self._has_command, self._shown = has_command, shown

@@ -30,7 +30,14 @@ from duobench.world.looks.look import Look
 Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
 
 _DIGITS = 6  # layouts are compared in micrometres: another processor may have another last bit
-_CONDITIONS = ("look", "horizon", "instructions", "split", "speed_fraction", "control_rate_hz")
+_CONDITIONS = (
+    "look",
+    "horizon",
+    "instructions",
+    "split",
+    "speed_fraction",
+    "control_rate_hz",
+)
 """What of a configuration is not the policy's choice."""
 
 
@@ -68,7 +75,9 @@ class Test:
     @property
     def rates(self) -> tuple[float, float]:
         """Success rates of the tested episodes."""
-        return self.successes[0] / self.episodes[0], self.successes[1] / self.episodes[1]
+        return self.successes[0] / self.episodes[0], self.successes[1] / self.episodes[
+            1
+        ]
 
     @property
     def difference(self) -> float:
@@ -146,13 +155,19 @@ def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | Non
     if version != other:
         tasks = []
         suites = f"{version} and {other}"
-        objection = f"They played different suites ({suites}), whose scores cannot be compared."
+        objection = (
+            f"They played different suites ({suites}), whose scores cannot be compared."
+        )
     elif not tasks:
         objection = "They have no finished task in common."
     shared = {task: _same_episodes(a.records(task), b.records(task)) for task in tasks}
     paired = bool(shared) and all(shared.values())
     tests = [
-        _paired(row, [pair for task in row.tasks for pair in shared[task.id]], _whole(row, a, b))
+        _paired(
+            row,
+            [pair for task in row.tasks for pair in shared[task.id]],
+            _whole(row, a, b),
+        )
         if paired
         else _unpaired(row, a, b)
         for row in rows
@@ -165,7 +180,8 @@ def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | Non
         paired=paired,
         obstacle=objection,
         conditions=tuple(_differing_conditions(a.part, b.part)),
-        is_same=paired and all(one == other for pairs in shared.values() for one, other in pairs),
+        is_same=paired
+        and all(one == other for pairs in shared.values() for one, other in pairs),
         left_out=played - 2 * sum(map(len, shared.values())) if paired else 0,
         tests=_adjusted([test for test in tests if test], _planned(a, b)),
     )
@@ -179,9 +195,13 @@ def _whole(row: TableRow, a: Entrant, b: Entrant) -> range:
     """
     whole = [task for task in _planned(a, b) if row.category in {"", task.category}]
     tasks = row.tasks if row.kind is RowKind.TASK else whole
-    played = [{r.episode for r in one.records(task.id)} for one in (a, b) for task in tasks]
+    played = [
+        {r.episode for r in one.records(task.id)} for one in (a, b) for task in tasks
+    ]
     first = max(one.part.suite.first_episode for one in (a, b) if one.part)
-    return range(first, next(i for i in count(first) if not all(i in each for each in played)))
+    return range(
+        first, next(i for i in count(first) if not all(i in each for each in played))
+    )
 
 
 def _paired(row: TableRow, pairs: Pairs, whole: range) -> Test:
@@ -205,9 +225,14 @@ def _paired(row: TableRow, pairs: Pairs, whole: range) -> Test:
 
 def _unpaired(row: TableRow, a: Entrant, b: Entrant) -> Test | None:
     """Tests about two samples; None where tasks do not have the same share of either."""
-    if len({len(a.records(task.id)) / len(b.records(task.id)) for task in row.tasks}) > 1:
+    if (
+        len({len(a.records(task.id)) / len(b.records(task.id)) for task in row.tasks})
+        > 1
+    ):
         return None
-    ours, theirs = ([r for task in row.tasks for r in one.records(task.id)] for one in (a, b))
+    ours, theirs = (
+        [r for task in row.tasks for r in one.records(task.id)] for one in (a, b)
+    )
     episodes = len(ours), len(theirs)
     successes = sum(r.success for r in ours), sum(r.success for r in theirs)
     stages = [_stages(r, row) for r in ours], [_stages(r, row) for r in theirs]
@@ -232,7 +257,11 @@ def _planned(a: Entrant, b: Entrant) -> list[TaskInfo]:
 def _adjusted(tests: Sequence[Test], planned: Sequence[TaskInfo]) -> tuple[Test, ...]:
     """The tests with p-values after Holm (any-time: planned tasks), and how many would tell."""
     several = [n for n in Counter(task.category for task in planned).values() if n > 1]
-    sizes = {RowKind.TASK: len(planned), RowKind.CATEGORY: len(several), RowKind.OVERALL: 1}
+    sizes = {
+        RowKind.TASK: len(planned),
+        RowKind.CATEGORY: len(several),
+        RowKind.OVERALL: 1,
+    }
     done: dict[TableRow, Test] = {}
     for kind in RowKind:
         family = [test for test in tests if test.row.kind is kind]
@@ -240,8 +269,12 @@ def _adjusted(tests: Sequence[Test], planned: Sequence[TaskInfo]) -> tuple[Test,
         progress = holm([test.progress_p for test in family])
         unplayed = [1.0] * (sizes[kind] - len(family))
         any_times = holm([test.any_time for test in family] + unplayed)
-        for test, p, far, ever in zip(family, adjusted, progress, any_times, strict=False):
-            changed = replace(test, adjusted=p, progress_adjusted=far, any_time_adjusted=ever)
+        for test, p, far, ever in zip(
+            family, adjusted, progress, any_times, strict=False
+        ):
+            changed = replace(
+                test, adjusted=p, progress_adjusted=far, any_time_adjusted=ever
+            )
             more = _more_episodes(changed, len(family))
             done[test.row] = replace(changed, more_episodes=more)
     return tuple(done[test.row] for test in tests)
@@ -277,7 +310,10 @@ class RunComparison:
     @property
     def groups(self) -> list[tuple[Group, list[Entrant]]]:
         """Every group that has a policy, with its policies."""
-        each = [(group, [one for one in self.entrants if one.group is group]) for group in Group]
+        each = [
+            (group, [one for one in self.entrants if one.group is group])
+            for group in Group
+        ]
         return [(group, members) for group, members in each if members]
 
     def is_best(self, row: TableRow, entrant: Entrant) -> bool:
@@ -310,8 +346,12 @@ def _same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pa
     they are part of what is compared.
     """
     theirs = {_identity(record): record for record in b}
-    pairs = [(record, theirs[key]) for record in a if (key := _identity(record)) in theirs]
-    return [(one, other) for one, other in pairs if _same_layout(one.layout, other.layout)]
+    pairs = [
+        (record, theirs[key]) for record in a if (key := _identity(record)) in theirs
+    ]
+    return [
+        (one, other) for one, other in pairs if _same_layout(one.layout, other.layout)
+    ]
 
 
 def _identity(record: EpisodeRecord) -> tuple[str, str, str, int]:
@@ -324,13 +364,20 @@ def _same_layout(one: SampledLayout, other: SampledLayout) -> bool:
 
 def _rounded(layout: SampledLayout) -> object:
     poses = layout.get("poses", {}).items()
-    return {**layout, "poses": {name: [round(x, _DIGITS) for x in pose] for name, pose in poses}}
+    return {
+        **layout,
+        "poses": {name: [round(x, _DIGITS) for x in pose] for name, pose in poses},
+    }
 
 
 def _differing_conditions(a: RunPart, b: RunPart) -> list[str]:
     """What was not the same around the two policies, one phrase each."""
     one, other = a.condition, b.condition
-    found = [] if one.domain == other.domain else [f"domain {one.domain} and {other.domain}"]
+    found = (
+        []
+        if one.domain == other.domain
+        else [f"domain {one.domain} and {other.domain}"]
+    )
     if a.run.is_real and b.run.is_real and a.run.rig != b.run.rig:
         found.append("another rig")
     if one.shift != other.shift:

@@ -37,7 +37,10 @@ SIM, REAL, MIXED = "sim", "real", "mixed"
 DOMAINS = (SIM, REAL)
 _LONGEST_PART = 40
 
-_SHORT, _LONG = np.dtype("<f4"), np.dtype("<f8")  # numbers that joint targets are kept as
+_SHORT, _LONG = (
+    np.dtype("<f4"),
+    np.dtype("<f8"),
+)  # numbers that joint targets are kept as
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,13 +63,19 @@ class Condition:
     @property
     def name(self) -> str:
         """Readable name of a folder, another one for every condition."""
-        return ".".join(map(_slug, (self.policy, self.domain, self.shift.name, self.look)))
+        return ".".join(
+            map(_slug, (self.policy, self.domain, self.shift.name, self.look))
+        )
 
 
 def _slug(text: str) -> str:
     """A text as a part of a name; where that loses something, a hash tells it from others."""
     plain = re.sub(r"[^A-Za-z0-9_-]+", "-", text)[:_LONGEST_PART].strip("-")
-    return plain if plain == text else f"{plain}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
+    return (
+        plain
+        if plain == text
+        else f"{plain}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
+    )
 
 
 class Key(NamedTuple):
@@ -247,7 +256,9 @@ class EpisodeRecord:
             or reached != sorted(set(reached)),
             "final_stage must be the last stage of stage_changes": self.final_stage
             != (reached[-1] if reached else 0),
-            "final_stage must lie in 0..max_stage": not 0 <= self.final_stage <= self.max_stage,
+            "final_stage must lie in 0..max_stage": not 0
+            <= self.final_stage
+            <= self.max_stage,
             "max_stage must be positive": self.max_stage < 1,
             "success must mean that the last stage was reached without an error": self.success
             != (self.final_stage == self.max_stage and self.error is None),
@@ -256,12 +267,17 @@ class EpisodeRecord:
             "steps must lie in 0..horizon": not 0 <= self.steps <= self.horizon,
             "late_success must come after the horizon, without success or error": (
                 self.late_success is not None
-                and (self.success or self.error is not None or self.late_success <= self.horizon)
+                and (
+                    self.success
+                    or self.error is not None
+                    or self.late_success <= self.horizon
+                )
             ),
             "attempts count from 1, and each earlier one has ended somehow": self.attempt
             != 1 + len(self.earlier)
             or not ENDS.keys() >= set(self.earlier),
-            "error must say something": self.error is not None and not self.error.strip(),
+            "error must say something": self.error is not None
+            and not self.error.strip(),
             "domain must be sim or real": self.domain not in DOMAINS,
             "an episode on real arms has a rig and is judged by a person": (
                 (self.domain == REAL) != (self.rig is not None)
@@ -292,7 +308,9 @@ class EpisodeRecord:
     @property
     def unproven(self) -> EpisodeRecord:
         """The episode as it counts where it cannot be verified: a failure that reached no stage."""
-        return replace(self, final_stage=0, stage_changes=(), success=False, success_at_end=False)
+        return replace(
+            self, final_stage=0, stage_changes=(), success=False, success_at_end=False
+        )
 
     @property
     def reason(self) -> str:
@@ -310,7 +328,9 @@ class EpisodeRecord:
 
     def stage_after(self, step: int) -> int:
         """Stage after that many control steps; the last one stays once the episode is over."""
-        return max((stage for when, stage in self.stage_changes if when <= step), default=0)
+        return max(
+            (stage for when, stage in self.stage_changes if when <= step), default=0
+        )
 
     def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
         """The record of the episode if it failed with an error, so many steps after its start."""
@@ -319,7 +339,11 @@ class EpisodeRecord:
         if is_late:
             text = f"{type(error).__name__}: {error}\n"
         else:
-            text = f"{error}\n" if isinstance(error, PolicyFailedError) else traceback_text(error)
+            text = (
+                f"{error}\n"
+                if isinstance(error, PolicyFailedError)
+                else traceback_text(error)
+            )
         return replace(
             self,
             success=False,
@@ -352,11 +376,17 @@ def unpack_targets(content: bytes, steps: int) -> Array:
     sizes = {steps * FLAT_SIZE * kind.itemsize: kind for kind in (_SHORT, _LONG)}
     unpacking = zlib.decompressobj()
     try:
-        data = unpacking.decompress(content, max(sizes) + 1)  # a few bytes can become many
+        data = unpacking.decompress(
+            content, max(sizes) + 1
+        )  # a few bytes can become many
     except zlib.error as error:
-        raise EvaluationError(f"The joint targets of a record are damaged: {error}.") from error
+        raise EvaluationError(
+            f"The joint targets of a record are damaged: {error}."
+        ) from error
     if len(data) not in sizes:
-        raise EvaluationError(f"A record of {steps} steps does not hold as many joint targets.")
+        raise EvaluationError(
+            f"A record of {steps} steps does not hold as many joint targets."
+        )
     kind = sizes[len(data)]
     planes = np.frombuffer(data, np.uint8).reshape(kind.itemsize, -1)
     columns = np.ascontiguousarray(planes.T).view(kind).reshape(FLAT_SIZE, steps)

@@ -79,14 +79,18 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
     run = parts[0].run
     if source is not None:
         if folder.description.exists():
-            raise OtherRunError(f"{folder.path} holds a run, and no report of a bundle.")
+            raise OtherRunError(
+                f"{folder.path} holds a run, and no report of a bundle."
+            )
         check_free(folder.path, PAGE, "report of a bundle")
     if len(parts) > 1:
         stale = (SUMMARY, *(f"figures/{name}.svg" for name in figures.FIGURES))
         remove(*map(folder.file, stale))  # of the time when there was one condition
     for name, text in report_files(folder, reader, parts):
         write_files(folder.path, {name: text})
-    return scores.summarize(run.suite.tasks, [each for part in parts for each in part.records])
+    return scores.summarize(
+        run.suite.tasks, [each for part in parts for each in part.records]
+    )
 
 
 def report_files(
@@ -114,7 +118,9 @@ def summary_json(part: RunPart) -> str:
     """The results as JSON text: per task, per category and overall."""
     document = {
         "schema": SUMMARY_SCHEMA,
-        **part.facts("policy", "policy_name", "policy_version", "privileged", "repeatable"),
+        **part.facts(
+            "policy", "policy_name", "policy_version", "privileged", "repeatable"
+        ),
         **part.facts("domain", "rig", "trained_on"),
         **part.facts("suite_version", "suite"),
         "suite_deviations": deviations(part.suite),
@@ -148,7 +154,9 @@ def missing_shards(folder: RunFolder, run: Run) -> str:
         lacking = sum(key not in there for key in run.episode_keys(shard))
         if lacking:
             word = "" if shard in writers else ", not begun"
-            parts.append(f"shard {shard} ({lacking} episode{'s' if lacking > 1 else ''}{word})")
+            parts.append(
+                f"shard {shard} ({lacking} episode{'s' if lacking > 1 else ''}{word})"
+            )
     more = f", and {len(parts) - _NAMED} more" if len(parts) > _NAMED else ""
     return f"Missing are: {', '.join(parts[:_NAMED])}{more}." if parts else ""
 
@@ -173,7 +181,9 @@ def _part_files(
         part,
         commands=commands,
         home=os.path.relpath(folder.path, out) if out != folder.path else "",
-        missing="" if is_finished or source is not folder else missing_shards(folder, part.run),
+        missing=""
+        if is_finished or source is not folder
+        else missing_shards(folder, part.run),
         stacks=stacks(part.records),
         trials=trials(part.records),
         unproven=UNPROVEN,
@@ -198,7 +208,9 @@ _TAG = re.compile(r"<[^<>]*>")
 _CELL = re.compile(r"<(?:dd|td)\b[^<>]*>(?:\s*<(?!/)[^<>]*>)*\s*(\d[\d.–% ]*)")
 
 
-def check_report(folder: RunFolder, parts: Sequence[RunPart]) -> tuple[list[str], list[str]]:
+def check_report(
+    folder: RunFolder, parts: Sequence[RunPart]
+) -> tuple[list[str], list[str]]:
     """Compare every file of a report in the folder of a run with what would be written there.
 
     Videos are those that a page shows, and so are replays, as far as they are there. A page of
@@ -208,16 +220,25 @@ def check_report(folder: RunFolder, parts: Sequence[RunPart]) -> tuple[list[str]
     Returns:
         What differs, one sentence a file, and the pages of which numbers alone are compared.
     """
-    left = {name: folder.file(name).read_text("utf-8", "replace") for name in folder.report()}
+    left = {
+        name: folder.file(name).read_text("utf-8", "replace")
+        for name in folder.report()
+    }
     pages = {name: text for name, text in left.items() if name.endswith(PAGE)}
     is_known = bool(folder.writers)  # without journals its times and commands are not
-    others = [name for name, text in pages.items() if not (is_known and software() in text)]
+    others = [
+        name for name, text in pages.items() if not (is_known and software() in text)
+    ]
     wrong: list[str] = []
     for name, text in report_files(folder, folder, parts, pages) if left else ():
         is_other = re.sub(r"(figures/)?[^/]+$", PAGE, name) in others
-        if name in left and (words := _difference(name, left.pop(name), text, is_other)):
+        if name in left and (
+            words := _difference(name, left.pop(name), text, is_other)
+        ):
             wrong.append(f"{name} {words}; duobench report writes it anew.")
-    return wrong + [f"{name} is no part of this run's report; remove it." for name in left], others
+    return wrong + [
+        f"{name} is no part of this run's report; remove it." for name in left
+    ], others
 
 
 def _difference(name: str, said: str, given: str, is_other: bool) -> str:
@@ -230,14 +251,18 @@ def _difference(name: str, said: str, given: str, is_other: bool) -> str:
         return f"says “{claim}”, its records give “{fact}”"
     if is_other or name.endswith(".json") or said.splitlines() == given.splitlines():
         return ""
-    return "differs in a figure, a style, a script or an order from what its records give"
+    return (
+        "differs in a figure, a style, a script or an order from what its records give"
+    )
 
 
 def _claims(name: str, text: str, is_other: bool) -> list[str]:
     """What a file says: value by value, line by line, or in numbers alone."""
     if name.endswith(".json"):
         with suppress(ValueError, RecursionError):
-            return [*_leaves(json.loads(text, parse_float=_number, object_pairs_hook=tuple))]
+            return [
+                *_leaves(json.loads(text, parse_float=_number, object_pairs_hook=tuple))
+            ]
     if is_other and name.endswith(".html"):
         return [cell.strip() for cell in _CELL.findall(text)]
     if is_other:
@@ -246,7 +271,9 @@ def _claims(name: str, text: str, is_other: bool) -> list[str]:
 
 
 def _number(text: str) -> float:
-    return float(f"{float(text):.9g}")  # the last bits of a logarithm are a processor's own
+    return float(
+        f"{float(text):.9g}"
+    )  # the last bits of a logarithm are a processor's own
 
 
 def _leaves(

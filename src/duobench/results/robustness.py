@@ -6,7 +6,14 @@ from pathlib import Path
 
 from duobench.core.errors import EvaluationError
 from duobench.results import figures
-from duobench.results.pages import PAGE, check_free, json_text, page, with_figures, write_files
+from duobench.results.pages import (
+    PAGE,
+    check_free,
+    json_text,
+    page,
+    with_figures,
+    write_files,
+)
 from duobench.results.scores import RunPart, Score
 from duobench.tasks.shifts import shift as shifts
 
@@ -64,7 +71,9 @@ def robustness_of(parts: Sequence[RunPart], title: str = "") -> list[Robustness]
     for part in parts:
         by_policy.setdefault(part.candidate.title, []).append(part)
     return [
-        Robustness(title=title if title and len(by_policy) == 1 else name, parts=tuple(ours))
+        Robustness(
+            title=title if title and len(by_policy) == 1 else name, parts=tuple(ours)
+        )
         for name, ours in by_policy.items()
     ]
 
@@ -78,7 +87,9 @@ def write_robustness(policies: Sequence[Robustness], out: Path) -> Path:
 def robustness_files(policies: Sequence[Robustness], pages: str = "") -> dict[str, str]:
     """The same files as text by name, with links to a folder of pages of each condition, if any."""
     axes = [axis for axis in shifts.AXES if any(axis in one.axes for one in policies)]
-    runs = [(one.title, {axis: one.levels(axis) for axis in one.axes}) for one in policies]
+    runs = [
+        (one.title, {axis: one.levels(axis) for axis in one.axes}) for one in policies
+    ]
     svgs = {"levels": figures.as_svg("levels", figures.levels, axes, runs)}
     text = page(
         "robustness.html.j2",
@@ -104,7 +115,8 @@ def _document(policies: Sequence[Robustness]) -> str:
                 **one.first.facts("suite", "suite_version"),
                 "missing_episodes": one.missing,
                 "conditions": {
-                    part.condition.shift.name: part.results.overall.numbers() for part in one.parts
+                    part.condition.shift.name: part.results.overall.numbers()
+                    for part in one.parts
                 },
             }
             for one in policies

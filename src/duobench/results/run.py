@@ -50,7 +50,9 @@ class Shard:
 
     def __post_init__(self) -> None:
         if not 1 <= self.count <= MAX_SHARDS:
-            raise EvaluationError(f"A run has 1 to {MAX_SHARDS} shards, got {self.count}.")
+            raise EvaluationError(
+                f"A run has 1 to {MAX_SHARDS} shards, got {self.count}."
+            )
         if not 1 <= self.number <= self.count:
             raise EvaluationError(
                 f"Shards count from 1: of {self.count} there are 1 to {self.count}, got "
@@ -94,7 +96,9 @@ class Shard:
 WHOLE = Shard(number=1, count=1)
 
 
-_ENDLESS_S = 1e9  # a limit in seconds that is as good as none, for JSON knows no infinity
+_ENDLESS_S = (
+    1e9  # a limit in seconds that is as good as none, for JSON knows no infinity
+)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -113,7 +117,9 @@ class TimeLimits:
                 f"{self.episode_timeout} s for an episode."
             )
         object.__setattr__(self, "act_timeout", min(self.act_timeout, _ENDLESS_S))
-        object.__setattr__(self, "episode_timeout", min(self.episode_timeout, _ENDLESS_S))
+        object.__setattr__(
+            self, "episode_timeout", min(self.episode_timeout, _ENDLESS_S)
+        )
 
     @property
     def served_s(self) -> float:
@@ -158,7 +164,9 @@ class Candidate:
                 f"A policy is trained on {', '.join(TRAININGS)}; got {self.trained_on!r}."
             )
         if self.config.shift != NO_SHIFT:
-            raise EvaluationError(f"Shifts are those of the suite; got {self.config.shift}.")
+            raise EvaluationError(
+                f"Shifts are those of the suite; got {self.config.shift}."
+            )
 
     @property
     def privileged(self) -> bool:
@@ -198,15 +206,21 @@ class Run:
     simulation. What was measured about it may change while the run goes on: records name that."""
 
     def __post_init__(self) -> None:
-        if self.domain not in DOMAINS or (self.domain == REAL) != (self.rig is not None):
+        if self.domain not in DOMAINS or (self.domain == REAL) != (
+            self.rig is not None
+        ):
             raise EvaluationError(
                 f"A run is played in {' or '.join(DOMAINS)}, and on real arms it names its rig; "
                 f"got {self.domain!r} and {self.rig!r}."
             )
         if not self.candidates:
             raise EvaluationError("A run has at least one policy.")
-        if {each.config.split == SALTED for each in self.candidates} != {bool(self.suite.salt)}:
-            raise EvaluationError(f"A run of the split {SALTED!r}, and no other, names its salt.")
+        if {each.config.split == SALTED for each in self.candidates} != {
+            bool(self.suite.salt)
+        }:
+            raise EvaluationError(
+                f"A run of the split {SALTED!r}, and no other, names its salt."
+            )
         if len(self.conditions) < len(self.candidates) * len(self.suite.shifts):
             raise EvaluationError("Two policies of a run have the same name.")
 
@@ -251,7 +265,9 @@ class Run:
         return {condition.name: condition for condition in each}
 
     def _condition(self, candidate: Candidate, shift: Shift) -> Condition:
-        return Condition.of(candidate.policy, self.domain, replace(candidate.config, shift=shift))
+        return Condition.of(
+            candidate.policy, self.domain, replace(candidate.config, shift=shift)
+        )
 
     def key(self, episode: Episode, policy: str = "") -> Key:
         """What names an episode that a policy plays, by default the only one."""
@@ -325,7 +341,9 @@ class Run:
         }
         if record.software.decisive != self.software.decisive:
             return "it was played by another source of the benchmark than the run."
-        if self.suite.version == SUITE_VERSION:  # seeds of another one are not known here
+        if (
+            self.suite.version == SUITE_VERSION
+        ):  # seeds of another one are not known here
             expected |= {"seed": episode.seed, "policy_seed": episode.policy_seed}
         for name, value in expected.items():
             if getattr(record, name) != value:
@@ -335,11 +353,15 @@ class Run:
     def differences(self, other: Self) -> list[str]:
         """What another run has differently, field by field; it may have less to play."""
         # What another policy says about itself differs too, which says no more.
-        ours, theirs = ([each.policy for each in run.candidates] for run in (self, other))
+        ours, theirs = (
+            [each.policy for each in run.candidates] for run in (self, other)
+        )
         is_same = ours == theirs
         differing = differences(self._facts(is_same), other._facts(is_same))
         now, before = self.suite.episodes, other.suite.episodes
-        return differing + [f"episodes {now} instead of {before} or more"] * (now < before)
+        return differing + [f"episodes {now} instead of {before} or more"] * (
+            now < before
+        )
 
     def with_shifts_of(self, other: Self) -> Self:
         """The same run with the shifts of another one too."""
@@ -365,15 +387,25 @@ class Run:
             "domain": self.domain,
             "rig": self.rig,
             **{f"version of {name}": value for name, value in self.versions.items()},
-            **{f"source of {name}": value[:_SHOWN] for name, value in self.sources.items()},
+            **{
+                f"source of {name}": value[:_SHOWN]
+                for name, value in self.sources.items()
+            },
         }
         for candidate in self.candidates if with_candidates else ():
             of = "" if len(self.candidates) == 1 else f"of {candidate.policy} "
             facts |= _fields(f"{of}policy's", candidate.metadata)
             facts |= _fields(f"{of}environment's", candidate.config)
-            facts |= {f"{of}batches": candidate.batching, f"{of}trained on": candidate.trained_on}
+            facts |= {
+                f"{of}batches": candidate.batching,
+                f"{of}trained on": candidate.trained_on,
+            }
         return facts
 
 
-def _fields(what: str, value: TimeLimits | PolicyMetadata | EnvConfig) -> dict[str, object]:
-    return {f"{what} {field.name}": getattr(value, field.name) for field in fields(value)}
+def _fields(
+    what: str, value: TimeLimits | PolicyMetadata | EnvConfig
+) -> dict[str, object]:
+    return {
+        f"{what} {field.name}": getattr(value, field.name) for field in fields(value)
+    }

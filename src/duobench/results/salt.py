@@ -39,7 +39,9 @@ class Salt:
 
     def __post_init__(self) -> None:
         if not re.fullmatch(rf"([0-9a-f]{{2}}){{{SALT_BYTES},}}", self.digits):
-            raise EvaluationError(f"A salt is {2 * SALT_BYTES} hexadecimal digits or more.")
+            raise EvaluationError(
+                f"A salt is {2 * SALT_BYTES} hexadecimal digits or more."
+            )
 
     @property
     def sha256(self) -> str:
@@ -52,7 +54,9 @@ class Salt:
         They are HMAC-SHA256 modulo 2^32, with the salt as key, of "episode" or "policy", task,
         suite version and index, joined by the character 0x1f.
         """
-        return self._number("episode", task_id, episode), self._number("policy", task_id, episode)
+        return self._number("episode", task_id, episode), self._number(
+            "policy", task_id, episode
+        )
 
     def _number(self, *words: str | int) -> int:
         text = "\x1f".join(map(str, (*words[:2], SUITE_VERSION, *words[2:])))
@@ -66,7 +70,8 @@ def read_salt(path: Path) -> Salt:
         return Salt(read_text(path).strip().lower())
     except (OSError, ValueError, EvaluationError) as error:
         reason = (
-            getattr(error, "strerror", None) or f"it has no {2 * SALT_BYTES} hexadecimal digits"
+            getattr(error, "strerror", None)
+            or f"it has no {2 * SALT_BYTES} hexadecimal digits"
         )
         raise EvaluationError(f"Cannot read a salt from {path}: {reason}.") from None
 
@@ -98,7 +103,9 @@ class Round(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             return
         msgspec.structs.force_setattr(self, "salt", self.salt.lower())
         if Salt(self.salt).sha256 != self.salt_sha256:
-            raise EvaluationError(f"The salt of {self.name!r} does not have its SHA-256.")
+            raise EvaluationError(
+                f"The salt of {self.name!r} does not have its SHA-256."
+            )
 
 
 def read_rounds(path: Path) -> tuple[Round, ...]:
@@ -106,12 +113,16 @@ def read_rounds(path: Path) -> tuple[Round, ...]:
     with reading(f"the rounds in {path}", EvaluationError):
         content = tomllib.loads(read_text(path))
         if content.keys() != {"round"}:
-            raise ValueError("it holds rounds, each below a line [[round]], and nothing else")
+            raise ValueError(
+                "it holds rounds, each below a line [[round]], and nothing else"
+            )
         try:
             rounds = msgspec.convert(content["round"], tuple[Round, ...])
         except EvaluationError as error:
             raise ValueError(str(error)) from error
-        names = [each for one in rounds for each in (one.name, one.salt_sha256, *one.bundles)]
+        names = [
+            each for one in rounds for each in (one.name, one.salt_sha256, *one.bundles)
+        ]
         twice = {name for name in names if names.count(name) > 1}
         if twice:
             raise ValueError(f"{min(twice)} is there twice, and belongs to one round")

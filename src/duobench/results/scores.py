@@ -47,7 +47,11 @@ def wilson_interval(
     rate = successes / trials
     shrink = 1.0 + z * z / trials
     centre = (rate + z * z / (2 * trials)) / shrink
-    half = z / shrink * math.sqrt(rate * (1.0 - rate) / trials + z * z / (4 * trials * trials))
+    half = (
+        z
+        / shrink
+        * math.sqrt(rate * (1.0 - rate) / trials + z * z / (4 * trials * trials))
+    )
     low = 0.0 if successes == 0 else max(0.0, centre - half)
     high = 1.0 if successes == trials else min(1.0, centre + half)
     return low, high
@@ -90,7 +94,11 @@ class Score:
     @property
     def late_rate(self) -> float | None:
         """Share of episodes that succeeded, late ones included: no score. None without episodes."""
-        return (self.successes + self.late_successes) / self.episodes if self.episodes else None
+        return (
+            (self.successes + self.late_successes) / self.episodes
+            if self.episodes
+            else None
+        )
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -140,7 +148,9 @@ class Results:
 
     def played(self, task_id: str) -> TaskResult | None:
         """The results of a task by its id; None if it has no finished episode."""
-        return next((one for one in self.tasks if one.task.id == task_id and one.records), None)
+        return next(
+            (one for one in self.tasks if one.task.id == task_id and one.records), None
+        )
 
 
 def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
@@ -152,9 +162,13 @@ def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
         errors=sum(record.error is not None for record in records),
         late_successes=sum(record.late_success is not None for record in records),
         repeated=sum(record.attempt > 1 for record in records),
-        repeated_successes=sum(record.success for record in records if record.attempt > 1),
+        repeated_successes=sum(
+            record.success for record in records if record.attempt > 1
+        ),
         mean_final_progress=(
-            math.fsum(record.progress for record in records) / len(records) if records else None
+            math.fsum(record.progress for record in records) / len(records)
+            if records
+            else None
         ),
     )
 
@@ -165,12 +179,16 @@ def progress_curve(records: Sequence[EpisodeRecord], horizon: int) -> tuple[floa
         return ()
     steps = [point * horizon // (TIME_POINTS - 1) for point in range(TIME_POINTS)]
     full = len(records) * records[0].max_stage
-    return tuple(sum(record.stage_after(step) for record in records) / full for step in steps)
+    return tuple(
+        sum(record.stage_after(step) for record in records) / full for step in steps
+    )
 
 
 def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
     """Results of one task from its records, in any order; records of other tasks are left out."""
-    ours = sorted((r for r in records if r.task == task.id), key=lambda record: record.episode)
+    ours = sorted(
+        (r for r in records if r.task == task.id), key=lambda record: record.episode
+    )
     counts = Counter(record.final_stage for record in ours)
     return TaskResult(
         task=task,
@@ -185,7 +203,10 @@ def summarize(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Re
     """Results of a run from its tasks and its finished episodes, in any order."""
     each = tuple(task_result(task, records) for task in tasks)
     categories = tuple(
-        score(category, [r for one in each if one.task.category == category for r in one.records])
+        score(
+            category,
+            [r for one in each if one.task.category == category for r in one.records],
+        )
         for category in dict.fromkeys(task.category for task in tasks)
     )
     overall = score("All tasks", [record for one in each for record in one.records])
@@ -226,7 +247,11 @@ class RunPart:
         asked = {one.first_answer for one in self.records if one.first_answer}
         questions = {one.question for one in asked}
         is_same = len(asked) == len(questions)
-        return all(one.answer != NOT_REPEATABLE for one in asked) and is_same if asked else None
+        return (
+            all(one.answer != NOT_REPEATABLE for one in asked) and is_same
+            if asked
+            else None
+        )
 
     @property
     def repeatability(self) -> str:
@@ -250,7 +275,8 @@ class RunPart:
             (found, clipped, one.steps)
             for one in self.records
             if (found := one.excess) and (clipped := one.clipped)
-            if found.questions or (found.change > NOTABLE and clipped > MOST * one.steps)
+            if found.questions
+            or (found.change > NOTABLE and clipped > MOST * one.steps)
         ]
         if not told:
             return ""
@@ -289,7 +315,9 @@ class RunPart:
 
 def group_by_condition(run: Run, records: Iterable[EpisodeRecord]) -> list[RunPart]:
     """The parts of a run in the order of its conditions, those without a record included."""
-    found: dict[Condition, list[EpisodeRecord]] = {each: [] for each in run.conditions.values()}
+    found: dict[Condition, list[EpisodeRecord]] = {
+        each: [] for each in run.conditions.values()
+    }
     for record in records:
         found[record.condition].append(record)
     return [
@@ -301,7 +329,9 @@ def group_by_condition(run: Run, records: Iterable[EpisodeRecord]) -> list[RunPa
 def clipping(result: TaskResult) -> dict[str, int]:
     """How often limits of the arms changed commands of a task; empty if no record knows it."""
     known = [
-        (record.clipped, record.steps) for record in result.records if record.clipped is not None
+        (record.clipped, record.steps)
+        for record in result.records
+        if record.clipped is not None
     ]
     if not known:
         return {}
@@ -386,4 +416,6 @@ def interval_percent(score: Score) -> str:
 
 def progress_text(score: Score) -> str:
     """Mean final progress with three digits; a dash where there is none."""
-    return "–" if score.mean_final_progress is None else f"{score.mean_final_progress:.3f}"
+    return (
+        "–" if score.mean_final_progress is None else f"{score.mean_final_progress:.3f}"
+    )

@@ -58,7 +58,11 @@ def mcnemar(only_a: int, only_b: int) -> float:
     proportions or percentages", Psychometrika 12 (1947).
     """
     discordant = only_a + only_b
-    return float(_scipy("stats").binomtest(only_a, discordant).pvalue) if discordant else 1.0
+    return (
+        float(_scipy("stats").binomtest(only_a, discordant).pvalue)
+        if discordant
+        else 1.0
+    )
 
 
 def any_time(wins: Iterable[tuple[int, int]]) -> float:
@@ -78,7 +82,9 @@ def any_time(wins: Iterable[tuple[int, int]]) -> float:
     """
     betaln = _scipy("special").betaln
     first, second = np.cumsum([(0, 0), *wins], axis=0).T
-    chances = np.logaddexp(*(betaln(x + first, y + second) for x, y in (PRIOR, PRIOR[::-1])))
+    chances = np.logaddexp(
+        *(betaln(x + first, y + second) for x, y in (PRIOR, PRIOR[::-1]))
+    )
     wealth = chances - chances[0] + (first + second) * math.log(2)
     return math.exp(-float(np.max(wealth)))
 
@@ -106,14 +112,19 @@ def _barnard(successes: tuple[int, int], episodes: tuple[int, int]) -> float:
     # SciPy's `barnard_exact` loses outcomes that are tied with the observed one to rounding.
     counts = [np.arange(n + 1) for n in episodes]
     solved = np.add.outer(*counts)
-    gap = np.subtract.outer(*(k / n for k, n in zip(counts, episodes, strict=True))) ** 2
+    gap = (
+        np.subtract.outer(*(k / n for k, n in zip(counts, episodes, strict=True))) ** 2
+    )
     order = gap / np.maximum(solved * (sum(episodes) - solved), 1)
     extreme = (order >= order[successes] * (1 - TIED)).astype(float)
 
     def chances(angles: Array) -> Array:
-        rates = np.sin(angles[:, None]) ** 2  # a binomial is equally wide in all of these angles
+        rates = (
+            np.sin(angles[:, None]) ** 2
+        )  # a binomial is equally wide in all of these angles
         first, second = (
-            _scipy("stats").binom.pmf(k, n, rates) for k, n in zip(counts, episodes, strict=True)
+            _scipy("stats").binom.pmf(k, n, rates)
+            for k, n in zip(counts, episodes, strict=True)
         )
         return np.einsum("ri,ri->r", first @ extreme, second)
 
@@ -202,7 +213,9 @@ def tango_interval(
         linear = (2 * episodes - only_a + only_b) * difference - only_a - only_b
         constant = -only_b * difference * (1 - difference)
         root = math.sqrt(max(0.0, linear * linear - 8 * episodes * constant))
-        only_b_rate = (root - linear) / (4 * episodes)  # most likely one at this difference
+        only_b_rate = (root - linear) / (
+            4 * episodes
+        )  # most likely one at this difference
         variance = episodes * (2 * only_b_rate + difference * (1 - difference))
         score = only_a - only_b - episodes * difference
         return score - sign * z * math.sqrt(max(0.0, variance))
@@ -218,7 +231,9 @@ def tango_interval(
 
 
 def newcombe_interval(
-    successes: tuple[int, int], episodes: tuple[int, int], confidence: float = CONFIDENCE
+    successes: tuple[int, int],
+    episodes: tuple[int, int],
+    confidence: float = CONFIDENCE,
 ) -> tuple[float, float]:
     """Newcombe's hybrid score interval for the difference of success rates on other episodes.
 
@@ -243,7 +258,9 @@ def cohen_h(rate_a: float, rate_b: float) -> float:
     return 2 * (math.asin(math.sqrt(rate_a)) - math.asin(math.sqrt(rate_b)))
 
 
-def mcnemar_power(episodes: int, chance_a: float, chance_b: float, level: float = LEVEL) -> float:
+def mcnemar_power(
+    episodes: int, chance_a: float, chance_b: float, level: float = LEVEL
+) -> float:
     """Probability that the exact McNemar test of a level finds a difference.
 
     The chances are probabilities that only one of both policies solves an episode; one is positive.

@@ -52,7 +52,9 @@ class TaskInfo:
                 "digits, '_', '-' and '.', beginning with a letter, a digit or '_'."
             )
         if not self.stages or self.horizon < 1:
-            raise EvaluationError(f"Task {self.id!r} needs a stage and a positive horizon.")
+            raise EvaluationError(
+                f"Task {self.id!r} needs a stage and a positive horizon."
+            )
 
     @property
     def max_stage(self) -> int:
@@ -77,12 +79,20 @@ class Episode:
     @property
     def seed(self) -> int:
         """Seed of the reset: a pure function of (task, suite version, split, episode)."""
-        return self.salted[0] if self.salted else episode_seed(self.task.id, self.index, self.split)
+        return (
+            self.salted[0]
+            if self.salted
+            else episode_seed(self.task.id, self.index, self.split)
+        )
 
     @property
     def policy_seed(self) -> int:
         """Seed of the policy: a hash of that of the reset."""
-        return self.salted[1] if self.salted else policy_seed(self.task.id, self.seed, self.split)
+        return (
+            self.salted[1]
+            if self.salted
+            else policy_seed(self.task.id, self.seed, self.split)
+        )
 
 
 MAX_EPISODES = 2**53
@@ -114,7 +124,10 @@ class Suite:
     """SHA-256 of the salt that all seeds follow from; None where they are public."""
 
     def __post_init__(self) -> None:
-        if self.episodes < 1 or not 0 <= self.first_episode <= MAX_EPISODES - self.episodes:
+        if (
+            self.episodes < 1
+            or not 0 <= self.first_episode <= MAX_EPISODES - self.episodes
+        ):
             raise EvaluationError(
                 f"A suite has at least one episode, counted from 0, and ends before {MAX_EPISODES};"
                 f" got {self.episodes} from {self.first_episode}."
@@ -128,7 +141,9 @@ class Suite:
             raise EvaluationError("A suite has at least one task, got none.")
         looks.look(self.look)
         if not self.shifts:
-            raise EvaluationError("A suite is played under at least one shift, or none.")
+            raise EvaluationError(
+                "A suite is played under at least one shift, or none."
+            )
         for what, names in (
             ("task", [task.id for task in self.tasks]),
             ("shift", [shift.name for shift in self.shifts]),
@@ -202,7 +217,9 @@ class NamedSuite:
 SUITES: Mapping[str, NamedSuite] = {
     suite.name: suite
     for suite in (
-        NamedSuite(name="paper", revision=1, purpose="results to publish", episodes=100),
+        NamedSuite(
+            name="paper", revision=1, purpose="results to publish", episodes=100
+        ),
         NamedSuite(name="quick", revision=1, purpose="a first look", episodes=10),
         NamedSuite(
             name="robust",
@@ -214,7 +231,11 @@ SUITES: Mapping[str, NamedSuite] = {
     )
 }
 _OWN = NamedSuite(
-    name=CUSTOM, revision=1, purpose="", episodes=DEFAULT_EPISODES, execution=WHOLE_CHUNKS
+    name=CUSTOM,
+    revision=1,
+    purpose="",
+    episodes=DEFAULT_EPISODES,
+    execution=WHOLE_CHUNKS,
 )
 """What is played where no suite is named."""
 
@@ -279,10 +300,14 @@ class SuiteChoice:
         chosen = Shift.parse(self.shift)
         if len(usual) == 1:
             if self.axes or self.levels:
-                raise OptionError("Axes and levels are chosen of the suite robust, not of others.")
+                raise OptionError(
+                    "Axes and levels are chosen of the suite robust, not of others."
+                )
             return (chosen,)
         if chosen != NO_SHIFT:
-            raise OptionError("The suite robust has shifts of its own: choose axes and levels.")
+            raise OptionError(
+                "The suite robust has shifts of its own: choose axes and levels."
+            )
         for axis in self.axes:
             check_known("axis of a shift", axis, AXES)
         for level in self.levels:
@@ -306,11 +331,13 @@ def deviations(suite: Suite) -> list[str]:
     ids = [task.id for task in suite.tasks]
     differing = {
         f"{len(ids)} of {len(catalog.names())} tasks": ids != list(catalog.names()),
-        f"{suite.episodes} episodes instead of {named.episodes}": suite.episodes != named.episodes,
+        f"{suite.episodes} episodes instead of {named.episodes}": suite.episodes
+        != named.episodes,
         f"episodes from number {suite.first_episode}": suite.first_episode != 0,
         f"look {suite.look}": suite.look != looks.DEFAULT,
         f"{suite.execution.execute or 'all'} actions executed of a chunk instead of "
-        f"{named.execution.execute}": suite.execution.execute != named.execution.execute,
+        f"{named.execution.execute}": suite.execution.execute
+        != named.execution.execute,
         " and ".join(map(str, suite.shifts)): not {*suite.shifts} <= {*named.shifts},
         latency_text(suite): suite.execution.latency != named.execution.latency,
         "seeds from a salt": suite.salt is not None,
@@ -330,12 +357,17 @@ def suite_options(suite: Suite) -> list[str]:
         "first-episode": suite.first_episode or None,
         "look": None if suite.look == looks.DEFAULT else suite.look,
         "shift": None if shift == NO_SHIFT else shift.name,
-        "execute": None if suite.execution.execute == named.execute else suite.execution.execute,
+        "execute": None
+        if suite.execution.execute == named.execute
+        else suite.execution.execute,
         "latency": suite.execution.latency or None,
         "salt": suite.salt and "SALT",
     }
     return words + [
-        word for name, value in chosen.items() if value for word in (f"--{name}", str(value))
+        word
+        for name, value in chosen.items()
+        if value
+        for word in (f"--{name}", str(value))
     ]
 
 
@@ -376,4 +408,6 @@ def latency_text(suite: Suite) -> str:
     if not steps:
         return "no latency"
     milliseconds = round(1000 * suite.execution.latency_s)
-    return f"latency of {steps} control step{'s' if steps > 1 else ''} ({milliseconds} ms)"
+    return (
+        f"latency of {steps} control step{'s' if steps > 1 else ''} ({milliseconds} ms)"
+    )

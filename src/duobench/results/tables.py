@@ -59,7 +59,9 @@ CSV_HEADER = (
 
 def rate_text(cell: Cell) -> str:
     """Success rate in percent: of a run with one digit, of the paper as it stands there."""
-    return f"{100 * cell.rate:.0f}" if cell.interval is None else f"{100 * cell.rate:.1f}"
+    return (
+        f"{100 * cell.rate:.0f}" if cell.interval is None else f"{100 * cell.rate:.1f}"
+    )
 
 
 def progress_text(cell: Cell) -> str:
@@ -112,7 +114,8 @@ def verdict(pair: Pair) -> str:
         return f"{a} and {b} are not compared. {pair.obstacle}"
     if pair.is_same:
         return (
-            f"{a} and {b} have the same records: one run, a copy of it, or the same played again."
+            f"{a} and {b} have the same records: one run, a copy of it, or the same "
+            "played again."
         )
     tests = pair.of(RowKind.TASK)
     # Of another group, better is not the word: it knows what the other one has to see.
@@ -127,7 +130,11 @@ def verdict(pair: Pair) -> str:
     overall = pair.of(RowKind.OVERALL)
     more = (overall or tests)[0].more_episodes if len(tests) == 1 or overall else None
     of = " of all tasks together" if overall else ""
-    would = f"; about {about(more)} more episodes{of} would tell, another look" if more else ""
+    would = (
+        f"; about {about(more)} more episodes{of} would tell, another look"
+        if more
+        else ""
+    )
     numbers = f": {numbers_text(tests[0])}" if len(tests) == 1 else ""
     return f"{'; '.join(found)}{numbers}{would}."
 
@@ -140,7 +147,9 @@ def wins(pair: Pair) -> str:
         return "the same records"
     tests = pair.of(RowKind.TASK)
     won = {pair.a.key: 1, pair.b.key: -1}
-    counts = {key: sum(test.better == better for test in tests) for key, better in won.items()}
+    counts = {
+        key: sum(test.better == better for test in tests) for key, better in won.items()
+    }
     found = [f"{key} in {count}" for key, count in counts.items() if count]
     return f"{', '.join(found)} of {len(tests)}" if found else ""
 
@@ -172,9 +181,14 @@ def numbers_text(test: Test) -> str:
 
 def markdown(comparison: RunComparison) -> str:
     """The table as Markdown."""
-    lines = ["Success rate in percent, with mean final progress (highest stage / last stage).", ""]
+    lines = [
+        "Success rate in percent, with mean final progress (highest stage / last stage).",
+        "",
+    ]
     for group, members in comparison.groups:
-        lines.append(f"- {group}: {', '.join(f'{one.key} {_md(one.name)}' for one in members)}")
+        lines.append(
+            f"- {group}: {', '.join(f'{one.key} {_md(one.name)}' for one in members)}"
+        )
     names = [f"{_md(one.name)} ({one.group.note})" for one in comparison.entrants]
     lines += ["", md_row(["task", *names]), md_row(["---", *["---:"] * len(names)])]
     for category, rows in sections(comparison.rows):
@@ -212,8 +226,12 @@ def latex(comparison: RunComparison) -> str:
             lines.append(r"\addlinespace" if category else r"\midrule")
         if category:
             heading = tex(category[:1].upper() + category[1:])
-            lines.append(rf"\multicolumn{{{len(columns)}}}{{l}}{{\textit{{{heading}}}}} \\")
-        lines += [tex_row(_cells(comparison, row, tex, r"\textbf{{{}}}")) for row in rows]
+            lines.append(
+                rf"\multicolumn{{{len(columns)}}}{{l}}{{\textit{{{heading}}}}} \\"
+            )
+        lines += [
+            tex_row(_cells(comparison, row, tex, r"\textbf{{{}}}")) for row in rows
+        ]
     lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
     return "\n".join(lines) + "\n"
 
@@ -241,7 +259,9 @@ def csv_rows(comparison: RunComparison) -> list[list[object]]:
             if cell is None:
                 continue
             part, digits = one.part, ".6g" if cell.interval else ".2f"
-            interval = [f"{end:.6g}" for end in cell.interval] if cell.interval else ["", ""]
+            interval = (
+                [f"{end:.6g}" for end in cell.interval] if cell.interval else ["", ""]
+            )
             lines.append(
                 [
                     row.kind,
@@ -355,7 +375,11 @@ def _entrant(one: Entrant) -> dict[str, Any]:
 
 
 def _row(row: TableRow) -> dict[str, Any]:
-    return {"kind": row.kind.value, "label": row.label, "tasks": [task.id for task in row.tasks]}
+    return {
+        "kind": row.kind.value,
+        "label": row.label,
+        "tasks": [task.id for task in row.tasks],
+    }
 
 
 def _cell(cell: Cell, is_best: bool) -> dict[str, Any]:

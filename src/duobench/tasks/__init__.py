@@ -17,8 +17,14 @@ if TYPE_CHECKING:
     from duobench.core.spatial import SE3 as SE3
     from duobench.core.types import SIDES as SIDES, Side as Side
     from duobench.tasks.catalog import get as get, names as names
-    from duobench.tasks.stages.coordination import Carriage as Carriage, carriage as carriage
-    from duobench.tasks.stages.handover import Handover as Handover, handover as handover
+    from duobench.tasks.stages.coordination import (
+        Carriage as Carriage,
+        carriage as carriage,
+    )
+    from duobench.tasks.stages.handover import (
+        Handover as Handover,
+        handover as handover,
+    )
     from duobench.tasks.stages.insertion import Port as Port, inserted as inserted
     from duobench.tasks.stages.joining import Joining as Joining, joining as joining
     from duobench.tasks.stages.logic import (
@@ -29,8 +35,16 @@ if TYPE_CHECKING:
         held_for as held_for,
         since as since,
     )
-    from duobench.tasks.stages.passage import Hole as Hole, Passage as Passage, passage as passage
-    from duobench.tasks.stages.placing import low_over as low_over, placed as placed, put as put
+    from duobench.tasks.stages.passage import (
+        Hole as Hole,
+        Passage as Passage,
+        passage as passage,
+    )
+    from duobench.tasks.stages.placing import (
+        low_over as low_over,
+        placed as placed,
+        put as put,
+    )
     from duobench.tasks.stages.pouring import Pouring as Pouring, pouring as pouring
     from duobench.tasks.stages.predicates import (
         BoxRegion as BoxRegion,
@@ -57,7 +71,11 @@ if TYPE_CHECKING:
     from duobench.tasks.stages.progress import Stage as Stage
     from duobench.tasks.stages.rolling import Rolling as Rolling, rolling as rolling
     from duobench.tasks.stages.support import Support as Support, support as support
-    from duobench.tasks.task import Category as Category, Placement as Placement, Task as Task
+    from duobench.tasks.task import (
+        Category as Category,
+        Placement as Placement,
+        Task as Task,
+    )
     from duobench.world.robot.cameras import View as View
     from duobench.world.scene.naming import TABLE as TABLE
     from duobench.world.sim.layout import Layout as Layout

@@ -56,7 +56,9 @@ RAISE = 0.010
 
 def _near(cells: Iterable[Cell], radius: float) -> Predicate:
     """The ball is near (metres, in the board's plane) to the centre of its board's cell."""
-    region = partial(CylinderRegion, body="board", radius=radius, low=0, high=WALL_HEIGHT)
+    region = partial(
+        CylinderRegion, body="board", radius=radius, low=0, high=WALL_HEIGHT
+    )
     regions = {str(n): region(centre=cell_centre(cell)) for n, cell in enumerate(cells)}
     return inside_chosen("ball", "board", regions)
 
@@ -91,7 +93,9 @@ TASK = Task(
         Prop(name="board", solid=board, choice="board", variants=wall_variants),
         Prop(name="ball", solid=ball),
     ),
-    placements={"board": Placement(x=around(0.5, 0.1), y=around(0.0, 0.1), z=BASE, yaw=ANY_YAW)},
+    placements={
+        "board": Placement(x=around(0.5, 0.1), y=around(0.0, 0.1), z=BASE, yaw=ANY_YAW)
+    },
     variants={"board": Choice(tuple(str(number) for number in range(len(MAZES))))},
     arrange=_start_ball,
     stages=(
@@ -122,7 +126,12 @@ TASK = Task(
             holds=_ROLLING.arrived,
         ),
     ),
-    object_numbers=(pose("board"), position("ball"), velocity("ball"), maze_of("board")),
+    object_numbers=(
+        pose("board"),
+        position("ball"),
+        velocity("ball"),
+        maze_of("board"),
+    ),
     expert="duobench.tasks.experts.scripts.ball_maze:script",
     printable=True,
     real=True,

@@ -41,7 +41,8 @@ def _bowl(colour: str) -> str:
 def _apart(layout: Layout) -> bool:
     """No cube starts in or under a bowl's rim."""
     return all(
-        layout.poses[_cube(one)].distance(layout.poses[_bowl(other)])[0] > RADIUS + BOWL_MARGIN
+        layout.poses[_cube(one)].distance(layout.poses[_bowl(other)])[0]
+        > RADIUS + BOWL_MARGIN
         for one in COLOURS
         for other in COLOURS
     )
@@ -53,7 +54,9 @@ _BOWLS = {
 }
 _IN_BOWL = {name: vessel.received(_cube(name)) for name, vessel in _BOWLS.items()}
 _WHITE_IN, _BLACK_IN = (
-    (_IN_BOWL[name] & released(_cube(name))).called(f"{_cube(name)} lies in {_bowl(name)}")
+    (_IN_BOWL[name] & released(_cube(name))).called(
+        f"{_cube(name)} lies in {_bowl(name)}"
+    )
     for name in COLOURS
 )
 _WHITE_LIFTED, _BLACK_LIFTED = (lifted_by_any(_cube(colour)) for colour in COLOURS)
@@ -107,7 +110,9 @@ TASK = Task(
             name="one cube lies in its bowl, the other is lifted",
             instruction="Pick up the other cube.",
             holds=any_of(_WHITE_IN & _BLACK_LIFTED, _BLACK_IN & _WHITE_LIFTED),
-            stays=any_of(_WHITE_IN & _BLACK_LIFTED, _BLACK_IN & _WHITE_LIFTED, _BOTH_IN),
+            stays=any_of(
+                _WHITE_IN & _BLACK_LIFTED, _BLACK_IN & _WHITE_LIFTED, _BOTH_IN
+            ),
         ),
         Stage(
             name="both cubes lie in their bowls",

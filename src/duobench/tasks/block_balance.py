@@ -66,24 +66,38 @@ _LEVEL = is_.upright("beam", math.radians(LEVEL_DEGREES))
 # The table carries no block, and each is on the beam, or so little above that it is put there.
 _BEAM = _over_beam(-BEAM[1] / 2, BEAM[1] / 2)
 _LOW = {
-    name: all_of(low_over(name, "beam", BEAM[2] / 2), is_.inside(name, _BEAM), is_.off_table(name))
+    name: all_of(
+        low_over(name, "beam", BEAM[2] / 2),
+        is_.inside(name, _BEAM),
+        is_.off_table(name),
+    )
     for name in BLOCKS
 }
 _AT_ENDS = all_of(*map(_loaded, ENDS), *_LOW.values())
 _ON_BEAM = all_of(_AT_ENDS, *(is_.touching(name, "beam") for name in BLOCKS))
 _HELD = is_.lifted_by_any("beam")
-_LAID = put("beam", low_over("beam", "cube", CUBE_EDGE / 2)) & is_.raised("beam", CUBE_EDGE - LYING)
+_LAID = put("beam", low_over("beam", "cube", CUBE_EDGE / 2)) & is_.raised(
+    "beam", CUBE_EDGE - LYING
+)
 _BRIDGE = placed(is_.rests_on("beam", "cube"), _LEVEL, is_.released("beam")) & _LAID
 _GRASPED = is_.grasped_apart(*BLOCKS)
 _BRIDGED = since(_BRIDGE.called("the beam lies across the cube"))
 _READY = all_of(_GRASPED, _ON_CUBE, _BRIDGED)
 # Blocks that were put on one after the other, and grasped again, were not put on together.
 _TOGETHER = brought_together(*BLOCKS, _LOW)
-_LOADED = all_of(_AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY.called("both are grasped")))
+_LOADED = all_of(
+    _AT_ENDS, _ON_CUBE, _TOGETHER, since(_READY.called("both are grasped"))
+)
 _LEFT = any_of(*map(is_.interrupted, _LOW.values()))
-_ONCE_LOADED = since(_LOADED.called("both arms have both blocks on the beam"), reset=_LEFT)
-_STANDING = all_of(*(is_.upright(name, math.radians(STANDING_DEGREES)) for name in BLOCKS))
-_BALANCED = placed(_ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, left_alone("cube", "beam", *BLOCKS))
+_ONCE_LOADED = since(
+    _LOADED.called("both arms have both blocks on the beam"), reset=_LEFT
+)
+_STANDING = all_of(
+    *(is_.upright(name, math.radians(STANDING_DEGREES)) for name in BLOCKS)
+)
+_BALANCED = placed(
+    _ON_BEAM, _ON_CUBE, _LEVEL, _STANDING, left_alone("cube", "beam", *BLOCKS)
+)
 
 TASK = Task(
     id="block_balance",
@@ -103,8 +117,12 @@ TASK = Task(
     placements={
         "cube": Placement(x=around(0.58, 0.03), y=around(0.0, 0.04), z=CUBE_EDGE / 2),
         "beam": Placement(x=around(0.44, 0.03), y=around(0.0, 0.03), z=BEAM[2] / 2),
-        "left_block": Placement(x=around(0.5, 0.05), y=around(0.24, 0.04), z=BLOCK[2] / 2),
-        "right_block": Placement(x=around(0.5, 0.05), y=around(-0.24, 0.04), z=BLOCK[2] / 2),
+        "left_block": Placement(
+            x=around(0.5, 0.05), y=around(0.24, 0.04), z=BLOCK[2] / 2
+        ),
+        "right_block": Placement(
+            x=around(0.5, 0.05), y=around(-0.24, 0.04), z=BLOCK[2] / 2
+        ),
     },
     stages=(
         Stage(
@@ -134,7 +152,8 @@ TASK = Task(
         Stage(
             name="everything is balanced",
             instruction="Let go of both blocks and move away.",
-            holds=_BALANCED & _ONCE_LOADED.told_of("when both were last in hand", _GRASPED),
+            holds=_BALANCED
+            & _ONCE_LOADED.told_of("when both were last in hand", _GRASPED),
         ),
     ),
     expert="duobench.tasks.experts.scripts.block_balance:script",

@@ -53,11 +53,15 @@ ACROSS = math.pi / 2
 def _over_plate(more: float = 0.0) -> Predicate:
     """The pot's centre is above the plate and near its, `more` metres further away at most."""
     x, y = (limit + more for limit in OFF_CENTRE)
-    return inside("pot", BoxRegion(body="stove", low=(-x, -y, PLATE[2]), high=(x, y, inf)))
+    return inside(
+        "pot", BoxRegion(body="stove", low=(-x, -y, PLATE[2]), high=(x, y, inf))
+    )
 
 
 _ON_PLATE = _over_plate()
-_CARRIAGE = carriage("pot", HANDLES, "stove", place=_over_plate(SHOVE), top=PLATE[2], height=LIFT)
+_CARRIAGE = carriage(
+    "pot", HANDLES, "stove", place=_over_plate(SHOVE), top=PLATE[2], height=LIFT
+)
 _RELEASED = all_of(*(released(body) for body in ("pot", *HANDLES)))
 _TOUCHED = any_of(*(touches(side, handle) for side in SIDES for handle in HANDLES))
 
@@ -75,9 +79,14 @@ TASK = Task(
     props=(pot("pot"), Prop(name="stove", solid=stove_plate, fixed=True)),
     placements={
         "pot": Placement(
-            x=around(0.5, 0.08), y=around(-0.1, 0.08), z=HEIGHT / 2, yaw=Uniform(-YAW, YAW)
+            x=around(0.5, 0.08),
+            y=around(-0.1, 0.08),
+            z=HEIGHT / 2,
+            yaw=Uniform(-YAW, YAW),
         ),
-        "stove": Placement(x=around(0.5, 0.04), y=around(0.3, 0.04), yaw=around(ACROSS, 0.0)),
+        "stove": Placement(
+            x=around(0.5, 0.04), y=around(0.3, 0.04), yaw=around(ACROSS, 0.0)
+        ),
     },
     stages=(
         Stage(

@@ -9,7 +9,12 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from duobench.core.errors import ForeignTaskError, OptionError, UnknownNameError, check_known
+from duobench.core.errors import (
+    ForeignTaskError,
+    OptionError,
+    UnknownNameError,
+    check_known,
+)
 from duobench.core.references import load
 
 if TYPE_CHECKING:
@@ -75,7 +80,9 @@ def check(name: str) -> None:
         )
     if "," in name:
         separate = " ".join(re.split(r"[,\s]+", name))
-        raise UnknownNameError(f"{name!r} is one word; separate names by spaces: {separate}.")
+        raise UnknownNameError(
+            f"{name!r} is one word; separate names by spaces: {separate}."
+        )
     if ":" not in name:
         check_known("task", name, HORIZONS)
 

@@ -65,7 +65,9 @@ _LID = support(
     again=lifted_off("cube", "chest", WALL),
     backing=BACKING,
 )
-_BEGUN = hinge_open("chest/lid", OPEN_ANGLE) | lifted_by_any("cube", "chest", "chest/lid")
+_BEGUN = hinge_open("chest/lid", OPEN_ANGLE) | lifted_by_any(
+    "cube", "chest", "chest/lid"
+)
 
 TASK = Task(
     id="hinge_chest",
@@ -83,7 +85,9 @@ TASK = Task(
         chest("chest", body=WHITE, lid=CHARCOAL),
     ),
     placements={
-        "cube": Placement(x=around(0.5, 0.175), y=around(0.2, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW),
+        "cube": Placement(
+            x=around(0.5, 0.175), y=around(0.2, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW
+        ),
         "chest": Placement(
             x=around(0.6, 0.04), y=around(-0.2, 0.04), yaw=around(0.0, math.radians(10))
         ),
@@ -104,7 +108,8 @@ TASK = Task(
         Stage(
             name="the cube lies in the chest",
             instruction="Lower the black cube into the chest and let go of it.",
-            holds=placed(_INSIDE, rests_on("cube", "chest"), released("cube")) & _LID.delivered,
+            holds=placed(_INSIDE, rests_on("cube", "chest"), released("cube"))
+            & _LID.delivered,
         ),
     ),
     expert="duobench.tasks.experts.scripts.hinge_chest:script",

@@ -74,7 +74,11 @@ TASK = Task(
             solid=lambda: bars.light_bar(LIGHT),
             print_turn=bars.LIGHT_PRINT_TURN,
         ),
-        Prop(name="dark_block", solid=lambda: bars.dark_bar(DARK), print_turn=bars.DARK_PRINT_TURN),
+        Prop(
+            name="dark_block",
+            solid=lambda: bars.dark_bar(DARK),
+            print_turn=bars.DARK_PRINT_TURN,
+        ),
         Prop(
             name="wall",
             solid=lambda: bars.wall(GREY),

@@ -66,7 +66,9 @@ class ObjectState:
 
         Of many simulations at once they are (simulations, n).
         """
-        parts = [simulation.ask(part.read, vectorized=part.vectorized) for part in self.parts]
+        parts = [
+            simulation.ask(part.read, vectorized=part.vectorized) for part in self.parts
+        ]
         for part, numbers in zip(self.parts, parts, strict=True):
             if len(numbers) != len(part.names):
                 raise OptionError(
@@ -92,10 +94,17 @@ def usual_numbers(
         for prop in props
         for numbers in (
             *(() if prop.name in still else (pose(prop.name),)),
-            *(hinge_angle(prop.part_name(part.name)) for part in prop.parts if part.hinge),
+            *(
+                hinge_angle(prop.part_name(part.name))
+                for part in prop.parts
+                if part.hinge
+            ),
         )
     ]
-    return (*objects, *(chosen(name, choice.options) for name, choice in choices.items()))
+    return (
+        *objects,
+        *(chosen(name, choice.options) for name, choice in choices.items()),
+    )
 
 
 def position(body: str) -> Numbers:
@@ -144,7 +153,9 @@ def chosen(choice: str, options: Collection[str]) -> Numbers:
     )
 
 
-def known_of(choice: str, names: Sequence[str], values: Mapping[str, Sequence[float]]) -> Numbers:
+def known_of(
+    choice: str, names: Sequence[str], values: Mapping[str, Sequence[float]]
+) -> Numbers:
     """Numbers that follow from what the layout chose.
 
     Args:
@@ -159,7 +170,10 @@ def known_of(choice: str, names: Sequence[str], values: Mapping[str, Sequence[fl
 
 
 def heap(
-    name: str, bodies: Sequence[str], vessels: Iterable[str], room: tuple[float, float, float]
+    name: str,
+    bodies: Sequence[str],
+    vessels: Iterable[str],
+    room: tuple[float, float, float],
 ) -> Numbers:
     """Centre and spread of many bodies, and the share of them that is in each vessel.
 
@@ -183,7 +197,10 @@ def heap(
         centre = at.mean(axis=0)
         spread = np.sqrt(((at - centre) ** 2).sum(axis=1).mean(axis=0))
         shares = [
-            sum(hollow.contains(simulation.relative_position(body, vessel)) for body in bodies)
+            sum(
+                hollow.contains(simulation.relative_position(body, vessel))
+                for body in bodies
+            )
             / len(bodies)
             for vessel, hollow in hollows.items()
         ]
@@ -203,13 +220,19 @@ def maze_of(choice: str) -> Numbers:
     Args:
         choice: Name of the variant.
     """
-    ends = [f"{end}_{along}" for end in ("start", "goal") for along in ("column", "row")]
+    ends = [
+        f"{end}_{along}" for end in ("start", "goal") for along in ("column", "row")
+    ]
     walls = [
         f"wall_{'north' if wall.along_x else 'east'}_of_{wall.cell[0]}_{wall.cell[1]}"
         for wall in SEGMENTS
     ]
     values = {
-        str(number): [*maze.start, *maze.goal, *(wall in maze.walls for wall in SEGMENTS)]
+        str(number): [
+            *maze.start,
+            *maze.goal,
+            *(wall in maze.walls for wall in SEGMENTS),
+        ]
         for number, maze in enumerate(MAZES)
     }
     return known_of(choice, [*ends, *walls], values)

@@ -19,4 +19,6 @@ def kept_paraphrases(task_id: str) -> tuple[str, ...]:
 
 @cache
 def _sentences() -> dict[str, _Sentences]:
-    return tomllib.loads(files("duobench.tasks").joinpath("paraphrases.toml").read_text("utf-8"))
+    return tomllib.loads(
+        files("duobench.tasks").joinpath("paraphrases.toml").read_text("utf-8")
+    )

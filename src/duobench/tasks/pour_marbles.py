@@ -46,7 +46,9 @@ def _fill(layout: Layout) -> Layout:
     """Put the marbles into the full cup, and name the other one the empty one."""
     full = Side(layout.variants["full"])
     cup = layout.poses[CUPS[full]]
-    heap = {name: cup @ SE3.at(*at) for name, at in zip(MARBLES, cups.HEAP, strict=True)}
+    heap = {
+        name: cup @ SE3.at(*at) for name, at in zip(MARBLES, cups.HEAP, strict=True)
+    }
     variants = {"full": full.value, "empty": full.other.value}
     return Layout(poses={**layout.poses, **heap}, variants=variants)
 
@@ -54,7 +56,9 @@ def _fill(layout: Layout) -> Layout:
 def _in_square(side: Side, more: float = 0.0) -> Predicate:
     """A cup is inside its square, `more` metres beside it at most."""
     half = HALF_SQUARE + more
-    region = is_.BoxRegion(body=SQUARES[side], low=(-half, -half, -half), high=(half, half, half))
+    region = is_.BoxRegion(
+        body=SQUARES[side], low=(-half, -half, -half), high=(half, half, half)
+    )
     return is_.inside(CUPS[side], region)
 
 
@@ -79,7 +83,9 @@ _BACK = tuple(map(_back, SIDES))
 _PUT_BACK = all_of(*map(_put_back, SIDES))
 _GRASPED = tuple(is_.grasped(side, CUPS[side]) for side in SIDES)
 _HELD_UP = all_of(*_GRASPED, *(is_.raised(CUPS[side], RAISE) for side in SIDES))
-_POURING = {side: pouring(MARBLES, CUPS[side], cups.ROOM, held=_HELD_UP) for side in SIDES}
+_POURING = {
+    side: pouring(MARBLES, CUPS[side], cups.ROOM, held=_HELD_UP) for side in SIDES
+}
 _KEPT = _into_target(lambda p: p.kept)
 
 TASK = Task(
@@ -94,7 +100,11 @@ TASK = Task(
     props=(
         *(Prop(name=name, solid=lambda: cups.cup(LIGHT)) for name in CUPS.values()),
         *(
-            Prop(name=name, solid=lambda: cups.square_mark(2 * HALF_SQUARE, GREEN), fixed=True)
+            Prop(
+                name=name,
+                solid=lambda: cups.square_mark(2 * HALF_SQUARE, GREEN),
+                fixed=True,
+            )
             for name in SQUARES.values()
         ),
         *(Prop(name=name, solid=lambda: cups.marble(BLUE)) for name in MARBLES),

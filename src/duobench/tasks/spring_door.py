@@ -35,7 +35,13 @@ from duobench.tasks.stages.progress import Stage
 from duobench.tasks.stages.support import support
 from duobench.tasks.task import Category, Placement, Task
 from duobench.world.objects.blocks import CUBE_EDGE, WHITE, cube
-from duobench.world.objects.microwave import CAVITY, CAVITY_CENTRE_Y, FLOOR, FRONT, microwave
+from duobench.world.objects.microwave import (
+    CAVITY,
+    CAVITY_CENTRE_Y,
+    FLOOR,
+    FRONT,
+    microwave,
+)
 from duobench.world.objects.prop import Prop
 from duobench.world.robot.cameras import View
 
@@ -51,7 +57,9 @@ FLOOR_REGION = BoxRegion(
 _INSIDE = inside("cube", FLOOR_REGION)
 _ON_SILL = (FLOOR_REGION.low[0] - CUBE_EDGE, *FLOOR_REGION.low[1:])
 """A hand under the roof may set the cube on the sill, half outside, and push it in."""
-_OVER = inside("cube", replace(FLOOR_REGION, low=_ON_SILL, high=(*FLOOR_REGION.high[:2], inf)))
+_OVER = inside(
+    "cube", replace(FLOOR_REGION, low=_ON_SILL, high=(*FLOOR_REGION.high[:2], inf))
+)
 _DOOR = support(
     "cube",
     "microwave",
@@ -81,7 +89,9 @@ TASK = Task(
         microwave("microwave"),
     ),
     placements={
-        "cube": Placement(x=around(0.4, 0.05), y=around(-0.35, 0.1), z=CUBE_EDGE / 2, yaw=ANY_YAW),
+        "cube": Placement(
+            x=around(0.4, 0.05), y=around(-0.35, 0.1), z=CUBE_EDGE / 2, yaw=ANY_YAW
+        ),
         "microwave": Placement(
             x=around(0.7, 0.02), y=around(0.0, 0.02), yaw=around(0.0, math.radians(3))
         ),

@@ -120,11 +120,15 @@ class Task:
         check_several(f"`stages` of task {self.id!r}", self.stages, Stage)
         _check_named(f"`placements` of task {self.id!r}", self.placements, Placement)
         _check_named(f"`variants` of task {self.id!r}", self.variants, Choice)
-        stages = [text for stage in self.stages for text in (stage.name, stage.instruction)]
+        stages = [
+            text for stage in self.stages for text in (stage.name, stage.instruction)
+        ]
         words = (*self.instructions, *self.kept_paraphrases)
         for text in (self.id, self.title, *words, *stages):
             if text != escaped(text):
-                raise DuoBenchError(f"The texts of task {self.id!a} are printable, got {text!a}.")
+                raise DuoBenchError(
+                    f"The texts of task {self.id!a} are printable, got {text!a}."
+                )
         for text in (*words, *(stage.instruction for stage in self.stages)):
             _check_fields(text)
         if as_count(self.horizon) is None:
@@ -160,7 +164,9 @@ class Task:
         numbers = self.object_numbers
         if numbers is None:
             placed = self.placements
-            still = {prop.name for prop in self.props if prop.fixed and prop.name in placed}
+            still = {
+                prop.name for prop in self.props if prop.fixed and prop.name in placed
+            }
             still = {name for name in still if placed[name].is_always_the_same}
             numbers = usual_numbers(self.props, still, self.variants)
         return ObjectState(parts=numbers)
@@ -177,7 +183,9 @@ class Task:
         while rejected < MAX_REJECTED:
             sampled = Layout(
                 poses={name: p.sample(rng) for name, p in self.placements.items()},
-                variants={name: choice.sample(rng) for name, choice in self.variants.items()},
+                variants={
+                    name: choice.sample(rng) for name, choice in self.variants.items()
+                },
             )
             layout = self.arranged(sampled)
             rejected += 1
@@ -232,7 +240,9 @@ class Task:
         Raises:
             UnknownNameError: An instruction names a variant that the layout lacks.
         """
-        return {n: _filled(stage.instruction, layout) for n, stage in enumerate(self.stages)}
+        return {
+            n: _filled(stage.instruction, layout) for n, stage in enumerate(self.stages)
+        }
 
 
 def _check_named(what: str, named: object, kind: type) -> None:
@@ -257,4 +267,6 @@ def _filled(instruction: str, layout: Layout) -> str:
         return instruction.format(**layout.variants)
     except KeyError as error:
         known = layout.variants
-        raise UnknownNameError("variant in an instruction", error.args[0], known) from error
+        raise UnknownNameError(
+            "variant in an instruction", error.args[0], known
+        ) from error

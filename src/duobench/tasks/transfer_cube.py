@@ -36,7 +36,9 @@ from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL, bowl
 from duobench.world.objects.prop import Prop
 
 CUBE, BOWL = "cube", "bowl"
-IN_BOWL = CylinderRegion(body=BOWL, radius=RADIUS - WALL, low=0.0, high=0.6 * LONG_BLOCK)
+IN_BOWL = CylinderRegion(
+    body=BOWL, radius=RADIUS - WALL, low=0.0, high=0.6 * LONG_BLOCK
+)
 """Where the block's centre is when it lies, leans or stands in the bowl."""
 BELOW_RIM = 0.020
 """The block's lowest point is less than this above the table, in metres: not on top of the rim."""
@@ -59,7 +61,9 @@ TASK = Task(
         Prop(name=BOWL, solid=lambda: bowl(WHITE)),
     ),
     placements={
-        CUBE: Placement(x=around(0.5, 0.175), y=around(-0.2, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW),
+        CUBE: Placement(
+            x=around(0.5, 0.175), y=around(-0.2, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW
+        ),
         BOWL: Placement(x=around(0.6, 0.05), y=around(0.3, 0.05)),
     },
     stages=(

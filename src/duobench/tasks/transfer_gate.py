@@ -22,7 +22,13 @@ from duobench.tasks.stages.handover import handover
 from duobench.tasks.stages.logic import all_of, any_of
 from duobench.tasks.stages.passage import Hole, passage
 from duobench.tasks.stages.placing import low_over, placed
-from duobench.tasks.stages.predicates import BoxRegion, inside, lifted_by_any, released, rests_on
+from duobench.tasks.stages.predicates import (
+    BoxRegion,
+    inside,
+    lifted_by_any,
+    released,
+    rests_on,
+)
 from duobench.tasks.stages.progress import Stage
 from duobench.tasks.task import Category, Placement, Task
 from duobench.world.objects.blocks import CUBE_EDGE, LONG_BLOCK, WHITE, long_block
@@ -72,7 +78,9 @@ TASK = Task(
         Prop(name=MAT, solid=mat, fixed=True),
     ),
     placements={
-        BLOCK: Placement(x=around(0.5, 0.175), y=around(-0.3, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW),
+        BLOCK: Placement(
+            x=around(0.5, 0.175), y=around(-0.3, 0.175), z=CUBE_EDGE / 2, yaw=ANY_YAW
+        ),
         GATE: Placement(x=around(0.4, 0.025), y=around(0.0, 0.05)),
         MAT: Placement(x=around(0.5, 0.05), y=around(0.3, 0.05), z=MAT_THICKNESS / 2),
     },

@@ -50,7 +50,9 @@ BLUE = (0.12, 0.33, 0.70, 1.0)
 TIPS = tuple(
     Port(
         body=PEG,
-        pose=SE3(SE3.about((0, 1, 0), end * math.pi / 2).rotation, np.array([x, 0.0, 0.0])),
+        pose=SE3(
+            SE3.about((0, 1, 0), end * math.pi / 2).rotation, np.array([x, 0.0, 0.0])
+        ),
     )
     for end, x in ((1, PEG_LENGTH / 2), (-1, -PEG_LENGTH / 2))
 )

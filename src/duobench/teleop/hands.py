@@ -55,7 +55,9 @@ class Freshness:
         """
         delay = arrival_s - sent_ms / 1000.0
         if arrival_s >= self._window_end:
-            self._least_before = self._least if math.isfinite(self._window_end) else math.inf
+            self._least_before = (
+                self._least if math.isfinite(self._window_end) else math.inf
+            )
             self._least, self._window_end = math.inf, arrival_s + WINDOW_S
         self._least = min(self._least, delay)
         is_late = delay - min(self._least, self._least_before) > MAX_AGE_S
@@ -157,7 +159,9 @@ class LedArm:
         self.gripper = TriggeredGripper(opening)
         self._rest = None
 
-    def lead(self, hand: Hand | None, measured: SE3, commanded: SE3) -> tuple[SE3, bool]:
+    def lead(
+        self, hand: Hand | None, measured: SE3, commanded: SE3
+    ) -> tuple[SE3, bool]:
         """Where the tool is led, and whether it was kept from where the hand wants it.
 
         A hand that is lost is None; the tool is measured and commanded in the table frame.
@@ -170,7 +174,9 @@ class LedArm:
         wanted = self.clutch.follow(hand, commanded)
         if wanted is None:
             if self._rest is None:
-                self._rest = commanded  # the arm stops where it is, not where it was going
+                self._rest = (
+                    commanded  # the arm stops where it is, not where it was going
+                )
             return self._rest, False
         self._rest = None
         if not was_closed:
@@ -197,7 +203,10 @@ class HandDevice:
         self.sampled_s: float | None = None
         """When the newest sample arrived, in seconds."""
         self._has_seen_open = False
-        self._acting, self._led = set[str](), set[str]()  # since the last step, since the first one
+        self._acting, self._led = (
+            set[str](),
+            set[str](),
+        )  # since the last step, since the first one
         self.led_by, self.executed_ms = "", math.nan
 
     @property
@@ -226,7 +235,9 @@ class HandDevice:
             self._lockstep or self._freshness.accepts(message.sent, arrival_s)
         ):
             hands = (message.left, message.right)
-            is_moving = any(hand is not None and hand.buttons.recentre for hand in hands)
+            is_moving = any(
+                hand is not None and hand.buttons.recentre for hand in hands
+            )
             if is_moving or self.is_lost(arrival_s):
                 self._let_go()
             self._hands, self.sampled_s = message, arrival_s
@@ -258,7 +269,9 @@ class HandDevice:
         present = [hand for hand in hands.values() if hand is not None and hand.sure]
         if not present:
             return "Waiting for the operator's hands."
-        if all(hand.squeeze < OPENS and hand.trigger < OPEN_TRIGGER for hand in present):
+        if all(
+            hand.squeeze < OPENS and hand.trigger < OPEN_TRIGGER for hand in present
+        ):
             self._has_seen_open = True
         for side, hand in hands.items():
             if hand is not None and hand.sure:
@@ -275,7 +288,9 @@ class HandDevice:
         """Where the hands lead the tools."""
         self._led |= self._acting
         self._acting.clear()
-        self.led_by = " and ".join(name for name in get_args(PageDevice) if name in self._led)
+        self.led_by = " and ".join(
+            name for name in get_args(PageDevice) if name in self._led
+        )
         if self._hands is not None:
             self.executed_ms = self._hands.sent
         hands, commanded = self._now(now_s), self._kinematics.forward(command.joints)
@@ -309,10 +324,17 @@ class ButtonPresses:
 
     def new(self, hands: Hands) -> list[str]:
         """The buttons that were not pressed in the message before, keep first."""
-        present = [hand.buttons for hand in (hands.left, hands.right) if hand is not None]
+        present = [
+            hand.buttons for hand in (hands.left, hands.right) if hand is not None
+        ]
         pressed = {
-            name: any(getattr(buttons, name) for buttons in present) for name in self._was_pressed
+            name: any(getattr(buttons, name) for buttons in present)
+            for name in self._was_pressed
         }
-        found = [name for name, is_so in pressed.items() if is_so and not self._was_pressed[name]]
+        found = [
+            name
+            for name, is_so in pressed.items()
+            if is_so and not self._was_pressed[name]
+        ]
         self._was_pressed = pressed
         return found

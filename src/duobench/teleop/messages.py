@@ -54,7 +54,9 @@ class Hand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     def __post_init__(self) -> None:
         if not all(abs(number) <= FARTHEST for number in self.pose[:3]):
-            raise ValueError(f"a hand is at most {FARTHEST:g} m away, got {list(self.pose[:3])}")
+            raise ValueError(
+                f"a hand is at most {FARTHEST:g} m away, got {list(self.pose[:3])}"
+            )
         norm = length(self.pose[3:])
         if not abs(norm - 1.0) <= NORM_TOLERANCE:
             raise ValueError(f"a quaternion (w x y z) has length one, got {norm:g}")

@@ -56,7 +56,10 @@ class Timings:
                 **{f"p{q}": float(np.percentile(times, q)) for q in QUANTILES},
                 "max": max(times),
             }
-            for name, times in (("period_ms", self.periods), ("latency_ms", self.latencies))
+            for name, times in (
+                ("period_ms", self.periods),
+                ("latency_ms", self.latencies),
+            )
             if times
         }
 
@@ -122,7 +125,12 @@ class TeleopPage:
 
     def run(self) -> Timings:
         """Run the session until it is over or `stop` is called; how long its steps took."""
-        return run(self._session, self.show, is_stopped=self._over.is_set, timings=self._timings)
+        return run(
+            self._session,
+            self.show,
+            is_stopped=self._over.is_set,
+            timings=self._timings,
+        )
 
     def stop(self) -> None:
         """Let `run` return; for other threads and signal handlers."""
@@ -138,7 +146,9 @@ class TeleopPage:
         """Show where everything is, after a turn of the loop."""
         status = self._session.status()
         if self._episode != status["count"]:
-            self._episode = status["count"]  # the scene depends on what its layout chose
+            self._episode = status[
+                "count"
+            ]  # the scene depends on what its layout chose
             self._geometry = self._new_geometry()
             self._server.publish_scene(self._geometry.name, self._geometry.data)
         if self._server.has_viewers:

@@ -22,7 +22,15 @@ from duobench.envs.sim_env import SimEnv
 from duobench.tasks.task import Task
 from duobench.teleop.hands import DISCARD, KEEP, ButtonPresses
 from duobench.teleop.intent import Device, Intent
-from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message, Restore
+from duobench.teleop.messages import (
+    Discard,
+    Hands,
+    Inbox,
+    Instruction,
+    Keep,
+    Message,
+    Restore,
+)
 from duobench.teleop.takes import Takes
 from duobench.world.looks.catalog import DEFAULT
 from duobench.world.looks.look import Look
@@ -92,7 +100,9 @@ class Teleoperation:
         lockstep: bool = False,
     ) -> None:
         if episodes < 1:
-            raise OptionError(f"A session records at least one episode, got {episodes}.")
+            raise OptionError(
+                f"A session records at least one episode, got {episodes}."
+            )
         mode = env.get_wrapper_attr("action_mode")
         if mode != device.action_mode:
             raise OptionError(
@@ -260,13 +270,19 @@ class Teleoperation:
         if terminated or truncated:
             self._end(self._why_over(info))
         elif info["success"] and self._state is TeleopState.RECORDING:
-            self._state, self.note = TeleopState.SUCCESS, "Solved: open the hands and retreat."
+            self._state, self.note = (
+                TeleopState.SUCCESS,
+                "Solved: open the hands and retreat.",
+            )
 
     def _why_over(self, info: Info) -> str:
         return "Solved." if info["success"] else "Time is up."
 
     def _end(self, note: str) -> None:
-        self._state, self.note = TeleopState.DECIDE, f"{note} Keep the episode or discard it."
+        self._state, self.note = (
+            TeleopState.DECIDE,
+            f"{note} Keep the episode or discard it.",
+        )
         if self._is_kept:
             self._keep()
 
@@ -354,7 +370,10 @@ class Teleoperation:
     def _reset(self) -> None:
         env, task = self.env, self.env.task
         seed = episode_seed(task, self._number, TRAIN)
-        self._state, self._is_kept = TeleopState.WAITING, False  # also if arms do not get home
+        self._state, self._is_kept = (
+            TeleopState.WAITING,
+            False,
+        )  # also if arms do not get home
         env.next_name = f"{self._number:05d}"
         self._info: Info = env.reset(seed=seed, options=self._reset_options(seed))[1]
         self._seen: DuoState = env.base.backend.read()
@@ -373,7 +392,11 @@ class Haptics:
 
     def __init__(self, env: Recorder) -> None:
         # Real arms are asked for no contacts: they have none to tell.
-        self._sim = cast(SimEnv, env.base).simulation if hasattr(env.base, "simulation") else None
+        self._sim = (
+            cast(SimEnv, env.base).simulation
+            if hasattr(env.base, "simulation")
+            else None
+        )
         self._pulses: list[tuple[Side, float, int]] = []
         self._before: dict[Side, dict[tuple[float, int], bool]] = {}
 
@@ -403,7 +426,9 @@ class Haptics:
         if self._sim is None:
             return False
         contacts = self._sim.contacts
-        others = (owner for owner in contacts.owners if not owner.startswith(f"{side}/"))
+        others = (
+            owner for owner in contacts.owners if not owner.startswith(f"{side}/")
+        )
         return any(contacts.gripper(side, owner) for owner in others)
 
 
@@ -435,10 +460,22 @@ def make_recorder(
     """
     horizon = round(time_limit_s * CONTROL_HZ)
     if horizon < 1:
-        raise OptionError(f"An episode takes at least one control step, got {time_limit_s} s.")
+        raise OptionError(
+            f"An episode takes at least one control step, got {time_limit_s} s."
+        )
     env = make_env(
-        task, cameras=False, split=TRAIN, action_mode=action_mode, horizon=horizon, look=look
+        task,
+        cameras=False,
+        split=TRAIN,
+        action_mode=action_mode,
+        horizon=horizon,
+        look=look,
     )
     return Recorder(
-        env, data, actor, after_success=AFTER_SUCCESS_S, is_reviewed=True, has_clutch=True
+        env,
+        data,
+        actor,
+        after_success=AFTER_SUCCESS_S,
+        is_reviewed=True,
+        has_clutch=True,
     )

@@ -61,7 +61,9 @@ def make_certificate(hosts: Collection[str] = ()) -> Certificate:
     try:
         made = trustme.CA(organization_name="DuoBench").issue_cert(*names)
     except ValueError as error:
-        raise ServingError(f"There is no certificate for {', '.join(names)}: {error}.") from error
+        raise ServingError(
+            f"There is no certificate for {', '.join(names)}: {error}."
+        ) from error
     made.configure_cert(context)
     content = ssl.PEM_cert_to_DER_cert(made.cert_chain_pems[0].bytes().decode())
     fingerprint = hashlib.sha256(content).digest().hex(":").upper()

@@ -22,7 +22,14 @@ from numpy.typing import NDArray
 from duobench.core.errors import DuoBenchError
 from duobench.core.spatial import SE3, matrix_from_wxyz
 from duobench.core.types import Array
-from duobench.web.shading import camera_of, cells_for, colours_of, emission_of, lights_of, texels_of
+from duobench.web.shading import (
+    camera_of,
+    cells_for,
+    colours_of,
+    emission_of,
+    lights_of,
+    texels_of,
+)
 from duobench.world.looks.clutter import pieces
 from duobench.world.looks.look import Look
 from duobench.world.scene.naming import FLOOR
@@ -92,10 +99,16 @@ class Geometry:
     """
 
     def __init__(self, model: mujoco.MjModel, look: Look | None = None) -> None:
-        is_visible = (model.geom_group < COLLISION_GEOM_GROUP) & (model.geom_rgba[:, 3] > 0)
+        is_visible = (model.geom_group < COLLISION_GEOM_GROUP) & (
+            model.geom_rgba[:, 3] > 0
+        )
         geoms = np.flatnonzero(is_visible).tolist()
-        carriers = {geom: _carrier(model, int(model.geom_bodyid[geom])) for geom in geoms}
-        self.bodies: tuple[int, ...] = tuple(sorted({root for root, _ in carriers.values()} - {0}))
+        carriers = {
+            geom: _carrier(model, int(model.geom_bodyid[geom])) for geom in geoms
+        }
+        self.bodies: tuple[int, ...] = tuple(
+            sorted({root for root, _ in carriers.values()} - {0})
+        )
         """Ids of the visible bodies that move, in the order of their poses."""
         if len(self.bodies) > MAX_BODIES:
             raise DuoBenchError(
@@ -110,7 +123,9 @@ class Geometry:
             _surface(model, geom, numbers[root], pose, materials, look)
             for geom, (root, pose) in carriers.items()
         ]
-        surfaces = sorted([*surfaces, *_furniture(look)], key=lambda surface: surface.order)
+        surfaces = sorted(
+            [*surfaces, *_furniture(look)], key=lambda surface: surface.order
+        )
         self.header: dict[str, Any] = {
             "format": 1,
             "vertices": sum(len(piece.shape.points) for piece in surfaces),
@@ -202,12 +217,16 @@ def _furniture(look: Look) -> Iterator[_Surface]:
 def _moved(shape: Triangles, pose: SE3) -> Triangles:
     rotation = np.asarray(pose.rotation)
     return Triangles(
-        points=pose.apply(shape.points), normals=shape.normals @ rotation.T, corners=shape.corners
+        points=pose.apply(shape.points),
+        normals=shape.normals @ rotation.T,
+        corners=shape.corners,
     )
 
 
 def _size(surfaces: list[_Surface], layer: int) -> int:
-    return sum(piece.shape.corners.size for piece in surfaces if piece.order[0] == layer)
+    return sum(
+        piece.shape.corners.size for piece in surfaces if piece.order[0] == layer
+    )
 
 
 def _packed(header: dict[str, Any], surfaces: list[_Surface]) -> bytes:
@@ -217,21 +236,32 @@ def _packed(header: dict[str, Any], surfaces: list[_Surface]) -> bytes:
     normals = np.concatenate([piece.shape.normals for piece in surfaces])
     colours = np.concatenate([piece.colours for piece in surfaces])
     corners = np.concatenate(
-        [start + piece.shape.corners.ravel() for start, piece in zip(starts, surfaces, strict=True)]
+        [
+            start + piece.shape.corners.ravel()
+            for start, piece in zip(starts, surfaces, strict=True)
+        ]
     )
     emission = np.repeat([_byte(piece.emission) for piece in surfaces], counts)
     specular = np.repeat([_byte(piece.specular) for piece in surfaces], counts)
-    numbers = [piece.body + (0 if piece.takes_shadows else _NO_SHADOWS) for piece in surfaces]
+    numbers = [
+        piece.body + (0 if piece.takes_shadows else _NO_SHADOWS) for piece in surfaces
+    ]
     text = json.dumps(header, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     planes = (
         (np.rint(points / _GRAIN) * _GRAIN).astype("<f4"),
-        np.column_stack([np.rint(127 * normals).astype(np.int8).view(np.uint8), emission]),
+        np.column_stack(
+            [np.rint(127 * normals).astype(np.int8).view(np.uint8), emission]
+        ),
         np.column_stack([_byte(colours), specular]),
         np.repeat(numbers, counts).astype("<u4"),
         np.diff(corners, prepend=0).astype("<i4"),
     )
-    parts = [len(text).to_bytes(4, "little"), text, *(plane.tobytes() for plane in planes)]
+    parts = [
+        len(text).to_bytes(4, "little"),
+        text,
+        *(plane.tobytes() for plane in planes),
+    ]
     return gzip.compress(b"".join(parts), compresslevel=9, mtime=0)
 
 
@@ -239,7 +269,9 @@ def _byte(value: Array | float) -> NDArray[np.uint8]:
     return np.rint(255 * np.clip(value, 0.0, 1.0)).astype(np.uint8)
 
 
-def triangles_of(model: mujoco.MjModel, geom: int, cells: tuple[int, int] = (1, 1)) -> Triangles:
+def triangles_of(
+    model: mujoco.MjModel, geom: int, cells: tuple[int, int] = (1, 1)
+) -> Triangles:
     """The surface of a geom.
 
     Args:
@@ -282,12 +314,18 @@ def _cylinder(radius: float, half_height: float) -> Triangles:
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> Triangles:
     """A mesh of the model; corners that share place and normal are one."""
-    faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+    faces = slice(
+        model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh]
+    )
     pairs = np.stack([model.mesh_face[faces], model.mesh_facenormal[faces]], axis=-1)
     unique, corners = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     return Triangles(
-        points=model.mesh_vert[model.mesh_vertadr[mesh] + unique[:, 0]].astype(np.float64),
-        normals=model.mesh_normal[model.mesh_normaladr[mesh] + unique[:, 1]].astype(np.float64),
+        points=model.mesh_vert[model.mesh_vertadr[mesh] + unique[:, 0]].astype(
+            np.float64
+        ),
+        normals=model.mesh_normal[model.mesh_normaladr[mesh] + unique[:, 1]].astype(
+            np.float64
+        ),
         corners=corners.reshape(-1, 3).astype(np.int64),
     )
 
@@ -295,7 +333,9 @@ def _mesh(model: mujoco.MjModel, mesh: int) -> Triangles:
 def _plane(half_x: float, half_y: float, cells: tuple[int, int]) -> Triangles:
     """A plane that faces along z; one without end reaches 10 m."""
     along_x, along_y = (np.linspace(-1.0, 1.0, count + 1) for count in cells)
-    x, y = np.meshgrid(along_x * (half_x or 10.0), along_y * (half_y or 10.0), indexing="ij")
+    x, y = np.meshgrid(
+        along_x * (half_x or 10.0), along_y * (half_y or 10.0), indexing="ij"
+    )
     points = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
     normals = np.broadcast_to((0.0, 0.0, 1.0), points.shape)
     return Triangles(points=points, normals=normals, corners=_grid(*x.shape))
@@ -308,11 +348,15 @@ def _box(x: float, y: float, z: float) -> Triangles:
             normal = sign * np.eye(3)[axis]
             u = np.eye(3)[(axis + 1) % 3]
             v = np.cross(normal, u)
-            corners += [[len(points) + i for i in face] for face in ((0, 1, 2), (0, 2, 3))]
+            corners += [
+                [len(points) + i for i in face] for face in ((0, 1, 2), (0, 2, 3))
+            ]
             points += [normal - u - v, normal + u - v, normal + u + v, normal - u + v]
             normals += [normal] * 4
     return Triangles(
-        points=np.array(points) * (x, y, z), normals=np.array(normals), corners=np.array(corners)
+        points=np.array(points) * (x, y, z),
+        normals=np.array(normals),
+        corners=np.array(corners),
     )
 
 
@@ -322,7 +366,9 @@ def _ellipsoid(x: float, y: float, z: float) -> Triangles:
     ball = _revolved(circle, circle, (1.0, 1.0))
     normals = ball.points / (x, y, z)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Triangles(points=ball.points * (x, y, z), normals=normals, corners=ball.corners)
+    return Triangles(
+        points=ball.points * (x, y, z), normals=normals, corners=ball.corners
+    )
 
 
 def _capsule(radius: float, half_height: float) -> Triangles:
@@ -334,7 +380,9 @@ def _capsule(radius: float, half_height: float) -> Triangles:
     return _revolved(profile, circle, (1.0, 1.0))
 
 
-def _revolved(profile: object, normals: object, scale: tuple[float, float]) -> Triangles:
+def _revolved(
+    profile: object, normals: object, scale: tuple[float, float]
+) -> Triangles:
     """The surface that a line (n, 2) in the plane of radius and z sweeps about z, from below up."""
     line, across = (np.asarray(each, dtype=np.float64) for each in (profile, normals))
     angles = np.linspace(0.0, 2 * np.pi, SLICES + 1)
@@ -346,7 +394,9 @@ def _revolved(profile: object, normals: object, scale: tuple[float, float]) -> T
         return np.concatenate([turned, up], axis=-1).reshape(-1, 3)
 
     return Triangles(
-        points=swept(line * scale), normals=swept(across), corners=_grid(len(angles), len(line))
+        points=swept(line * scale),
+        normals=swept(across),
+        corners=_grid(len(angles), len(line)),
     )
 
 
@@ -355,5 +405,8 @@ def _grid(rows: int, columns: int) -> NDArray[np.int64]:
     at = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
     return np.concatenate(
-        [np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)]
+        [
+            np.stack([a, b, c], axis=-1).reshape(-1, 3),
+            np.stack([a, c, d], axis=-1).reshape(-1, 3),
+        ]
     )

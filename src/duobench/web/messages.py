@@ -69,7 +69,9 @@ def reader(kinds: Any) -> Callable[[str | bytes], Any]:
         try:
             return decoder.decode(data)
         except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
-            raise MessageError(f"This message is refused: {error}.".replace("`$.", "`")) from error
+            raise MessageError(
+                f"This message is refused: {error}.".replace("`$.", "`")
+            ) from error
 
     return read
 
@@ -81,7 +83,9 @@ def pack_frame(
 
     The time is that of a clock of the server that never goes back; `shows_ms` as said above.
     """
-    return _FRAME.pack(time_s, step, len(poses), shows_ms) + poses.astype("<f4").tobytes()
+    return (
+        _FRAME.pack(time_s, step, len(poses), shows_ms) + poses.astype("<f4").tobytes()
+    )
 
 
 def encode(**fields: Any) -> str:

@@ -62,21 +62,31 @@ def assets(page: str = "live_page.html") -> Mapping[str, tuple[str, bytes]]:
         if kind is not None:
             found[f"/{file.name}"] = (kind, file.read_bytes())
     common = files("duobench.core.pages") / "templates" / "style.css"
-    found["/page.css"] = (_TYPES[".css"], common.read_bytes() + _asset("page.css").encode())
+    found["/page.css"] = (
+        _TYPES[".css"],
+        common.read_bytes() + _asset("page.css").encode(),
+    )
     return found
 
 
-def replay_page(title: str, scenes: Mapping[str, bytes], replays: Sequence[EpisodeReplay]) -> str:
+def replay_page(
+    title: str, scenes: Mapping[str, bytes], replays: Sequence[EpisodeReplay]
+) -> str:
     """A page that plays episodes in 3D, as HTML; it is one file that loads nothing.
 
     The first episode is shown at first; for the rest see `replay_fragment`.
     """
     fragment = replay_fragment(scenes, replays, is_open=True)
-    return pages.render(_PACKAGE, "replay_page.html", title=title, fragment=Markup(fragment))
+    return pages.render(
+        _PACKAGE, "replay_page.html", title=title, fragment=Markup(fragment)
+    )
 
 
 def replay_fragment(
-    scenes: Mapping[str, bytes], replays: Sequence[EpisodeReplay], *, is_open: bool = False
+    scenes: Mapping[str, bytes],
+    replays: Sequence[EpisodeReplay],
+    *,
+    is_open: bool = False,
 ) -> str:
     """The same as a part of a page in the style of `duobench.core.pages`; one such part a page.
 
@@ -90,14 +100,20 @@ def replay_fragment(
     """
     if not replays:
         raise OptionError("A page of replays needs at least one episode.")
-    ids = [replay.id or f"replay-{number}" for number, replay in enumerate(replays, start=1)]
+    ids = [
+        replay.id or f"replay-{number}"
+        for number, replay in enumerate(replays, start=1)
+    ]
     for replay in replays:
         check_known("scene", replay.scene, scenes)
     needed = list(dict.fromkeys(replay.scene for replay in replays))
     places = {scene: f"scene-data-{number}" for number, scene in enumerate(needed)}
     tracks = [f"track-data-{number}" for number in range(len(replays))]
     data = {places[scene]: _base64(scenes[scene]) for scene in needed}
-    data |= {place: _base64(replay.track) for place, replay in zip(tracks, replays, strict=True)}
+    data |= {
+        place: _base64(replay.track)
+        for place, replay in zip(tracks, replays, strict=True)
+    }
     episodes = [
         {
             "id": id,

@@ -100,13 +100,15 @@ class Peer:
             while True:
                 await self._changed.wait()
                 self._changed.clear()
-                while (text := next((each for each in self.waiting if each != FRAME), None)) or (
-                    FRAME in self.waiting and loop.time() >= self._next_frame
-                ):
+                while (
+                    text := next((each for each in self.waiting if each != FRAME), None)
+                ) or (FRAME in self.waiting and loop.time() >= self._next_frame):
                     await self._connection.send(self.waiting.pop(text or FRAME))
                     if text is None:
                         period = 1 / FRAMES_HZ
-                        self._next_frame = max(self._next_frame + period, loop.time() - period / 2)
+                        self._next_frame = max(
+                            self._next_frame + period, loop.time() - period / 2
+                        )
                 if FRAME in self.waiting:
                     loop.call_at(self._next_frame, self._changed.set)
 
@@ -160,9 +162,13 @@ class PageServer:
             open_timeout=_TIMEOUT_S,
             close_timeout=_TIMEOUT_S,
         )
-        scheme, name = ("http", host) if certificate is None else ("https", certificate.hosts[0])
+        scheme, name = (
+            ("http", host) if certificate is None else ("https", certificate.hosts[0])
+        )
         name = f"[{name}]" if ":" in name else name
-        self.url = f"{scheme}://{name}:{self._server.port}/?token={self._admission.token}"
+        self.url = (
+            f"{scheme}://{name}:{self._server.port}/?token={self._admission.token}"
+        )
         """Address of the page, with the token."""
         self.fingerprint = "" if certificate is None else certificate.fingerprint
         """SHA-256 of the certificate as browsers show it, to compare with; empty without one."""
@@ -251,7 +257,9 @@ class PageServer:
     def pulse(self, side: str, strength: float, ms: int) -> None:
         """Let the left or right controller of the driver rumble, at a strength from 0 to 1."""
         text = encode(kind="pulse", side=side, strength=strength, ms=ms)
-        self._server.call(lambda: self._driver and self._driver.put(f"pulse {side}", text))
+        self._server.call(
+            lambda: self._driver and self._driver.put(f"pulse {side}", text)
+        )
 
     def close(self) -> None:
         """Let every browser take what waits for it, then go; closing twice is harmless."""
@@ -283,7 +291,9 @@ class PageServer:
         viewers = len(self._peers) - drivers
         for each in self._peers:
             role = "driver" if each is peer else "viewer"
-            each.put("role", encode(kind="role", role=role, drivers=drivers, viewers=viewers))
+            each.put(
+                "role", encode(kind="role", role=role, drivers=drivers, viewers=viewers)
+            )
 
     async def _flush(self) -> None:
         """Give every browser the time to take what waits for it."""
@@ -292,16 +302,24 @@ class PageServer:
                 while any(peer.waiting for peer in self._peers):
                     await asyncio.sleep(_LOOK_S)
 
-    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _answer(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | None:
         """Answer what asks for a file, and turn away who may not connect."""
         if getattr(request, "method", "GET") != "GET":  # websockets 16 takes no other
-            answer = connection.respond(http.HTTPStatus.METHOD_NOT_ALLOWED, "Use GET.\n")
+            answer = connection.respond(
+                http.HTTPStatus.METHOD_NOT_ALLOWED, "Use GET.\n"
+            )
             answer.headers["Allow"] = "GET"
             return answer
         url = urlsplit(request.path)
-        if url.path in self._files and url.path != "/":  # code of ours, which is no secret
+        if (
+            url.path in self._files and url.path != "/"
+        ):  # code of ours, which is no secret
             return _found(*self._files[url.path], request)
-        if url.path == "/favicon.ico":  # browsers ask for one, unless a page says that it has none
+        if (
+            url.path == "/favicon.ico"
+        ):  # browsers ask for one, unless a page says that it has none
             return connection.respond(http.HTTPStatus.NO_CONTENT, "")
         return self._answer_owner(connection, request, url)
 
@@ -310,7 +328,9 @@ class PageServer:
     ) -> Response | None:
         """Answer who has the token of this run's pages."""
         in_folder = re.match(r"/folder/([^/]+)/", url.path)  # where links are relative
-        if not self._admission.has_token(f"token={in_folder[1]}" if in_folder else url.query):
+        if not self._admission.has_token(
+            f"token={in_folder[1]}" if in_folder else url.query
+        ):
             return connection.respond(http.HTTPStatus.FORBIDDEN, _NO_TOKEN)
         if url.path == SOCKET_PATH:
             return self._rejection(connection, request)
@@ -332,15 +352,21 @@ class PageServer:
             return kind, (file.read_bytes(), None)
         return None
 
-    def _rejection(self, connection: ServerConnection, request: Request) -> Response | None:
+    def _rejection(
+        self, connection: ServerConnection, request: Request
+    ) -> Response | None:
         """Why a page may not connect; None if it may."""
         origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
         origin = origins[0] if origins else None
         unclear = len(origins) > 1 or len(hosts) != 1
         if unclear or not self._admission.is_own_page(origin, hosts[0]):
-            return connection.respond(http.HTTPStatus.FORBIDDEN, "Pages of others may not connect.")
+            return connection.respond(
+                http.HTTPStatus.FORBIDDEN, "Pages of others may not connect."
+            )
         if len(self._peers) >= MAX_PEERS:
-            return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many browsers.\n")
+            return connection.respond(
+                http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many browsers.\n"
+            )
         return None
 
     async def _serve_peer(self, connection: ServerConnection) -> None:
@@ -371,7 +397,9 @@ class PageServer:
         except DuoBenchError as error:
             reason = str(error)
         except Exception:  # noqa: BLE001 - the session goes on
-            _log.exception("A message from a page made something fail; the session goes on.")
+            _log.exception(
+                "A message from a page made something fail; the session goes on."
+            )
             reason = "Something failed here."
         if reason is not None:
             peer.put("refused", encode(kind="refused", reason=reason))
@@ -400,7 +428,9 @@ class PageServer:
         try:
             self.on_driver_lost(gives_way)
         except Exception:  # noqa: BLE001 - the session goes on
-            _log.exception("The loss of the driver made something fail; the session goes on.")
+            _log.exception(
+                "The loss of the driver made something fail; the session goes on."
+            )
 
 
 _NO_TOKEN = (
@@ -420,7 +450,9 @@ def _found(kind: str, content: tuple[bytes, str | None], request: Request) -> Re
     accepted = ",".join(request.headers.get_all("Accept-Encoding"))
     if encoding is not None and encoding not in accepted:
         body, encoding = gzip.decompress(body), None
-    headers = Headers({**_SECURITY, "Content-Type": kind, "Content-Length": str(len(body))})
+    headers = Headers(
+        {**_SECURITY, "Content-Type": kind, "Content-Length": str(len(body))}
+    )
     headers["Vary"] = "Accept-Encoding"
     headers["Connection"] = "close"
     if encoding is not None:

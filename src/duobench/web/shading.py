@@ -58,7 +58,11 @@ def camera_of(model: mujoco.MjModel) -> dict[str, Any]:
     names = [model.camera(number).name for number in range(model.ncam)]
     if OVERVIEW not in names:
         view = OVERVIEW_VIEW
-        return {"eye": list(view.eye), "target": list(view.target), "fovy": view.fovy_deg}
+        return {
+            "eye": list(view.eye),
+            "target": list(view.target),
+            "fovy": view.fovy_deg,
+        }
     camera = names.index(OVERVIEW)
     eye = np.array(model.cam_pos[camera])
     forward = -matrix_from_wxyz(model.cam_quat[camera])[:, 2]
@@ -93,7 +97,9 @@ def _rounded(values: Array) -> list[float]:
     return [round(float(value), _DIGITS) for value in values]
 
 
-def texels_of(model: mujoco.MjModel, geom: int, materials: Appearance) -> Texture | None:
+def texels_of(
+    model: mujoco.MjModel, geom: int, materials: Appearance
+) -> Texture | None:
     """The texture (height, width, 3) of a geom, if it has one."""
     changed = materials.by_geom.get(geom)
     if changed is not None and changed.texture is not None:
@@ -111,7 +117,9 @@ def texels_of(model: mujoco.MjModel, geom: int, materials: Appearance) -> Textur
 
 def cells_for(texels: Texture | None) -> tuple[int, int]:
     """Into how many cells along x and y a plane with a texture is cut."""
-    return (1, 1) if texels is None else (_cells(texels.shape[1]), _cells(texels.shape[0]))
+    return (
+        (1, 1) if texels is None else (_cells(texels.shape[1]), _cells(texels.shape[0]))
+    )
 
 
 def colours_of(

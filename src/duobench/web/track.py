@@ -53,13 +53,24 @@ def decode(track: bytes) -> NDArray[np.float32]:
     """Unpack what `encode` packed, into poses (steps, bodies, 7) with unit quaternions."""
     steps, bodies = _head(track)
     try:
-        planes = np.frombuffer(zlib.decompress(track[_HEADER.size :], _RAW), dtype=np.uint8)
-        series = planes.reshape(2, -1).T.copy().view("<i2").reshape(bodies, len(_STEPS), steps)
+        planes = np.frombuffer(
+            zlib.decompress(track[_HEADER.size :], _RAW), dtype=np.uint8
+        )
+        series = (
+            planes.reshape(2, -1)
+            .T.copy()
+            .view("<i2")
+            .reshape(bodies, len(_STEPS), steps)
+        )
     except (zlib.error, ValueError) as error:
         raise DataError(f"This track of an episode is damaged: {error}.") from error
-    numbers = np.cumsum(series.transpose(2, 0, 1), axis=0, dtype=np.int16)  # modulo 2^16
+    numbers = np.cumsum(
+        series.transpose(2, 0, 1), axis=0, dtype=np.int16
+    )  # modulo 2^16
     poses = numbers * _STEPS
-    poses[..., 3:] /= np.maximum(np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True), 1e-9)
+    poses[..., 3:] /= np.maximum(
+        np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True), 1e-9
+    )
     return poses.astype(np.float32)
 
 

@@ -18,7 +18,11 @@ from lerobot_env_duobench.processors import LeadArms, pass_domains_on
 
 pass_domains_on()
 
-_DEVICES = {"DuoBenchDuo": "duo", "DuoBenchRobot": "robot", "DuoBenchTeleoperator": "teleoperator"}
+_DEVICES = {
+    "DuoBenchDuo": "duo",
+    "DuoBenchRobot": "robot",
+    "DuoBenchTeleoperator": "teleoperator",
+}
 """Modules of the devices, by their classes, which LeRobot asks this package for."""
 
 __all__ = [

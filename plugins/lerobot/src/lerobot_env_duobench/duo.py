@@ -50,9 +50,13 @@ class DuoBenchDuo(Arms):
         """
         super().__init__(config)
         if duo is None and not config.rig:
-            raise OptionError("rig is the file of a rig, such as rig.json, or 'simulated'.")
+            raise OptionError(
+                "rig is the file of a rig, such as rig.json, or 'simulated'."
+            )
         if not config.ask and config.rig != SIMULATED:
-            raise OptionError("Somebody has to confirm before real arms move: leave `ask` true.")
+            raise OptionError(
+                "Somebody has to confirm before real arms move: leave `ask` true."
+            )
         self._duo = duo or open_rig(config.rig, guard=config.guard)
         for name in config.views:
             check_known("camera of this rig", name, self._duo.cameras)
@@ -138,7 +142,11 @@ class DuoBenchDuo(Arms):
         """
         duo = self._duo
         fault = duo.health()
-        old = [name for name, age in duo.image_ages().items() if not age <= MAX_IMAGE_AGE_SECONDS]
+        old = [
+            name
+            for name, age in duo.image_ages().items()
+            if not age <= MAX_IMAGE_AGE_SECONDS
+        ]
         if duo.held is None and old:
             fault = fault or f"Images are too old: {', '.join(old)}."
         if duo.held is None and fault:

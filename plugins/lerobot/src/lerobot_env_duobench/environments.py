@@ -75,14 +75,18 @@ class DuoBenchEnv(EnvConfig):
             "horizon": self.episode_length,
         }
 
-    def get_env_processors(self) -> tuple[PolicyProcessorPipeline, PolicyProcessorPipeline]:
+    def get_env_processors(
+        self,
+    ) -> tuple[PolicyProcessorPipeline, PolicyProcessorPipeline]:
         """What happens to observations and actions between environment and policy.
 
         Actions become float32. Those of a policy with `use_amp` are bfloat16, which NumPy, and with
         it LeRobot's loop, does not know.
         """
         as_float32 = DeviceProcessorStep(device="cpu", float_dtype="float32")
-        return PolicyProcessorPipeline(steps=[]), PolicyProcessorPipeline(steps=[as_float32])
+        return PolicyProcessorPipeline(steps=[]), PolicyProcessorPipeline(
+            steps=[as_float32]
+        )
 
     def create_envs(
         self, n_envs: int, use_async_envs: bool = False
@@ -146,7 +150,9 @@ class Episodes(gym.Wrapper):
         """Control steps after which an episode ends; LeRobot asks for it by this name."""
         return self.env.get_wrapper_attr("_max_episode_steps")
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> Any:
         """Begin an episode."""
         if seed is not None and self._suite_seeds:
             seed = episode_seed(self.task, seed)

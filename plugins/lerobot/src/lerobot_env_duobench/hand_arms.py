@@ -8,7 +8,15 @@ from duobench.core.errors import MessageError
 from duobench.core.spatial import SE3
 from duobench.core.types import ARM_JOINTS, SIDE_SIZE, SIDES, DuoCommand, DuoState
 from duobench.teleop.hands import DISCARD, KEEP, RESTORE, ButtonPresses, HandDevice
-from duobench.teleop.messages import Discard, Hands, Inbox, Instruction, Keep, Message, Restore
+from duobench.teleop.messages import (
+    Discard,
+    Hands,
+    Inbox,
+    Instruction,
+    Keep,
+    Message,
+    Restore,
+)
 from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.robot.joints import HOME_JOINTS
 
@@ -103,7 +111,9 @@ class HandArms:
         state = self.where() if measured is None else measured
         intent = self.device.intend(now_s, state, self.command)
         rows = intent.action.reshape(len(SIDES), SIDE_SIZE)
-        targets = {side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES}
+        targets = {
+            side: SE3.from_tquat(rows[side.index, :ARM_JOINTS]) for side in SIDES
+        }
         joints = self._kinematics.step(self.command.joints, targets)
         self.command = DuoCommand(joints=joints, openings=rows[:, ARM_JOINTS])
         return self.command

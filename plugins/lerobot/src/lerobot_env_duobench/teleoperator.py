@@ -172,7 +172,9 @@ class DuoBenchTeleoperator(Teleoperator):
         if joints:
             said = DuoCommand.from_flat(joints)
             within = np.clip(said.joints, *JOINT_RANGES.T)
-            self.place(DuoCommand(joints=within, openings=np.clip(said.openings, 0.0, 1.0)))
+            self.place(
+                DuoCommand(joints=within, openings=np.clip(said.openings, 0.0, 1.0))
+            )
         for key in PULSES.keys() & numbers.keys():
             self._page.pulse(PULSES[key], min(max(numbers[key], 0.0), 1.0), PULSE_MS)
 
@@ -221,7 +223,9 @@ class _Shadow:
         """Put the arms somewhere at once; grippers begin open."""
         self.simulation.reset_data()
         openings = np.ones(len(SIDES))
-        self.simulation.duo.set_configuration(DuoCommand(joints=command.joints, openings=openings))
+        self.simulation.duo.set_configuration(
+            DuoCommand(joints=command.joints, openings=openings)
+        )
         self.simulation.forward()
 
 
@@ -263,7 +267,9 @@ class _LivePage:
         if self._simulation is None or not self.has_viewers:
             return
         poses = self._geometry.poses(self._simulation.data)
-        self._server.publish_frame(pack_frame(poses, status.get("step", 0), time.monotonic()))
+        self._server.publish_frame(
+            pack_frame(poses, status.get("step", 0), time.monotonic())
+        )
         device = self._arms.device
         told = {
             "title": "LeRobot",

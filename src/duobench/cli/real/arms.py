@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 
 
 _PAGE = PageOptions()
-GRIPPERS: Advice = {BackendError: "Hands are opened by duobench real grippers --open left right."}
+GRIPPERS: Advice = {
+    BackendError: "Hands are opened by duobench real grippers --open left right."
+}
 WORD = "home"
 """What the operator types to confirm."""
 
@@ -43,7 +45,9 @@ def real() -> None:
     """Lead, record and evaluate on real arms; not yet tried on an arm."""
 
 
-def home(rig: str, check: bool = False, fast: bool = False, with_object: bool = False) -> None:
+def home(
+    rig: str, check: bool = False, fast: bool = False, with_object: bool = False
+) -> None:
     """Bring both arms home at a tenth of their speed, on a way that the guard found free.
 
     It says where the arms are and which way they will go, and moves nothing before you typed
@@ -62,7 +66,9 @@ def home(rig: str, check: bool = False, fast: bool = False, with_object: bool = 
         nearest = duo.guard.nearest(here, within=1.0)
         way = duo.path_home()
         fault = duo.health()
-        say(f"Rig {duo.rig.name}, {duo.rig.hash[:12]}: {fault or 'everything answers.'}")
+        say(
+            f"Rig {duo.rig.name}, {duo.rig.hash[:12]}: {fault or 'everything answers.'}"
+        )
         say(f"Nearest to each other: {nearest or 'nothing within a metre.'}")
         turns = [np.abs(b - a).max() for a, b in pairwise([here, *way])]
         say(
@@ -73,7 +79,9 @@ def home(rig: str, check: bool = False, fast: bool = False, with_object: bool = 
             return
         _activate(duo)
         if duo.fault is not None:
-            _confirm(f"{duo.held} Is it set right, so that it may be cleared?", "recover")
+            _confirm(
+                f"{duo.held} Is it set right, so that it may be cleared?", "recover"
+            )
             duo.supervisor.recover()
         with advising(GRIPPERS):
             duo.hands.check_free(with_object=with_object)
@@ -107,14 +115,18 @@ def grippers(
         if activate:
             _activate(duo)
         if open:
-            _confirm(f"Is what is held ({' and '.join(open)}) kept from falling?", "open")
+            _confirm(
+                f"Is what is held ({' and '.join(open)}) kept from falling?", "open"
+            )
             with stopping(lambda: duo.hold("Ctrl-C.")):
                 duo.hands.open(open)
         for side, reading in duo.gripper_readings().items():
             state = "active" if reading.is_active else "not active"
             holds = ", holds something" if reading.has_object else ""
             fault = "" if reading.fault is None else f"; {reading.fault.text}"
-            say(f"The {side} gripper: {state}, opening {reading.opening:.2f}{holds}{fault}")
+            say(
+                f"The {side} gripper: {state}, opening {reading.opening:.2f}{holds}{fault}"
+            )
 
 
 def _activate(duo: FrankaDuo) -> None:
@@ -123,7 +135,8 @@ def _activate(duo: FrankaDuo) -> None:
     if asleep:
         which = " and ".join(asleep)
         _confirm(
-            f"To be activated: {which}. Is nothing between the fingers? They move.", "activate"
+            f"To be activated: {which}. Is nothing between the fingers? They move.",
+            "activate",
         )
         with stopping(lambda: duo.hold("Ctrl-C.")):
             duo.hands.activate()
@@ -237,12 +250,19 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     from duobench.real.sessions.trials_folder import TRIALS_BEGINNINGS, TrialsFolder
 
     policies, (info,) = _pairs(policy, trained_on), find_tasks([task])
-    new = taken_back(out, *TRIALS_BEGINNINGS, is_begun=lambda: bool(TrialsFolder(out).read_log()))
+    new = taken_back(
+        out, *TRIALS_BEGINNINGS, is_begun=lambda: bool(TrialsFolder(out).read_log())
+    )
     new_data = nullcontext() if record is None else taken_back(record, DESCRIPTION)
     with advising(OTHER_OUT), new, new_data, ExitStack() as ending:
         folder, duo, server = _place(ending, rig, out, page)
-        if folder.description.exists() and order_seed not in {None, folder.read_plan().order_seed}:
-            raise AdvisedError(f"{out} keeps the order it began with: leave out --order-seed.")
+        if folder.description.exists() and order_seed not in {
+            None,
+            folder.read_plan().order_seed,
+        }:
+            raise AdvisedError(
+                f"{out} keeps the order it began with: leave out --order-seed."
+            )
         session = TrialsSession(
             folder,
             duo,
@@ -262,7 +282,9 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         _judge(session, folder, server, out)
 
 
-def _pairs(policies: tuple[str, ...], trained_on: tuple[str, ...]) -> list[tuple[str, str]]:
+def _pairs(
+    policies: tuple[str, ...], trained_on: tuple[str, ...]
+) -> list[tuple[str, str]]:
     """Policies with what they were trained on."""
     if trained_on and len(trained_on) != len(policies):
         raise AdvisedError(
@@ -286,7 +308,9 @@ def _place(
     return folder, duo, server
 
 
-def _judge(session: TrialsSession, folder: TrialsFolder, server: PageServer, out: Path) -> None:
+def _judge(
+    session: TrialsSession, folder: TrialsFolder, server: PageServer, out: Path
+) -> None:
     """Run a session until it is stopped, and say what came out."""
     from duobench.real.sessions.trials_report import write_trials_report
 
@@ -302,7 +326,9 @@ def _judge(session: TrialsSession, folder: TrialsFolder, server: PageServer, out
     say(files)
 
 
-def _tell_of_doctor(folder: TrialsFolder, rig: RigOptions, duo: FrankaDuo, out: Path) -> None:
+def _tell_of_doctor(
+    folder: TrialsFolder, rig: RigOptions, duo: FrankaDuo, out: Path
+) -> None:
     from duobench.real.doctor.checks import read_checks
 
     found = read_checks(folder.path)
@@ -329,4 +355,6 @@ def _show_report(report: TrialsReport) -> None:
     if invalid:
         say(f"{counted(invalid, 'invalid trial')}, played again; the report says why.")
     if report.missing:
-        say(f"{counted(report.missing, 'trial')} still to be played; the same command goes on.")
+        say(
+            f"{counted(report.missing, 'trial')} still to be played; the same command goes on."
+        )

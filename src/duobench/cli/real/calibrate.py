@@ -69,7 +69,9 @@ def lens(
     found = calibrate_lens(folder.images(), sheet)
     pose = tuple(float(each) for each in nominal_pose(camera).tquat)
     note = "lens from a board; place as in the simulation"
-    _write(rig, known, camera, replace(found, pose=pose, method=note, views=len(folder)))
+    _write(
+        rig, known, camera, replace(found, pose=pose, method=note, views=len(folder))
+    )
     say(
         f"{camera}: {found.fx:.1f} x {found.fy:.1f} px, middle {found.cx:.1f}, {found.cy:.1f}, "
         f"distortion {', '.join(f'{each:.4f}' for each in found.distortion)}. Its place is that of "
@@ -146,7 +148,9 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
 
     known, arm = Rig.read(rig_file(rig)), Side(side)
     if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
-        raise AdvisedError(f"The {side} gripper of this rig has no positions to measure.")
+        raise AdvisedError(
+            f"The {side} gripper of this rig has no positions to measure."
+        )
     say(
         f"The {side} gripper will open and close, with nothing between its fingers. Press Enter to "
         "go on, or Ctrl-C to leave."
@@ -155,7 +159,9 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         raise AdvisedError("Nobody said that the gripper may move.")
     found = measure_ends(known.grippers[arm], SystemClock())
     replace(known, grippers={**known.grippers, arm: found}).write(rig)
-    say(f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}.")
+    say(
+        f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}."
+    )
 
 
 def _measured(paper: Paper, ruler: float | None) -> Board:
@@ -191,7 +197,9 @@ def _lens(rig: Rig, camera: str) -> CameraCalibration:
     return lens
 
 
-def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) -> ViewFolder:
+def _folder(
+    rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board
+) -> ViewFolder:
     """The images in a folder; where there are none, they are taken now."""
     from duobench.real.calibration.views import ViewFolder
 
@@ -201,7 +209,9 @@ def _folder(rig: Rig, path: Path, camera: str, side: Side | None, sheet: Board) 
     return folder
 
 
-def _capture(rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet: Board) -> None:
+def _capture(
+    rig: Rig, folder: ViewFolder, camera: str, side: Side | None, sheet: Board
+) -> None:
     """Take an image at each Enter; nothing moves by itself."""
     from duobench.real.opening import open_rig
 

@@ -92,7 +92,9 @@ def _gripper(side: Side, gripper: GripperConfig) -> str:
 def _camera(name: str, camera: CameraConfig) -> str:
     height, width = camera.size
     lens = camera.calibration
-    calibrated = "not calibrated" if lens is None else f"calibrated {lens.date}".rstrip()
+    calibrated = (
+        "not calibrated" if lens is None else f"calibrated {lens.date}".rstrip()
+    )
     return (
         f"Camera {name}: {_device(camera.driver, camera.device)}, {width} x {height} pixels, "
         f"{camera.fps} Hz; {calibrated}"

@@ -73,7 +73,8 @@ def hold_and_say(duo: FrankaDuo) -> None:
     duo.hold(HELD_BY_OPERATOR)
     with suppress(OSError):  # the terminal may be gone
         os.write(
-            sys.stderr.fileno(), b"\nThe arms are held. q ends; Ctrl-C again leaves at once.\n"
+            sys.stderr.fileno(),
+            b"\nThe arms are held. q ends; Ctrl-C again leaves at once.\n",
         )
 
 
@@ -121,7 +122,9 @@ class KeyTerminal:
                 self.on_answer()
                 return key
 
-    def listen(self, call: Callable[[str], object] | None) -> Callable[[str], object] | None:
+    def listen(
+        self, call: Callable[[str], object] | None
+    ) -> Callable[[str], object] | None:
         """Have every key given to a call at once, whatever is asked; what was called before."""
         before, self._call = self._call, call
         return before

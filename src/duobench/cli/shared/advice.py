@@ -40,7 +40,9 @@ def find_folder(folder: Path, sign: str) -> None:
         return
     if not folder.exists():
         around = folder.absolute().parent
-        near = sorted(str(folder.with_name(each.parent.name)) for each in around.glob(f"*/{sign}"))
+        near = sorted(
+            str(folder.with_name(each.parent.name)) for each in around.glob(f"*/{sign}")
+        )
         here = f" Beside it there are: {', '.join(near)}." if near else ""
         raise AdvisedError(f"There is no folder {folder}.{here}")
     for other, (kind, verb) in KINDS.items():
@@ -94,7 +96,9 @@ def advising(advice: Advice) -> Iterator[None]:
     try:
         yield
     except DuoBenchError as error:
-        text = next((text for kind, text in advice.items() if isinstance(error, kind)), None)
+        text = next(
+            (text for kind, text in advice.items() if isinstance(error, kind)), None
+        )
         if text is None:
             raise
         raise AdvisedError(f"{error} {text() if callable(text) else text}") from error

@@ -55,12 +55,16 @@ def say(*what: object, **options: Any) -> None:
 class _Uncut(Table):
     """A table that is rather wider than a terminal, which then breaks its lines, than cut."""
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+    def __rich_console__(
+        self, console: Console, options: ConsoleOptions
+    ) -> RenderResult:
         free = options.update(max_width=sys.maxsize)
         for column in self.columns:
             if column.no_wrap:
                 cells = (column.header, *column.cells)
-                column.min_width = max(Measurement.get(console, free, c).maximum for c in cells)
+                column.min_width = max(
+                    Measurement.get(console, free, c).maximum for c in cells
+                )
         least = Measurement.get(console, free, self).minimum
         wide = options.update(max_width=max(options.max_width, least))
         return super().__rich_console__(console, wide)
@@ -95,7 +99,14 @@ def results_table(part: RunPart) -> Table:
     errors = ("Errors",) if results.overall.errors else ()
     overtime = part.suite.overtime
     late = (f"Within {overtime:g}\nhorizons %",) if overtime > 1 else ()
-    headings = ("Episodes", *errors, "Success\n%", "95 %\ninterval", "Final\nprogress", *late)
+    headings = (
+        "Episodes",
+        *errors,
+        "Success\n%",
+        "95 %\ninterval",
+        "Final\nprogress",
+        *late,
+    )
     rows = table(
         whole("Task"),
         *numeric(*headings),
@@ -105,14 +116,22 @@ def results_table(part: RunPart) -> Table:
         caption_justify="left",
     )
     legend = "Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."
-    notes = [note for note in (part.excess, part.repeats, part.repeatability, legend) if note]
+    notes = [
+        note for note in (part.excess, part.repeats, part.repeatability, legend) if note
+    ]
     if late:
-        notes.append(f"Within {overtime:g} horizons is no score: scores end at the horizon.")
+        notes.append(
+            f"Within {overtime:g} horizons is no score: scores end at the horizon."
+        )
     rows.caption = "\n".join(notes)
 
     def cells(name: str, score: Score, wanted: int) -> list[str]:
         """What every row has; a run that is not finished says how far it is."""
-        episodes = str(score.episodes) if score.episodes == wanted else f"{score.episodes}/{wanted}"
+        episodes = (
+            str(score.episodes)
+            if score.episodes == wanted
+            else f"{score.episodes}/{wanted}"
+        )
         broken = [str(score.errors)] if errors else []
         rate = rate_text(score)
         later = [percent(score.late_rate)] if late else []
@@ -131,9 +150,14 @@ def results_table(part: RunPart) -> Table:
         for one in members:
             rows.add_row(*cells(one.task.id, one.score, expected), _stages(one))
         if len(members) > 1:
-            rows.add_row(*cells(category.label, category, expected * len(members)), style="italic")
+            rows.add_row(
+                *cells(category.label, category, expected * len(members)),
+                style="italic",
+            )
         rows.add_section()
-    rows.add_row(*cells(results.overall.label, results.overall, part.size), style="bold")
+    rows.add_row(
+        *cells(results.overall.label, results.overall, part.size), style="bold"
+    )
     return rows
 
 
@@ -142,12 +166,17 @@ def verified_table(parts: Sequence[RunPart]) -> Table:
     numbers = numeric("Successes", "%", "95 %\ninterval", "Final\nprogress")
     rows = table(whole("Condition"), *numbers)
     for part in parts:
-        one, name = part.results.overall, f"{part.candidate.title}, {part.condition.shift}"
+        one, name = (
+            part.results.overall,
+            f"{part.candidate.title}, {part.condition.shift}",
+        )
         numbers = (percent(one.success_rate), interval_percent(one), progress_text(one))
         rows.add_row(name, f"{one.successes} of {one.episodes}", *numbers)
     rows = rows if len(parts) > 1 else results_table(parts[0])
     said = "Without what is contradicted; what is not verifiable reaches no stage."
-    notes = [f"{part.condition.shift}: {part.repeats}" for part in parts if part.repeats]
+    notes = [
+        f"{part.condition.shift}: {part.repeats}" for part in parts if part.repeats
+    ]
     notes += filter(None, dict.fromkeys(part.repeatability for part in parts))
     rows.caption = "\n".join(
         [said, *(notes if len(parts) > 1 else [str(rows.caption or "")])]
@@ -159,7 +188,9 @@ def _stages(result: TaskResult) -> Text:
     """Counts by last stage, `stage:count`, the last stage bold."""
     text = Text()
     for stage, count in enumerate(result.last_stage_counts):
-        style = "dim" if count == 0 else "bold" if stage == result.task.max_stage else ""
+        style = (
+            "dim" if count == 0 else "bold" if stage == result.task.max_stage else ""
+        )
         text.append(f"{stage}:{count}  ", style=style)
     text.rstrip()
     return text

@@ -6,7 +6,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import Annotated, get_args, get_origin, get_type_hints
 
-_ELSEWHERE: Mapping[str, str] = {"out": "DIR", "server": "URL", "key_file": "FILE", "salt": "FILE"}
+_ELSEWHERE: Mapping[str, str] = {
+    "out": "DIR",
+    "server": "URL",
+    "key_file": "FILE",
+    "salt": "FILE",
+}
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
 _NO_MATTER = (
     "workers",
@@ -56,11 +61,19 @@ def options_of(verb: Callable[..., None]) -> Iterator[Option]:
     """The options of a verb; those of nested data classes have no prefix."""
     hints = get_type_hints(verb, include_extras=True)
     for name, parameter in inspect.signature(verb).parameters.items():
-        kind = get_args(hints[name])[0] if get_origin(hints[name]) is Annotated else hints[name]
+        kind = (
+            get_args(hints[name])[0]
+            if get_origin(hints[name]) is Annotated
+            else hints[name]
+        )
         if isinstance(kind, type) and is_dataclass(kind):
             inner = get_type_hints(kind, include_extras=True)
             for each in fields(kind):
-                default = each.default if each.default is not MISSING else inspect.Parameter.empty
+                default = (
+                    each.default
+                    if each.default is not MISSING
+                    else inspect.Parameter.empty
+                )
                 yield Option(
                     name=each.name,
                     kind=inner[each.name],
@@ -78,7 +91,9 @@ def options_of(verb: Callable[..., None]) -> Iterator[Option]:
             )
 
 
-def command_line(verb: str, function: Callable[..., None], given: Mapping[str, object]) -> str:
+def command_line(
+    verb: str, function: Callable[..., None], given: Mapping[str, object]
+) -> str:
     """The command that calls a verb with some arguments, but for options at their defaults.
 
     It has every other option that a result may depend on.

@@ -34,7 +34,9 @@ class PageOptions:
         from duobench.web.page import assets
         from duobench.web.server import PageServer
 
-        network = {"host": "0.0.0.0", "certificate": make_certificate()} if self.lan else {}
+        network = (
+            {"host": "0.0.0.0", "certificate": make_certificate()} if self.lan else {}
+        )
         server = PageServer(assets(page), port=self.port, **network)
         if server.fingerprint:
             say("SHA-256 of the certificate:", server.fingerprint, soft_wrap=True)
@@ -48,7 +50,9 @@ def followed(folder: RunFolder, port: int) -> Iterator[None]:
     from duobench.evaluation.replay.viewer import Viewer
 
     with closing(PageOptions(port=port).serve()) as server:
-        source = FollowedRun(folder, server, import_tasks=True)  # which the run itself imports
+        source = FollowedRun(
+            folder, server, import_tasks=True
+        )  # which the run itself imports
         viewer = Viewer(source, server, source.refresh)
         thread = Thread(target=viewer.run, name="follower", daemon=True)
         thread.start()

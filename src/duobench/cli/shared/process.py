@@ -63,14 +63,18 @@ def find_scratch(paths: Iterable[Path]) -> None:
     except FileNotFoundError:
         folder = next(filter(None, map(_scratch_at, (*paths, _MEMORY))), None)
         if folder is not None:
-            AT_LEAVING.append(folder.cleanup)  # else it removes itself at the end of the process
+            AT_LEAVING.append(
+                folder.cleanup
+            )  # else it removes itself at the end of the process
             os.environ["TMPDIR"] = tempfile.tempdir = folder.name
 
 
 def _scratch_at(path: Path) -> tempfile.TemporaryDirectory[str] | None:
     above = next(each for each in (path, *path.absolute().parents) if each.is_dir())
     with suppress(OSError):
-        return tempfile.TemporaryDirectory(prefix=SCRATCH, dir=above, ignore_cleanup_errors=True)
+        return tempfile.TemporaryDirectory(
+            prefix=SCRATCH, dir=above, ignore_cleanup_errors=True
+        )
     return None
 
 

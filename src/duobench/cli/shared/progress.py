@@ -48,11 +48,18 @@ class Display:
         """Say what is going to be done, or show the bars, which say it."""
         self._total = sum(totals.values())
         for name, total in totals.items():
-            self._bars[name] = self._progress.add_task(name, total=total, successes="", start=False)
+            self._bars[name] = self._progress.add_task(
+                name, total=total, successes="", start=False
+            )
         self.say(heading)
 
     def advance(
-        self, name: str, by: int = 1, *, succeeded: bool | None = None, earlier: bool = False
+        self,
+        name: str,
+        by: int = 1,
+        *,
+        succeeded: bool | None = None,
+        earlier: bool = False,
     ) -> None:
         """Note what is done.
 
@@ -72,12 +79,16 @@ class Display:
             self._progress.update(bar, successes=f"{self._successes[name]} succeeded")
             successes = f", {self._successes.total()} succeeded"
         self._earlier += by if earlier else 0
-        tenths = [PLAIN_LINES * done // max(1, self._total) for done in (before, self._done)]
+        tenths = [
+            PLAIN_LINES * done // max(1, self._total) for done in (before, self._done)
+        ]
         elapsed = self._progress.get_time() - self._start
         if not earlier and (tenths[0] != tenths[1] or elapsed >= self._due):
             self._due = max(PATIENCE, 2 * elapsed)
             times = self._times(elapsed)
-            self.say(f"{self._done} of {counted(self._total, self._noun)}{successes}, {times}")
+            self.say(
+                f"{self._done} of {counted(self._total, self._noun)}{successes}, {times}"
+            )
 
     def _times(self, elapsed: float) -> str:
         """How long it has taken, and how long the rest takes at the same speed."""
@@ -115,7 +126,9 @@ def display(
         TimeRemainingColumn(),
     )
     is_plain = not screen.is_terminal
-    with Progress(*columns, console=screen, get_time=clock, disable=is_plain) as progress:
+    with Progress(
+        *columns, console=screen, get_time=clock, disable=is_plain
+    ) as progress:
         yield Display(screen, noun, progress)
 
 
@@ -154,8 +167,14 @@ class EpisodesKept:
     def on_run_start(self, run: Run, finished: Sequence[Attempt]) -> None:
         """Say what is going to be done, and what was kept earlier."""
         totals = {task.id: run.suite.episodes for task in run.suite.tasks}
-        kept = [attempt.task for attempt in finished if attempt.kept and attempt.task in totals]
-        heading = f"{counted(len(totals), 'task')}, {counted(run.suite.size, 'episode')}"
+        kept = [
+            attempt.task
+            for attempt in finished
+            if attempt.kept and attempt.task in totals
+        ]
+        heading = (
+            f"{counted(len(totals), 'task')}, {counted(run.suite.size, 'episode')}"
+        )
         heading += f", {len(kept)} already recorded" if kept else ""
         self._shown.begin(heading, totals)
         for task in kept:

@@ -18,7 +18,12 @@ REST = "--"
 SYNONYMS = {
     **dict.fromkeys(("evaluate", "test", "run", "rollout", "benchmark"), "eval"),
     **dict.fromkeys(("teleoperate", "collect", "generate"), "record"),
-    **{"visualize": "replay", "help": "--help", "version": "--version", "-v": "--version"},
+    **{
+        "visualize": "replay",
+        "help": "--help",
+        "version": "--version",
+        "-v": "--version",
+    },
 }
 """What people type who know other programs."""
 INSTEAD = {
@@ -57,7 +62,9 @@ class SpellingError(DuoBenchError):
     """A verb, an option or a number that is none."""
 
 
-def check_spelling(words: Sequence[str], verbs: Verbs, program: str, default: str = "") -> None:
+def check_spelling(
+    words: Sequence[str], verbs: Verbs, program: str, default: str = ""
+) -> None:
     """Find the first misspelt verb or option, or a word where a number should be.
 
     The program is called such as "duobench export"; `default` is the verb to propose where none is
@@ -73,19 +80,33 @@ def check_spelling(words: Sequence[str], verbs: Verbs, program: str, default: st
     if verb not in verbs:
         near = SYNONYMS.get(verb, "") or _near(verb, verbs)
         near = near if near in verbs or near in HELP else ""
-        meant = f"{program} {near}" if near else f"{program} {default} {verb}" if default else ""
-        hint = f"Did you mean `{meant}`?" if meant else f"There are: {', '.join(verbs)}."
+        meant = (
+            f"{program} {near}"
+            if near
+            else f"{program} {default} {verb}"
+            if default
+            else ""
+        )
+        hint = (
+            f"Did you mean `{meant}`?" if meant else f"There are: {', '.join(verbs)}."
+        )
         raise SpellingError(f"{program} has no verb {verb!r}. {hint}")
     _check_choice(rest, verbs[verb], f"{program} {verb}")
     _check_options(rest, verbs[verb], f"{program} {verb}")
     _check_needed(rest, verbs[verb], f"{program} {verb}")
 
 
-def _check_needed(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
+def _check_needed(
+    words: Sequence[str], verb: Callable[..., None], program: str
+) -> None:
     """Find out which arguments are missing that have no default."""
     if any(word in HELP for word in words):
         return
-    flags = {word.partition("=")[0].replace("_", "-") for word in words if word.startswith("--")}
+    flags = {
+        word.partition("=")[0].replace("_", "-")
+        for word in words
+        if word.startswith("--")
+    }
     has_first = len(flags) < len(words)
     missing = [
         option.name.upper() if option.is_first else option.flag
@@ -99,7 +120,9 @@ def _check_needed(words: Sequence[str], verb: Callable[..., None], program: str)
         raise SpellingError(f"{program} needs {' and '.join(missing)}; see: {shown}")
 
 
-def _check_options(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
+def _check_options(
+    words: Sequence[str], verb: Callable[..., None], program: str
+) -> None:
     flags = _flags(verb)
     room = len(words) if any(option.is_first for option in options_of(verb)) else 0
     for at, word in enumerate(words):
@@ -120,7 +143,9 @@ def _check_options(words: Sequence[str], verb: Callable[..., None], program: str
         value = joined or next(iter(words[at + 1 :]), "")
         taken = kind in {str, Path} or name == "--tasks"  # none would be all of them
         if taken and "=" not in word and (at + 1 == len(words) or value in flags):
-            raise SpellingError(f"{name} is followed by what it takes, such as {name} NAME.")
+            raise SpellingError(
+                f"{name} is followed by what it takes, such as {name} NAME."
+            )
         if kind in NUMBERS and not _is_a(kind, value):
             raise SpellingError(f"{name} takes {NUMBERS[kind]}, not {value!r}.")
 
@@ -134,7 +159,11 @@ def _instead(name: str, flags: Collection[str], help_of: str) -> str:
     near = _near(name, flags)
     if near:
         return f"Did you mean {near}?"
-    return f"There are: {', '.join(flags)}." if 0 < len(flags) < MANY else f"{help_of} lists them."
+    return (
+        f"There are: {', '.join(flags)}."
+        if 0 < len(flags) < MANY
+        else f"{help_of} lists them."
+    )
 
 
 def _flags(verb: Callable[..., None]) -> dict[str, object]:
@@ -147,12 +176,21 @@ def _flags(verb: Callable[..., None]) -> dict[str, object]:
     return flags
 
 
-def _check_choice(words: Sequence[str], verb: Callable[..., None], program: str) -> None:
+def _check_choice(
+    words: Sequence[str], verb: Callable[..., None], program: str
+) -> None:
     """Find out whether the first word is one of a few, where a verb takes one of a few."""
-    name, kind = next(iter(get_type_hints(verb, include_extras=True).items()), ("", None))
+    name, kind = next(
+        iter(get_type_hints(verb, include_extras=True).items()), ("", None)
+    )
     choices = get_args(next(iter(get_args(kind)), None))
     is_literal = get_origin(next(iter(get_args(kind)), None)) is Literal
-    if is_literal and words and not words[0].startswith("-") and words[0] not in choices:
+    if (
+        is_literal
+        and words
+        and not words[0].startswith("-")
+        and words[0] not in choices
+    ):
         raise SpellingError(
             f"{program} takes {', '.join(choices[:-1])} or {choices[-1]} as {name}, not "
             f"{words[0]!r}."
@@ -161,7 +199,10 @@ def _check_choice(words: Sequence[str], verb: Callable[..., None], program: str)
 
 def _number_of(kind: object) -> object:
     """What an option takes, without None where that is its default alone."""
-    if isinstance(kind, UnionType) and len(others := set(get_args(kind)) - {NoneType}) == 1:
+    if (
+        isinstance(kind, UnionType)
+        and len(others := set(get_args(kind)) - {NoneType}) == 1
+    ):
         return others.pop()
     return kind
 
@@ -185,7 +226,12 @@ FIRST = ""
 """Stands for the first argument of a verb, where that is no option."""
 _OF_SCENE = {FIRST: "task", "--look": "look"}
 NAMED: Mapping[str, Mapping[str, str]] = {
-    "eval": {"--tasks": "task", "--policy": "policy", "--suite": "suite", "--look": "look"},
+    "eval": {
+        "--tasks": "task",
+        "--policy": "policy",
+        "--suite": "suite",
+        "--look": "look",
+    },
     "record": {"--tasks": "task", "--policy": "policy"},
     **dict.fromkeys(("render", "teleop", "view"), _OF_SCENE),
     "replay": {"--look": "look"},
@@ -220,7 +266,9 @@ def _check(kind: str, word: str) -> None:
     if kind == "task" and not Path(word).exists():  # which `view` shows
         catalog.check(word)
     elif kind == "policy" and word in TRAINED:
-        raise PolicyError(f"A trained {word} is lerobot:PATH; duobench train {word} trains one.")
+        raise PolicyError(
+            f"A trained {word} is lerobot:PATH; duobench train {word} trains one."
+        )
     elif kind == "policy":
         from duobench.policy.registry import PolicyName
         from duobench.policy.serving.address import WORDS

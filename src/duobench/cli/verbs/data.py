@@ -40,7 +40,9 @@ if TYPE_CHECKING:
     from duobench.data.summary import Summary, TaskSummary
 
 
-def opened(folder: Path, tasks: tuple[str, ...] = (), *, import_tasks: bool = False) -> DataSet:
+def opened(
+    folder: Path, tasks: tuple[str, ...] = (), *, import_tasks: bool = False
+) -> DataSet:
     """The data set in a folder; an error if there is none, or MuJoCo cannot be loaded.
 
     Of the tasks that were named, those of one's own are imported.
@@ -60,7 +62,9 @@ def data() -> None:
     """Look at data sets, check them, put them together and take them apart."""
 
 
-def info(data: tyro.conf.Positional[Path], images: bool = True, import_tasks: bool = False) -> None:
+def info(
+    data: tyro.conf.Positional[Path], images: bool = True, import_tasks: bool = False
+) -> None:
     """Show what a data set adds up to, and write a page about it into its folder.
 
     Args:
@@ -78,12 +82,21 @@ def info(data: tyro.conf.Positional[Path], images: bool = True, import_tasks: bo
     rows = table(whole("Task"), *columns)
     for task in summary.tasks:
         middle, long = f"{task.median_length:g}", f"{task.long_length:.0f}"
-        numbers = (task.episodes, task.successes, task.frames, middle, long, task.horizon)
+        numbers = (
+            task.episodes,
+            task.successes,
+            task.frames,
+            middle,
+            long,
+            task.horizon,
+        )
         rows.add_row(task.task, *map(str, numbers))
     rows.add_section()
     overall = (summary.episodes, summary.successes, summary.frames)
     rows.add_row("All tasks", *map(str, overall), style="bold")
-    rows.caption = "Frames: all control steps, 30 a second. Median, 99 %: steps until success."
+    rows.caption = (
+        "Frames: all control steps, 30 a second. Median, 99 %: steps until success."
+    )
     say(rows)
     say(_smoothness(summary))
     say(f"Episodes: {summary.domains}")
@@ -103,7 +116,11 @@ def _actors(summary: Summary) -> Iterator[str]:
         for actor in task.actors:
             actors.setdefault(actor, []).append(task)
     for actor, tasks in actors.items():
-        where = "" if len(tasks) == len(summary.tasks) else f" ({', '.join(t.task for t in tasks)})"
+        where = (
+            ""
+            if len(tasks) == len(summary.tasks)
+            else f" ({', '.join(t.task for t in tasks)})"
+        )
         yield f"Recorded by {actor}{where}"
     for task in summary.tasks:
         if task.attempted:
@@ -114,7 +131,9 @@ def _actors(summary: Summary) -> Iterator[str]:
 
 def _smoothness(summary: Summary) -> Table:
     """What joint targets do that is hard to learn, task by task."""
-    columns = numeric("Steps at a\njoint limit", "Reversals\nan episode", "Steps with\na jump")
+    columns = numeric(
+        "Steps at a\njoint limit", "Reversals\nan episode", "Steps with\na jump"
+    )
     rows = table(whole("Task"), *columns)
     for task in summary.tasks:
         found = task.smoothness
@@ -123,7 +142,9 @@ def _smoothness(summary: Summary) -> Table:
     return rows
 
 
-def check(data: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool = False) -> None:
+def check(
+    data: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool = False
+) -> None:
     """Check every file of a data set; exit code 1 if something is wrong.
 
     Args:
@@ -203,7 +224,9 @@ def recover(data: tyro.conf.Positional[Path]) -> None:
         sys.exit(1)
 
 
-def merge(data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool = False) -> None:
+def merge(
+    data: tyro.conf.Positional[tuple[Path, ...]], out: Path, rename: bool = False
+) -> None:
     """Copy the episodes of several data sets into one.
 
     Args:
@@ -251,7 +274,10 @@ def split(
 
 
 _EPISODES, _FORM = EpisodeChoice(), ExportForm()
-_ADVICE: Advice = {SeveralTasksError: "With --per-task one command does that.", **FOREIGN}
+_ADVICE: Advice = {
+    SeveralTasksError: "With --per-task one command does that.",
+    **FOREIGN,
+}
 
 
 def export() -> None:
@@ -284,7 +310,9 @@ def lerobot(
             that the data sets name.
     """
     if not data:
-        raise AdvisedError("Name the folder of a data set, such as duobench record makes.")
+        raise AdvisedError(
+            "Name the folder of a data set, such as duobench record makes."
+        )
     sources = [opened(each, episodes.tasks, import_tasks=import_tasks) for each in data]
     from duobench.data import export_lerobot
     from duobench.real.canonical import view_of
@@ -300,13 +328,17 @@ def lerobot(
             progress=shown.tell,
             view_of=view_of,
         )
-    megabytes = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
+    megabytes = (
+        sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
+    )
     say(
         f"{counted(done.episodes, 'episode')}, {counted(done.frames, 'frame')}, "
         f"{megabytes:.1f} MB in {out}",
     )
     if done.left_out:
-        say(f"Left out: {counted(done.left_out, 'episode')}, discarded, not wanted or there twice.")
+        say(
+            f"Left out: {counted(done.left_out, 'episode')}, discarded, not wanted or there twice."
+        )
     if done.eval_layouts:
         of_eval = counted(done.eval_layouts, "episode")
         say(f"{of_eval} with layouts that policies are evaluated on: train on others.")

@@ -39,7 +39,9 @@ if TYPE_CHECKING:
     from duobench.real.duo import FrankaDuo
 
 
-FIRST_COMMAND = "duobench eval --policy expert --tasks bin_sort --episodes 1 --out runs/first"
+FIRST_COMMAND = (
+    "duobench eval --policy expert --tasks bin_sort --episodes 1 --out runs/first"
+)
 FRAMES = 20
 """Images that are timed; their median is shown."""
 ROOM_GB, LEAST_ROOM_GB = 1.0, 0.1
@@ -114,7 +116,9 @@ def _checks(out: Path | None) -> Iterator[Check]:
 
 
 def _versions() -> Iterator[Check]:
-    versions = {name: version for name, version in record_versions(None).items() if version}
+    versions = {
+        name: version for name, version in record_versions(None).items() if version
+    }
     other = other_engine(versions)
     for name, version in versions.items():
         is_well = name != "mujoco" or not other
@@ -125,13 +129,18 @@ def _versions() -> Iterator[Check]:
 
 def _output(out: Path) -> Iterator[Check]:
     above = next(each for each in (out, *out.absolute().parents) if each.exists())
-    with files.writing(out), tempfile.TemporaryDirectory(prefix=files.SCRATCH, dir=above) as folder:
+    with (
+        files.writing(out),
+        tempfile.TemporaryDirectory(prefix=files.SCRATCH, dir=above) as folder,
+    ):
         with files.locked(Path(folder)):
             files.write(Path(folder, "file"), "written")
         room = shutil.disk_usage(folder).free / 1e9
     outcome = Outcome.NOTE if room > LEAST_ROOM_GB else Outcome.FAILED
     found = f"{above.absolute()} can be written, {room:.1f} GB are free"
-    yield outcome.unless(room > ROOM_GB, "output", found, "Make room, or give another --out.")
+    yield outcome.unless(
+        room > ROOM_GB, "output", found, "Make room, or give another --out."
+    )
 
 
 def _temporary() -> Iterator[Check]:
@@ -161,12 +170,16 @@ def _locale() -> Iterator[Check]:
 def _variables() -> Iterator[Check]:
     here = {name: os.environ[name] for name in _VARIABLES if name in os.environ}
     threads = here.get("OMP_NUM_THREADS", "1")
-    is_well = all(number.strip().isdecimal() and int(number) for number in threads.split(","))
+    is_well = all(
+        number.strip().isdecimal() and int(number) for number in threads.split(",")
+    )
     # A value may be a secret or a way through somebody's home: bugs are reported with it.
     told = [f"{name}={value}" for name, value in here.items()]
     told += [name for name in _NAMED if name in os.environ]
     advice = "OMP_NUM_THREADS is a whole number from 1 on."
-    yield Outcome.NOTE.unless(is_well, "variables", " ".join(told) or "none of others", advice)
+    yield Outcome.NOTE.unless(
+        is_well, "variables", " ".join(told) or "none of others", advice
+    )
 
 
 def _figures() -> Iterator[Check]:
@@ -193,7 +206,9 @@ def _videos() -> Iterator[Check]:
     with tempfile.TemporaryDirectory() as folder:
         for codec in codecs:
             write_video(frames, Path(folder, codec.encoder), codec, 30)
-    yield Outcome.OK.of("videos", f"encoded by {', '.join(codec.encoder for codec in codecs)}")
+    yield Outcome.OK.of(
+        "videos", f"encoded by {', '.join(codec.encoder for codec in codecs)}"
+    )
 
 
 def _images() -> Iterator[Check]:
@@ -261,7 +276,9 @@ def examine_rig(
     known = known_rig(rig)
     reference = None if rig in COMPUTED else Path(rig).with_suffix(".head.png")
     if store_reference and reference is None:
-        raise AdvisedError(f"The rig {rig} has no file beside which a reference could be kept.")
+        raise AdvisedError(
+            f"The rig {rig} has no file beside which a reference could be kept."
+        )
     # Where nothing is hardware, time is computed as well: nobody has to wait.
     clock = VirtualClock() if known.is_computed else SystemClock()
     with closing(open_rig(known, clock, guard=False)) as duo:
@@ -310,5 +327,7 @@ def _show(checks: tuple[Check, ...]) -> None:
         found = Text(check.value)
         if check.advice:
             found.append(f"\n{check.advice}", style="italic")
-        rows.add_row(check.name, Text(check.outcome, style=_STYLES[check.outcome]), found)
+        rows.add_row(
+            check.name, Text(check.outcome, style=_STYLES[check.outcome]), found
+        )
     say(rows)

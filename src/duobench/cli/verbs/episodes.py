@@ -189,7 +189,9 @@ def _by_actions(data: DataSet, episodes: Mapping[str, Sequence[Path]]) -> None:
     wrong = 0
     for task, paths in episodes.items():
         results = []
-        for path, result in zip(paths, play_again(task, map(Recording.read, paths)), strict=True):
+        for path, result in zip(
+            paths, play_again(task, map(Recording.read, paths)), strict=True
+        ):
             results.append(result)
             if not result.is_exact:
                 say(
@@ -228,10 +230,14 @@ def _by_states(
     if not cameras:
         raise DataError("A video shows at least one camera; --cameras names none.")
     if any(side % 2 for side in size):
-        raise DataError(f"Height and width of a video are even; --size is {size[0]} {size[1]}.")
+        raise DataError(
+            f"Height and width of a video are even; --size is {size[0]} {size[1]}."
+        )
     remove_abandoned(out, VIDEO_SUFFIX)
     for task, paths in episodes.items():
-        with closing(ImageSource(task, cameras=cameras, size=size, look=look)) as source:
+        with closing(
+            ImageSource(task, cameras=cameras, size=size, look=look)
+        ) as source:
             for path in paths:
                 recording = Recording.read(path)
                 target = out / path.parent.name / f"{path.stem}{VIDEO_SUFFIX}"
@@ -289,7 +295,11 @@ class PolicyOptions:
             batching = Batching(mode=self.batch or "fixed", size=size)
         if (self.policy in SERVED) != (self.server is not None):
             *others, last = SERVED
-            names = self.policy if self.policy in SERVED else f"{', '.join(others)} or {last}"
+            names = (
+                self.policy
+                if self.policy in SERVED
+                else f"{', '.join(others)} or {last}"
+            )
             raise PolicyError(f"--policy {names} and --server URL go together.")
         if self.server is None:
             if self.format is not None:
@@ -363,10 +373,14 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     choice = policy.choose(played.execution.execute or PAPER_EXECUTE)
     part = WHOLE if shard is None else Shard.parse(shard)
     if workers == 0 and not choice.is_scripted and choice.server is None:
-        say("The policy plays in the process of the simulator, which it can see and move.")
+        say(
+            "The policy plays in the process of the simulator, which it can see and move."
+        )
     secret = None if suite.salt is None else read_salt(suite.salt)
     if choice.server is not None and choice.server.wait_s:
-        say(f"Connecting to the policy's server; waiting up to {choice.server.wait_s:g} s for it.")
+        say(
+            f"Connecting to the policy's server; waiting up to {choice.server.wait_s:g} s for it."
+        )
     folder = RunFolder(out)
     watched = followed(folder, watch_port) if watch else nullcontext()
     with (
@@ -402,9 +416,14 @@ def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
     run, overall = parts[0].run, results.overall
     if shard.is_whole and len(parts) == 1:
         say(results_table(parts[0]))
-    elif said := dict.fromkeys(part.repeatability for part in parts if part.repeatability):
+    elif said := dict.fromkeys(
+        part.repeatability for part in parts if part.repeatability
+    ):
         say("\n".join(said))
-    if shard.is_whole or sum(part.results.overall.episodes for part in parts) == run.size:
+    if (
+        shard.is_whole
+        or sum(part.results.overall.episodes for part in parts) == run.size
+    ):
         say(f"Report: {relative(folder.page)}")
     else:
         whole = f"duobench report {relative(folder.path)}"
@@ -412,7 +431,9 @@ def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
     if overall.errors:
         changed = "a policy that was changed needs another --out, or --fresh"
         if overall.errors == overall.episodes:
-            changed = "without it they are played again too, once the policy was changed"
+            changed = (
+                "without it they are played again too, once the policy was changed"
+            )
         say(
             f"{counted(overall.errors, 'episode')} failed with an error; the report has "
             "the tracebacks. To play them again, give the same command with --retry-broken; "
@@ -429,4 +450,6 @@ def salt(file: tyro.conf.Positional[Path]) -> None:
     """
     word = "new" if make_salt(file) else "there before and not changed"
     say(f"SHA-256 of the salt in {file}, {word}: {read_salt(file).sha256}")
-    say("Publish it before you play the first policy, and the file after the last: page hosting")
+    say(
+        "Publish it before you play the first policy, and the file after the last: page hosting"
+    )

@@ -27,7 +27,9 @@ EXPORT = "duobench export lerobot DATA --out OUT"
 
 
 def train(  # noqa: PLR0913 - each is an argument of the command line
-    policy: tyro.conf.Positional[Literal["act", "diffusion", "groot", "pi05", "smolvla", "xvla"]],
+    policy: tyro.conf.Positional[
+        Literal["act", "diffusion", "groot", "pi05", "smolvla", "xvla"]
+    ],
     more: tyro.conf.Positional[tuple[str, ...]] = (),
     *,
     data: Path,
@@ -64,13 +66,23 @@ def train(  # noqa: PLR0913 - each is an argument of the command line
 
     try:
         trainings = training.plan_all(
-            policy, data, out, tasks=tasks, steps=steps, small=small, domain_ids=domain_ids
+            policy,
+            data,
+            out,
+            tasks=tasks,
+            steps=steps,
+            small=small,
+            domain_ids=domain_ids,
         )
     except DataError as error:
         recorded = (data / DESCRIPTION).exists()
         if not recorded and not isinstance(error, NoObjectStatesError):
             raise
-        export = f"duobench export lerobot {data} --out {data}-lerobot" if recorded else EXPORT
+        export = (
+            f"duobench export lerobot {data} --out {data}-lerobot"
+            if recorded
+            else EXPORT
+        )
         if policy not in training.RECIPES:
             export += " --per-task --cameras none --object-state"
         raise AdvisedError(f"{error} The command: {export}") from error
@@ -119,7 +131,10 @@ def checkpoint() -> None:
 
 
 def card(
-    checkpoint: tyro.conf.Positional[Path], run: Path, name: str = ID, licence: str = "apache-2.0"
+    checkpoint: tyro.conf.Positional[Path],
+    run: Path,
+    name: str = ID,
+    licence: str = "apache-2.0",
 ) -> None:
     """Write the card of a checkpoint, README.md as the Hub shows it, with the bundle of a run.
 
@@ -131,7 +146,9 @@ def card(
     """
     find_run(run)
     if not checkpoint.is_dir():
-        raise AdvisedError(f"There is no folder {checkpoint}; a checkpoint of LeRobot is one.")
+        raise AdvisedError(
+            f"There is no folder {checkpoint}; a checkpoint of LeRobot is one."
+        )
     from duobench.results.card import write_checkpoint_card
 
     say(f"Card: {write_checkpoint_card(checkpoint, run, name, licence)}")
@@ -169,7 +186,9 @@ def serve(
 
     key = read_key(key_file)
     check_access(host, key)  # before the weights are loaded
-    served, metadata, batching = make_served(policy, Batching(mode=batch, size=max_batch))
+    served, metadata, batching = make_served(
+        policy, Batching(mode=batch, size=max_batch)
+    )
     place = PolicyHost(served, metadata, batching, host=host, port=port, key=key)
     shown = f"[{host}]" if ":" in host else host
     with stopping(place.stop):

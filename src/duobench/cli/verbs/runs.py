@@ -97,7 +97,9 @@ def _tell_missing(reader: RunReader) -> None:
     from duobench.real.sessions.trials_folder import TrialsFolder
 
     trials, run = TrialsFolder(reader.path.parent), reader.read_run()
-    is_of_trials = run.is_real and trials.run.path == reader.path and trials.description.exists()
+    is_of_trials = (
+        run.is_real and trials.run.path == reader.path and trials.description.exists()
+    )
     missing = trials.compared() if is_of_trials else reader.removed(run)
     if missing:
         say(missing)
@@ -112,7 +114,13 @@ def _make_chosen(
 ) -> int:
     """Make videos and replays of the episodes that words choose; how many cannot be made."""
     load_engine()
-    from duobench.evaluation.replay.render import REPLAY, VIDEO, choose, choose_few, make_missing
+    from duobench.evaluation.replay.render import (
+        REPLAY,
+        VIDEO,
+        choose,
+        choose_few,
+        make_missing,
+    )
 
     run, records = parts[0].run, [record for part in parts for record in part.records]
     impossible = 0
@@ -120,9 +128,13 @@ def _make_chosen(
         if words:
             chosen = pick(run, records, words)
             if not chosen:
-                say(f"No {what} is made: {' '.join(words)} chooses none of the episodes.")
+                say(
+                    f"No {what} is made: {' '.join(words)} chooses none of the episodes."
+                )
                 continue
-            todo = partial(make_missing, folder, run, chosen, what, import_tasks=import_tasks)
+            todo = partial(
+                make_missing, folder, run, chosen, what, import_tasks=import_tasks
+            )
             impossible += _make(what, todo, import_tasks)
     return impossible
 
@@ -134,13 +146,17 @@ def _make(what: str, make: Callable[..., RenderResult], import_tasks: bool) -> i
         shift = record.condition.shift
         under = "" if shift == NO_SHIFT else f", {shift}"
         say(f"No {what} of {record.task}, episode {record.episode}{under}: {reason}")
-    offer_to_import({record.task for record, _ in found.impossible}, import_tasks=import_tasks)
+    offer_to_import(
+        {record.task for record, _ in found.impossible}, import_tasks=import_tasks
+    )
     there = f", {len(found.there)} there before" if found.there else ""
     say(f"{counted(len(found.made), what)} made{there}")
     return len(found.impossible)
 
 
-def compare(runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool = False) -> None:
+def compare(
+    runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool = False
+) -> None:
     """Compare runs: the paper's table, tests on the same episodes, figures, and one page.
 
     Args:
@@ -184,7 +200,9 @@ def _compare_shifts(runs: tuple[str, ...], out: Path) -> bool:
 
     read = {run: read_named(run) for run in runs if not run.startswith(SCHEMES)}
     under_shifts = [
-        run for run, (_, parts) in read.items() if len({part.condition.shift for part in parts}) > 1
+        run
+        for run, (_, parts) in read.items()
+        if len({part.condition.shift for part in parts}) > 1
     ]
     if not under_shifts:
         return False
@@ -194,7 +212,9 @@ def _compare_shifts(runs: tuple[str, ...], out: Path) -> bool:
             f"{others[0]} is not played under several shifts, as others are. Compare one of their "
             f"conditions with it, such as {under_shifts[0]}@none."
         )
-    policies = [one for name, parts in read.values() for one in robustness_of(parts, name)]
+    policies = [
+        one for name, parts in read.values() for one in robustness_of(parts, name)
+    ]
     with advising(OTHER_OUT):
         page = write_robustness(policies, out)
     say(f"Comparison: {page}")
@@ -240,7 +260,9 @@ def verify(
     opened = open_source(source)
     opened.salt = None if salt is None else read_salt(salt)
     with display("episode") as shown:
-        found = verify_run(opened, workers=workers, import_tasks=import_tasks, progress=shown.tell)
+        found = verify_run(
+            opened, workers=workers, import_tasks=import_tasks, progress=shown.tell
+        )
     if found.run.suite.salt and salt is None:
         say(
             "The seeds are not verified: they follow from a salt that is not given (--salt), and "
@@ -276,7 +298,9 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
         say(f"Of {counted(found.unnoted, 'episode')} no attempt is on record.")
     pages = found.compared_in_numbers
     if pages:
-        say(f"Of other software, or without its journals, so in numbers alone: {', '.join(pages)}.")
+        say(
+            f"Of other software, or without its journals, so in numbers alone: {', '.join(pages)}."
+        )
     if found.parts:
         say(verified_table(found.parts))
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}
@@ -310,7 +334,9 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     _tell_missing(reader)
     manifest = write_bundle(reader, path)
     if manifest.missing:
-        say(f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}.")
+        say(
+            f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}."
+        )
     repeats = repeats_text(ends[:-1] for ends in manifest.attempts.values())
     if repeats:
         say(repeats)
@@ -318,7 +344,9 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
     say(f"SHA-256: {digest_of(path)}")
 
 
-def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1) -> None:
+def leaderboard(
+    folder: tyro.conf.Positional[Path], out: Path, workers: int = 1
+) -> None:
     """Verify the bundles in a folder and build a leaderboard of them: pages that load nothing.
 
     A bundle that does not verify is listed with the reason and not ranked. What was verified before
@@ -330,7 +358,9 @@ def leaderboard(folder: tyro.conf.Positional[Path], out: Path, workers: int = 1)
         workers: Processes that verify side by side.
     """
     if not folder.is_dir():
-        raise AdvisedError(f"There is no folder {folder}. duobench bundle RUN makes a bundle.")
+        raise AdvisedError(
+            f"There is no folder {folder}. duobench bundle RUN makes a bundle."
+        )
     load_engine()
     from duobench.evaluation.replay.leaderboard import make_leaderboard
 

@@ -44,7 +44,9 @@ def list_tasks(stages: bool = False, looks: bool = False) -> None:
         rows = table(whole("Look", style="bold"), "What differs")
         for name, look in LOOKS.items():
             rows.add_row(name, ", ".join(look.to_json()).replace("_", " "))
-        rows.add_row(f"{RANDOM}SEED", f"everything, sampled from a seed, such as {RANDOM}7")
+        rows.add_row(
+            f"{RANDOM}SEED", f"everything, sampled from a seed, such as {RANDOM}7"
+        )
         say(rows)
         return
     screen = console()
@@ -59,7 +61,9 @@ def list_tasks(stages: bool = False, looks: bool = False) -> None:
         task = catalog.get(name)
         told = [re.sub(r"{(\w+)}", r"<\1>", task.instruction)]
         if stages:
-            told += [f"{number} {stage.name}" for number, stage in enumerate(task.stages, 1)]
+            told += [
+                f"{number} {stage.name}" for number, stage in enumerate(task.stages, 1)
+            ]
         numbers = (str(task.max_stage), str(task.horizon))
         if is_narrow:
             rows.add_row(task.id, *numbers, "\n".join([f"({task.category})", *told]))
@@ -102,7 +106,11 @@ def render(
         make_folder(out)
         for cameras, samples in ((POLICY_CAMERAS, 1), ((OVERVIEW,), SAMPLES)):
             with Renderer(
-                simulation.model, height=height, width=width, samples=samples, look=base.look
+                simulation.model,
+                height=height,
+                width=width,
+                samples=samples,
+                look=base.look,
             ) as renderer:
                 images |= renderer.render_all(simulation.data, cameras)
         for camera, image in images.items():
@@ -150,7 +158,9 @@ def view(
         run = None
         if source is None:
             folder = RunFolder(Path(what))
-            source = run = FollowedRun(folder, server, look, tasks, import_tasks=import_tasks)
+            source = run = FollowedRun(
+                folder, server, look, tasks, import_tasks=import_tasks
+            )
         viewer = Viewer(source, server, run and run.refresh)
         with stopping(viewer.stop):
             say(f"Open {server.url}\nCtrl-C ends it.")
@@ -196,7 +206,9 @@ def print_(
         of = Foot(front=foot[0] / 1000, width=foot[1] / 1000)
     infos = [] if task == JIG else find_tasks(() if task == ALL else (task,))
     tasks = [catalog.get(info.reference) for info in infos]
-    layouts = None if seed is None else {each.id: _reset(each, seed).layout for each in tasks}
+    layouts = (
+        None if seed is None else {each.id: _reset(each, seed).layout for each in tasks}
+    )
 
     def tell(recipe: Recipe) -> None:
         parts = sum(part.count for part in recipe.parts)

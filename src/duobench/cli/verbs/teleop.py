@@ -58,7 +58,9 @@ class LeadingOptions:
             ending.callback(source.close)
             led_by = LeaderDevice(source)
         kind = ActorKind.SCRIPTED_OPERATOR if self.scripted else ActorKind.PERSON
-        return led_by, Actor(kind=kind, name=self.operator, device=led_by.led_by or None)
+        return led_by, Actor(
+            kind=kind, name=self.operator, device=led_by.led_by or None
+        )
 
     def asked(self) -> dict[str, Any]:
         """What a session takes of them."""
@@ -80,7 +82,10 @@ def _joint_source(leader: str) -> JointSource:
 
 
 def _led(
-    live: TeleopPage, server: PageServer, note: str, on_stop: Callable[[], None] = lambda: None
+    live: TeleopPage,
+    server: PageServer,
+    note: str,
+    on_stop: Callable[[], None] = lambda: None,
 ) -> str:
     """Run a session on its page; what its times were, in a few words."""
     say(f"Open {server.url}\n{note}")
@@ -127,7 +132,9 @@ def teleop(
         page: Where the page is served.
     """
     if leading.leader is not None and leading.lockstep:
-        raise AdvisedError("Leader arms send no messages to step by: leave out --lockstep.")
+        raise AdvisedError(
+            "Leader arms send no messages to step by: leave out --lockstep."
+        )
     load_engine()
     from duobench.data.dataset import DESCRIPTION
     from duobench.teleop.teleop_page import TeleopPage
@@ -135,7 +142,9 @@ def teleop(
 
     with taken_back(out, DESCRIPTION), ExitStack() as ending:
         led_by, actor = leading.open(ending)
-        recorder = make_recorder(task, out, actor, action_mode=led_by.action_mode, look=look)
+        recorder = make_recorder(
+            task, out, actor, action_mode=led_by.action_mode, look=look
+        )
         session = ending.enter_context(
             Teleoperation(recorder, led_by, episodes=episodes, **leading.asked())
         )
@@ -168,7 +177,9 @@ def teleop_rig(
         page: Where the page is served.
     """
     if leading.lockstep and not rig.fast:
-        raise AdvisedError("Real arms do not wait for messages: --lockstep goes with --fast alone.")
+        raise AdvisedError(
+            "Real arms do not wait for messages: --lockstep goes with --fast alone."
+        )
     load_engine()
     from duobench.data.dataset import DESCRIPTION
     from duobench.real.sessions.cameras import CameraFeed
@@ -185,7 +196,9 @@ def teleop_rig(
         duo = rig.open()
         terminal = ending.enter_context(closing(KeyTerminal()))
         terminal.listen(partial(hold_by_key, duo))
-        recorder = make_real_recorder(duo, task, out, actor, action_mode=led_by.action_mode)
+        recorder = make_real_recorder(
+            duo, task, out, actor, action_mode=led_by.action_mode
+        )
         ending.callback(recorder.close)
         with suppress(EndedError):
             with stopping(partial(hold_and_say, duo)):

@@ -76,11 +76,15 @@ def _turns_between(before: Array, after: Array) -> Array:
     return np.reshape([product(two, one.T) for one, two in pairs], after.shape)
 
 
-def _joint_targets(recording: Recording, source: ActionSource) -> tuple[Array, Residual | None]:
+def _joint_targets(
+    recording: Recording, source: ActionSource
+) -> tuple[Array, Residual | None]:
     """The actions as joint targets and openings (T, 16)."""
     if recording.info.mode == JOINT and source is not ActionSource.SENT:
         return recording.action, None
-    return _solved(recording) if source is ActionSource.GIVEN else (recording.sent, None)
+    return (
+        _solved(recording) if source is ActionSource.GIVEN else (recording.sent, None)
+    )
 
 
 def _solved(recording: Recording) -> tuple[Array, Residual]:
@@ -88,7 +92,9 @@ def _solved(recording: Recording) -> tuple[Array, Residual]:
     kinematics = _kinematics()
     solved, errors = np.empty((len(recording), FLAT_SIZE)), []
     for row, action in enumerate(recording.action.reshape(-1, len(SIDES), SIDE_SIZE)):
-        targets = {side: SE3.from_tquat(action[side.index, :ARM_JOINTS]) for side in SIDES}
+        targets = {
+            side: SE3.from_tquat(action[side.index, :ARM_JOINTS]) for side in SIDES
+        }
         observed = DuoCommand.from_flat(recording.agent_pos[row]).joints
         joints, _ = kinematics.solve(observed, targets)
         solved[row] = DuoCommand(joints=joints, openings=action[:, ARM_JOINTS]).flat

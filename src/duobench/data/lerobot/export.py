@@ -12,7 +12,12 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from duobench.core.backend import Image
-from duobench.core.errors import DataError, OtherRunError, SeveralTasksError, check_known
+from duobench.core.errors import (
+    DataError,
+    OtherRunError,
+    SeveralTasksError,
+    check_known,
+)
 from duobench.core.files import (
     check_outside,
     check_there,
@@ -28,7 +33,13 @@ from duobench.core.types import CONTROL_HZ, Array
 from duobench.core.versions import package_versions
 from duobench.core.video import AV1, VideoWriter
 from duobench.data.dataset import DataSet
-from duobench.data.images import ImageSource, RecordedImages, ViewOf, check_cameras, plain_view
+from duobench.data.images import (
+    ImageSource,
+    RecordedImages,
+    ViewOf,
+    check_cameras,
+    plain_view,
+)
 from duobench.data.lerobot.actions import labels_of
 from duobench.data.lerobot.folder import (
     FPS,
@@ -117,7 +128,10 @@ def export_lerobot(
         )
     if per_task and paths:
         tasks = sorted({path.parent.name for _, path in paths})
-        parts = {out / task: [one for one in paths if one[1].parent.name == task] for task in tasks}
+        parts = {
+            out / task: [one for one in paths if one[1].parent.name == task]
+            for task in tasks
+        }
     plans = {
         ExportFolder(folder, options.format): _plan(sources, part, options)
         for folder, part in parts.items()
@@ -126,19 +140,27 @@ def export_lerobot(
         for folder, export in plans.items():
             locks.enter_context(locked(folder.path))
             folder.begin(export)
-        _export_all(partial(_exporter, sources, plans, view_of), plans, workers, progress)
-        residuals = [one for folder, export in plans.items() for one in finish(folder, export)]
+        _export_all(
+            partial(_exporter, sources, plans, view_of), plans, workers, progress
+        )
+        residuals = [
+            one for folder, export in plans.items() for one in finish(folder, export)
+        ]
     episodes = sum(len(export.episodes) for export in plans.values())
     return Exported(
         episodes=episodes,
         frames=sum(export.frames for export in plans.values()),
         left_out=len(paths) - episodes,
-        eval_layouts=sum(one.split == EVAL for plan in plans.values() for one in plan.episodes),
+        eval_layouts=sum(
+            one.split == EVAL for plan in plans.values() for one in plan.episodes
+        ),
         residual=sum(residuals, Residual()) if residuals else None,
     )
 
 
-def _episodes(sources: Sequence[DataSet], tasks: Collection[str]) -> list[tuple[int, Path]]:
+def _episodes(
+    sources: Sequence[DataSet], tasks: Collection[str]
+) -> list[tuple[int, Path]]:
     """Files of the episodes of some tasks, each with the number of its data set."""
     if not sources:
         raise DataError("There is nothing to export; name at least one data set.")
@@ -155,7 +177,9 @@ def _episodes(sources: Sequence[DataSet], tasks: Collection[str]) -> list[tuple[
 
 
 def _plan(
-    sources: Sequence[DataSet], paths: Sequence[tuple[int, Path]], options: ExportOptions
+    sources: Sequence[DataSet],
+    paths: Sequence[tuple[int, Path]],
+    options: ExportOptions,
 ) -> Export:
     """What to export into one folder; every recording is read to the end."""
     episodes, tasks, digests = [], set(), set[str]()
@@ -244,7 +268,9 @@ def _is_wanted(recording: Recording, options: ExportOptions) -> bool:
     outcome = recording.info.outcome
     if outcome is None or (options.only_successes and not outcome.success):
         return False
-    return outcome.kept and len(recording) > 0 and recording.info.domain in options.domains
+    return (
+        outcome.kept and len(recording) > 0 and recording.info.domain in options.domains
+    )
 
 
 def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
@@ -264,7 +290,9 @@ def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
         )
     if recording.info.is_real:
         if options.object_state:
-            raise DataError(f"{path}: where the objects were on the real table is not known.")
+            raise DataError(
+                f"{path}: where the objects were on the real table is not known."
+            )
         check_cameras(recording, path, options.cameras)
 
 
@@ -284,7 +312,9 @@ def _exporter(
         path = sources[episode.data_set].path / episode.file
         recording = Recording.read(path)
         if digest_of(path) != episode.sha256:
-            raise DataError(f"{path} has changed since the export began; begin it anew.")
+            raise DataError(
+                f"{path} has changed since the export began; begin it anew."
+            )
         actions, residual = labels_of(recording, options.action, options.action_source)
         columns = _rows(recording, actions, export, index)
         counts = {camera: no_counts() for camera in options.cameras}
@@ -298,17 +328,23 @@ def _exporter(
                     )
                     images = ending.enter_context(closing(recorded)).images
                 else:
-                    source = source_of(sources[episode.data_set].reference(recording.info))
+                    source = source_of(
+                        sources[episode.data_set].reference(recording.info)
+                    )
                     source.set_look(episode.look or options.look)
                     images = partial(source.images, recording)
                 write_videos(_frames(images, shown, counts), paths)
         if OBJECT_STATE in export.vectors:
             source = source_of(sources[episode.data_set].reference(recording.info))
-            columns[OBJECT_STATE] = np.array([source.objects(recording, row) for row in shown])
+            columns[OBJECT_STATE] = np.array(
+                [source.objects(recording, row) for row in shown]
+            )
         described = schema(export.vectors, options.format)
         arrays = [to_arrow(columns[name]) for name in described.names]
         check_there(folder.meta)
-        write(folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=described)))
+        write(
+            folder.data(index), to_bytes(pa.Table.from_arrays(arrays, schema=described))
+        )
         noted = {camera: values.tolist() for camera, values in counts.items()}
         sizes = folder.sizes(index, options.cameras)
         facts = EpisodeFacts(counts=noted, residual=residual, sizes=sizes)
@@ -331,13 +367,17 @@ def _frames(
         yield images
 
 
-def write_videos(frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path]) -> None:
+def write_videos(
+    frames: Iterable[Mapping[str, Image]], paths: Mapping[str, Path]
+) -> None:
     """Encode one video a camera side by side; each is whole or absent after a kill."""
     with ExitStack() as stack:
         writers = {}
         for camera, path in paths.items():
             temporary = stack.enter_context(replacing(path))
-            writers[camera] = stack.enter_context(closing(VideoWriter(temporary, AV1, FPS)))
+            writers[camera] = stack.enter_context(
+                closing(VideoWriter(temporary, AV1, FPS))
+            )
         for images in frames:
             for camera, writer in writers.items():
                 writer.add(images[camera])
@@ -349,7 +389,10 @@ def _rows(
     """The columns of an episode, one row an action."""
     length, offset = len(recording), export.options.pairing.offset
     number = np.arange(length)
-    seen = [recording.agent_pos, *(getattr(recording, part) for part in export.options.state)]
+    seen = [
+        recording.agent_pos,
+        *(getattr(recording, part) for part in export.options.state),
+    ]
     return {
         STATE: np.hstack(seen)[offset : offset + length],
         ACTION: actions.astype(np.float32),

@@ -13,7 +13,14 @@ import pyarrow as pa
 
 from duobench.core.errors import OtherRunError
 from duobench.core.files import begin_or_continue, differences, read, remove_temporary
-from duobench.core.lerobot_keys import ACTION, DOMAIN, DOMAINS, IMAGE_PREFIX, OBJECT_STATE, STATE
+from duobench.core.lerobot_keys import (
+    ACTION,
+    DOMAIN,
+    DOMAINS,
+    IMAGE_PREFIX,
+    OBJECT_STATE,
+    STATE,
+)
 from duobench.core.types import CONTROL_HZ
 from duobench.core.video import AV1
 from duobench.data.lerobot.options import ExportOptions, Format
@@ -87,7 +94,9 @@ class Export:
             STATE: state_labels.names_of(self.options.state),
             ACTION: LABELS[self.options.action].names,
         }
-        objects = {OBJECT_STATE: self.object_state_names} if self.object_state_names else {}
+        objects = (
+            {OBJECT_STATE: self.object_state_names} if self.object_state_names else {}
+        )
         return vectors | objects
 
     @property
@@ -210,7 +219,9 @@ class ExportFolder:
         numbers = range(len(export.episodes))
         cameras = export.options.cameras
         known = {self.video(camera, index) for camera in cameras for index in numbers}
-        known |= {each for index in numbers for each in (self.data(index), self.facts(index))}
+        known |= {
+            each for index in numbers for each in (self.data(index), self.facts(index))
+        }
         there = {
             path
             for pattern in ("data/**/*", "videos/**/*", "meta/duobench/*")
@@ -270,7 +281,8 @@ def describe(
         for camera in cameras
     }
     scalars = {
-        name: {"dtype": dtype, "shape": [1], "names": None} for name, dtype in _SCALARS.items()
+        name: {"dtype": dtype, "shape": [1], "names": None}
+        for name, dtype in _SCALARS.items()
     }
     return numbers | images | scalars
 
@@ -301,12 +313,20 @@ def schema(vectors: Vectors, version: Format = Format.V30) -> pa.Schema:
     Those who read v2.1 have `datasets` 3 or older, which know no type `List`.
     """
     row = "Sequence" if version is Format.V21 else "List"
-    fields = [pa.field(name, pa.list_(pa.float32(), len(n))) for name, n in vectors.items()]
-    fields += [pa.field(name, pa.from_numpy_dtype(dtype)) for name, dtype in _SCALARS.items()]
+    fields = [
+        pa.field(name, pa.list_(pa.float32(), len(n))) for name, n in vectors.items()
+    ]
+    fields += [
+        pa.field(name, pa.from_numpy_dtype(dtype)) for name, dtype in _SCALARS.items()
+    ]
     number = {"dtype": "float32", "_type": "Value"}
     types: dict[str, Any] = {
         name: {"feature": number, "length": len(names), "_type": row}
         for name, names in vectors.items()
     }
-    types |= {name: {"dtype": dtype, "_type": "Value"} for name, dtype in _SCALARS.items()}
-    return pa.schema(fields, metadata={"huggingface": json.dumps({"info": {"features": types}})})
+    types |= {
+        name: {"dtype": dtype, "_type": "Value"} for name, dtype in _SCALARS.items()
+    }
+    return pa.schema(
+        fields, metadata={"huggingface": json.dumps({"info": {"features": types}})}
+    )

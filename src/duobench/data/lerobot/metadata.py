@@ -74,9 +74,13 @@ def finish(folder: ExportFolder, export: Export) -> list[Residual]:
     else:
         write(folder.meta / "stats.json", as_json(whole))
         write(folder.meta / "tasks.parquet", to_bytes(_tasks(export.tasks)))
-        table = pa.Table.from_pylist([_episode(export, *each) for each in enumerate(numbers)])
+        table = pa.Table.from_pylist(
+            [_episode(export, *each) for each in enumerate(numbers)]
+        )
         write(folder.meta / "episodes/chunk-000/file-000.parquet", to_bytes(table))
-    write(folder.meta / "info.json", as_json(_info(export)))  # last: it says that all is there
+    write(
+        folder.meta / "info.json", as_json(_info(export))
+    )  # last: it says that all is there
     return residuals
 
 
@@ -87,13 +91,19 @@ def _read(
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
-        raise DataError(f"Cannot read {path}: {error} Delete it and export again.") from error
+        raise DataError(
+            f"Cannot read {path}: {error} Delete it and export again."
+        ) from error
     if table.num_rows != length or table.column_names != list(names):
-        raise DataError(f"{path} belongs to another export. Delete it and export again.")
+        raise DataError(
+            f"{path} belongs to another export. Delete it and export again."
+        )
     return {name: to_numpy(table.column(name).combine_chunks()) for name in names}
 
 
-def _statistics(rows: Mapping[str, NDArray[Any]], counts: Mapping[str, Counts]) -> _Lists:
+def _statistics(
+    rows: Mapping[str, NDArray[Any]], counts: Mapping[str, Counts]
+) -> _Lists:
     features = {name: of_rows(values) for name, values in rows.items()}
     for camera, values in counts.items():
         features[image_key(camera)] = of_counts(values, len(rows["index"]))
@@ -138,7 +148,12 @@ def _tasks(instructions: list[str]) -> pa.Table:
     pandas = {
         "index_columns": ["task"],
         "column_indexes": [
-            {"name": None, "field_name": None, **text, "metadata": {"encoding": "UTF-8"}}
+            {
+                "name": None,
+                "field_name": None,
+                **text,
+                "metadata": {"encoding": "UTF-8"},
+            }
         ],
         "columns": [
             {"name": "task_index", "field_name": "task_index", **column},
@@ -147,8 +162,13 @@ def _tasks(instructions: list[str]) -> pa.Table:
         "pandas_version": "2.2.0",
     }
     fields = [pa.field("task_index", pa.int64()), pa.field("task", pa.string())]
-    arrays = [pa.array(range(len(instructions)), pa.int64()), pa.array(instructions, pa.string())]
-    return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {"pandas": json.dumps(pandas)}))
+    arrays = [
+        pa.array(range(len(instructions)), pa.int64()),
+        pa.array(instructions, pa.string()),
+    ]
+    return pa.Table.from_arrays(
+        arrays, schema=pa.schema(fields, {"pandas": json.dumps(pandas)})
+    )
 
 
 def _info(export: Export) -> dict[str, Any]:
@@ -156,7 +176,10 @@ def _info(export: Export) -> dict[str, Any]:
     about = {"data_files_size_in_mb": DATA_MB, "video_files_size_in_mb": VIDEO_MB}
     if options.format is Format.V21:
         chunks = -(-episodes // CHUNK_SIZE)
-        about = {"total_videos": episodes * len(options.cameras), "total_chunks": chunks}
+        about = {
+            "total_videos": episodes * len(options.cameras),
+            "total_chunks": chunks,
+        }
     data_path, video_path = options.format.paths
     return {
         "codebase_version": options.format,
@@ -214,7 +237,9 @@ def _of_channel(counts: NDArray[np.int64]) -> dict[str, float]:
     levels, counts = np.flatnonzero(counts) / (LEVELS - 1), counts[counts > 0]
     mean = np.average(levels, weights=counts)
     ends = counts.cumsum()
-    places = np.column_stack([ends - counts, ends - 1])  # of a level's first and last pixel
+    places = np.column_stack(
+        [ends - counts, ends - 1]
+    )  # of a level's first and last pixel
     wanted = np.array(list(QUANTILES.values())) * (ends[-1] - 1)
     quantiles = np.interp(wanted, places.ravel(), levels.repeat(2))
     return {

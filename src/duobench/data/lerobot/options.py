@@ -36,7 +36,10 @@ class Format(StrEnum):
             place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
             return f"data/{place}.parquet", f"videos/{{video_key}}/{place}.mp4"
         chunk, file = "chunk-{episode_chunk:03d}", "episode_{episode_index:06d}"
-        return f"data/{chunk}/{file}.parquet", f"videos/{chunk}/{{video_key}}/{file}.mp4"
+        return (
+            f"data/{chunk}/{file}.parquet",
+            f"videos/{chunk}/{{video_key}}/{file}.mp4",
+        )
 
 
 class Pairing(StrEnum):
@@ -74,7 +77,9 @@ _KINDS = {"format": Format, "pairing": Pairing, "action_source": ActionSource}
 _set = object.__setattr__  # of what is frozen
 
 
-def _words(kind: str, given: str | Iterable[str], known: Iterable[str]) -> tuple[str, ...]:
+def _words(
+    kind: str, given: str | Iterable[str], known: Iterable[str]
+) -> tuple[str, ...]:
     """Words that are known, of one or several."""
     words = as_several(given)
     if words is None:
@@ -112,8 +117,14 @@ class EpisodeChoice:
     """Export episodes from there: the simulation, real arms, or both."""
 
     def __post_init__(self) -> None:
-        _set(self, "tasks", (self.tasks,) if isinstance(self.tasks, str) else tuple(self.tasks))
-        _set(self, "domains", tuple(map(Domain, _words("domain", self.domains, Domain))))
+        _set(
+            self,
+            "tasks",
+            (self.tasks,) if isinstance(self.tasks, str) else tuple(self.tasks),
+        )
+        _set(
+            self, "domains", tuple(map(Domain, _words("domain", self.domains, Domain)))
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +170,9 @@ class ExportForm:
         if f"{name}:" != RANDOM:
             check_known("look", name, (*looks.names(), f"{RANDOM}SEED", PER_EPISODE))
         try:
-            as_look(f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look)
+            as_look(
+                f"{RANDOM}{seed if colon else 0}" if name == PER_EPISODE else self.look
+            )
         except OptionError as error:
             raise DataError(
                 f"Random looks are named {RANDOM}SEED, as {RANDOM}7, one for all episodes, or "

@@ -35,7 +35,9 @@ Numbers = Mapping[str, Mapping[str, Any]]
 """Statistics by name of each feature."""
 
 
-def files(export: Export, whole: Numbers, episodes: Sequence[Numbers]) -> dict[str, str]:
+def files(
+    export: Export, whole: Numbers, episodes: Sequence[Numbers]
+) -> dict[str, str]:
     """The texts of all files but `info.json`, by their names in the folder of the export.
 
     They follow from the statistics of all rows, and from those of each episode.
@@ -44,9 +46,15 @@ def files(export: Export, whole: Numbers, episodes: Sequence[Numbers]) -> dict[s
         {"episode_index": index, "tasks": [source.instruction], "length": source.length}
         for index, source in enumerate(export.episodes)
     ]
-    stats = [{"episode_index": index, "stats": each} for index, each in enumerate(episodes)]
-    tasks = [{"task_index": index, "task": task} for index, task in enumerate(export.tasks)]
-    own = {name: name for name in columns(export.vectors)}  # no images, which GR00T does not count
+    stats = [
+        {"episode_index": index, "stats": each} for index, each in enumerate(episodes)
+    ]
+    tasks = [
+        {"task_index": index, "task": task} for index, task in enumerate(export.tasks)
+    ]
+    own = {
+        name: name for name in columns(export.vectors)
+    }  # no images, which GR00T does not count
     return {
         "meta/episodes.jsonl": _lines(rows),
         "meta/episodes_stats.jsonl": _lines(stats),
@@ -60,7 +68,9 @@ def files(export: Export, whole: Numbers, episodes: Sequence[Numbers]) -> dict[s
 
 
 def _lines(rows: Sequence[Mapping[str, Any]]) -> str:
-    return "".join(f"{json.dumps(row, ensure_ascii=False, allow_nan=False)}\n" for row in rows)
+    return "".join(
+        f"{json.dumps(row, ensure_ascii=False, allow_nan=False)}\n" for row in rows
+    )
 
 
 def _modality(export: Export) -> dict[str, Any]:
@@ -68,7 +78,10 @@ def _modality(export: Export) -> dict[str, Any]:
     return {
         "state": _slices(export.vectors[STATE]),
         "action": _slices(export.vectors[ACTION]),
-        "video": {camera: {"original_key": image_key(camera)} for camera in export.options.cameras},
+        "video": {
+            camera: {"original_key": image_key(camera)}
+            for camera in export.options.cameras
+        },
         "annotation": {"human.task_description": {"original_key": "task_index"}},
     }
 
@@ -84,7 +97,9 @@ def _slices(names: Sequence[str]) -> dict[str, dict[str, int]]:
 
 def _part(name: str) -> str:
     side, _, number = name.partition("_")
-    (kind,) = (kind for pattern, kind in _KINDS.items() if re.fullmatch(pattern, number))
+    (kind,) = (
+        kind for pattern, kind in _KINDS.items() if re.fullmatch(pattern, number)
+    )
     return f"{side}_{kind}"
 
 
@@ -92,4 +107,6 @@ def _chosen(
     whole: Numbers, names: Sequence[str], features: Mapping[str, str]
 ) -> dict[str, dict[str, Any]]:
     """Some statistics of some features, by the names under which they are read."""
-    return {key: {name: whole[of][name] for name in names} for key, of in features.items()}
+    return {
+        key: {name: whole[of][name] for name in names} for key, of in features.items()
+    }

@@ -56,7 +56,9 @@ class Episodes:
         if self._env is None:
             self._env, self._import_path = make(task, **self._options), task
         optional_method(self._env, "set_rendering")(True)
-        observation, info = self._env.reset(seed=episode_seed(catalog.get(task).id, index))
+        observation, info = self._env.reset(
+            seed=episode_seed(catalog.get(task).id, index)
+        )
         self._instruction = info["instruction"]
         self._last = Step(
             number=0,
@@ -77,10 +79,14 @@ class Episodes:
         """
         if self._env is None or self._last is None:
             raise ResetNeededError("No episode is running; begin one first.")
-        chunk = self.message_format.chunk([actions] if dimensions(actions) == 1 else actions)
+        chunk = self.message_format.chunk(
+            [actions] if dimensions(actions) == 1 else actions
+        )
         before, render_last = self._last.number, bool(self.message_format.images)
         try:
-            *_, self._last = execute(self._env, chunk, before=before, render_last=render_last)
+            *_, self._last = execute(
+                self._env, chunk, before=before, render_last=render_last
+            )
         except BaseException:
             self.close()  # it may be in any state now
             raise
@@ -103,7 +109,9 @@ class Episodes:
         else:
             action = self.message_format.measured_action(self._last.observation)
         if self.message_format.actions.mode.endswith("relative"):
-            is_arm = np.repeat([not part.endswith("gripper") for part in sizes], [*sizes.values()])
+            is_arm = np.repeat(
+                [not part.endswith("gripper") for part in sizes], [*sizes.values()]
+            )
             action[is_arm] = 0.0
         return action
 
@@ -143,13 +151,17 @@ def tasks_by_id(import_paths: Sequence[str] | None) -> dict[str, str]:
     for path in given or catalog.names():
         task_id = catalog.get(path).id
         if task_id in paths:
-            raise OptionError(f"Task {task_id!r} is named twice in task_ids. Name each task once.")
+            raise OptionError(
+                f"Task {task_id!r} is named twice in task_ids. Name each task once."
+            )
         paths[task_id] = path
     return paths
 
 
 def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
-    control, relative = next((key for key, mode in MODES.items() if mode == usual), (usual, "none"))
+    control, relative = next(
+        (key for key, mode in MODES.items() if mode == usual), (usual, "none")
+    )
     mode = str(control_mode or control).lower(), str(relative_to or relative).lower()
     if mode in MODES:
         return MODES[mode]
@@ -161,7 +173,9 @@ def _mode(usual: str, control_mode: str | None, relative_to: str | None) -> str:
     )
 
 
-def _size(resolution: Resolution | None, message_format: MessageFormat) -> tuple[int, int]:
+def _size(
+    resolution: Resolution | None, message_format: MessageFormat
+) -> tuple[int, int]:
     if resolution is None:
         return message_format.image_size
     if not isinstance(resolution, Mapping):

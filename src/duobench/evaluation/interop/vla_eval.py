@@ -17,7 +17,12 @@ from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
 from duobench.core.errors import OptionError, PolicyError, check_known
 from duobench.envs.execution import Step
-from duobench.evaluation.interop.episodes import Episodes, Resolution, format_for, tasks_by_id
+from duobench.evaluation.interop.episodes import (
+    Episodes,
+    Resolution,
+    format_for,
+    tasks_by_id,
+)
 from duobench.policy.serving.vla_eval import action_spec, observation_spec
 from duobench.tasks import catalog
 
@@ -29,7 +34,9 @@ class DuoBench(StepBenchmark):
     vla-eval's episode i is episode `seed + i` of `duobench eval`.
     """
 
-    _ALL_RECORD_FIELDS: ClassVar = frozenset({"reward", "done", "success", "stage", "steps"})
+    _ALL_RECORD_FIELDS: ClassVar = frozenset(
+        {"reward", "done", "success", "stage", "steps"}
+    )
     render_backends: ClassVar = frozenset({"gpu", "cpu"})
 
     def __init__(  # noqa: PLR0913 - each is a parameter of their configuration
@@ -50,7 +57,9 @@ class DuoBench(StepBenchmark):
     ) -> None:
         super().__init__()
         if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-            raise OptionError(f"seed is the index of an episode, counted from 0; got {seed!r}.")
+            raise OptionError(
+                f"seed is the index of an episode, counted from 0; got {seed!r}."
+            )
         self._tasks = tasks_by_id(task_ids)
         self._first_episode = seed
         self._max_steps = max_steps
@@ -121,7 +130,11 @@ class DuoBench(StepBenchmark):
         """How the episode has gone so far: `success`, `progress` 0..1 and the highest `stage`."""
         info = step_result.obs.info
         progress = info["stage"] / info["max_stage"]
-        return {"success": info["success"], "progress": progress, "stage": info["stage"]}
+        return {
+            "success": info["success"],
+            "progress": progress,
+            "stage": info["stage"],
+        }
 
     def get_metric_keys(self) -> dict[str, str]:
         """Success and progress are averaged; a stage means something for one task only."""
@@ -137,8 +150,13 @@ class DuoBench(StepBenchmark):
 
     def get_metadata(self) -> dict[str, Any]:
         """Most calls of an episode, for a server that gives one action a call; and their size."""
-        longest = self._max_steps or max(catalog.get(name).horizon for name in self._tasks.values())
-        return {"max_steps": longest, "action_dim": sum(self._format.action_sizes.values())}
+        longest = self._max_steps or max(
+            catalog.get(name).horizon for name in self._tasks.values()
+        )
+        return {
+            "max_steps": longest,
+            "action_dim": sum(self._format.action_sizes.values()),
+        }
 
     def get_hold_action(self, last_action: dict[str, Any] | None) -> dict[str, Any]:
         """An action that keeps the arms where they were sent, for real time."""

@@ -26,7 +26,11 @@ def check_versions() -> None:
         except PackageNotFoundError:
             installed = ""
         if not installed.startswith(start):
-            what = f"{name} {installed} is installed" if installed else f"{name} is not installed"
+            what = (
+                f"{name} {installed} is installed"
+                if installed
+                else f"{name} is not installed"
+            )
             raise DuoBenchError(
                 f"This needs {name} {first}, or a later version that begins with {start}; {what}. "
                 "pip install 'vlagents==0.3.0' 'rpyc>=6,<7'"

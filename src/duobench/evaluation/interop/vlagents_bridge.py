@@ -30,7 +30,11 @@ from duobench.core.types import SIDES, Array, real_array
 from duobench.policy.batch import Chunk, Observation
 from duobench.policy.serving.address import WAIT_S
 from duobench.policy.serving.limits import HEALTH_S
-from duobench.policy.serving.message_format import ActionFormat, MessageFormat, read_format
+from duobench.policy.serving.message_format import (
+    ActionFormat,
+    MessageFormat,
+    read_format,
+)
 
 AGENT_VARIABLE = "DUOBENCH_VLAGENTS_AGENT"
 """Environment variable with the agent's name and server, AGENT@HOST:PORT."""
@@ -65,7 +69,9 @@ class VLAgentsPolicy:
             )
         name = self._address[0]
         digest = hashlib.sha256(repr(self._format).encode()).hexdigest()[:16]
-        self.metadata = self._format.metadata(f"vlagents {name}", f"{name}, format {digest}")
+        self.metadata = self._format.metadata(
+            f"vlagents {name}", f"{name}, format {digest}"
+        )
         """What the format says that the agent expects."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - it takes none
@@ -74,7 +80,9 @@ class VLAgentsPolicy:
         try:
             self._client.c.ping(timeout=HEALTH_S)
         except TimeoutError as error:
-            raise MachineryError("The server of VLAgents answers nothing any more.") from error
+            raise MachineryError(
+                "The server of VLAgents answers nothing any more."
+            ) from error
         except Exception:  # noqa: BLE001 - whatever ended the connection
             self._client = self._connected(WAIT_S)
 
@@ -109,7 +117,9 @@ class VLAgentsPolicy:
                     return client
                 fault = "its agent is still being loaded, or could not be"
             except AssertionError as error:
-                raise MachineryError("The server of VLAgents has another agent.") from error
+                raise MachineryError(
+                    "The server of VLAgents has another agent."
+                ) from error
             except (OSError, EOFError) as error:
                 client, fault = None, f"it does not answer: {error}"
             if time.monotonic() - start > (WAIT_S if client is None else loading_s):
@@ -129,7 +139,9 @@ def _address(text: str) -> tuple[str, str, int]:
 
 def _fields(arm: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of an arm; its opening is a number."""
-    return {**arm, "gripper": float(arm["gripper"][0])} if "gripper" in arm else dict(arm)
+    return (
+        {**arm, "gripper": float(arm["gripper"][0])} if "gripper" in arm else dict(arm)
+    )
 
 
 def _check(message_format: MessageFormat) -> None:
@@ -168,7 +180,9 @@ def _arm(act: Mapping[str, SingleAct], side: str) -> Array:
             f"`gripper`; {side} has not. There is: {', '.join(act)[:200] or 'nothing'}."
         )
     try:
-        action, gripper = (real_array(part, np.float64) for part in (arm.action, arm.gripper))
+        action, gripper = (
+            real_array(part, np.float64) for part in (arm.action, arm.gripper)
+        )
     except (TypeError, ValueError, OverflowError) as error:
         raise PolicyError(f"The agent gives no numbers: {arm!r:.80}.") from error
     if action.ndim != 1 or gripper.size != 1:

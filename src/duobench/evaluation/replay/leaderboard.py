@@ -12,7 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from duobench.core.errors import DataError, DuoBenchError, EvaluationError, FileError, escaped
+from duobench.core.errors import (
+    DataError,
+    DuoBenchError,
+    EvaluationError,
+    FileError,
+    escaped,
+)
 from duobench.core.files import digest_of, encode, locked, read, remove, write
 from duobench.core.randomness import SUITE_VERSION
 from duobench.core.versions import has_avx2, package_source, package_versions
@@ -85,7 +91,9 @@ def make_leaderboard(
     files = filter(Path.is_file, folder.glob("*"))
     paths = sorted(path for path in files if path.suffix.lower() == ".zip")
     if not paths:
-        raise EvaluationError(f"There is no bundle in {folder}: no file whose name ends in .zip.")
+        raise EvaluationError(
+            f"There is no bundle in {folder}: no file whose name ends in .zip."
+        )
     rounds = read_rounds(folder / ROUNDS) if (folder / ROUNDS).exists() else ()
     begin_site(out)
     entries: dict[str, BoardEntry] = {}
@@ -97,12 +105,18 @@ def make_leaderboard(
             try:
                 digest = _digest(path)
                 known.add(digest)
-                entries[digest] = _entry(path, digest, runs, out, workers, started, rounds)
+                entries[digest] = _entry(
+                    path, digest, runs, out, workers, started, rounds
+                )
             except (_RefusedError, DuoBenchError, OSError) as error:
                 refused.append(
-                    RefusedBundle(file=escaped(path.name), reason=_line(str(error), path))
+                    RefusedBundle(
+                        file=escaped(path.name), reason=_line(str(error), path)
+                    )
                 )
-        board = Board(entries=tuple(entries.values()), refused=tuple(refused), rounds=rounds)
+        board = Board(
+            entries=tuple(entries.values()), refused=tuple(refused), rounds=rounds
+        )
         page = write_site(board, out)
         verdicts = (out / VERDICTS).glob("*.json")
         remove(*(path for path in verdicts if path.stem not in known))
@@ -128,9 +142,13 @@ def _entry(
     run = bundle.read_run()
     foreign = run.suite.foreign
     if foreign:
-        raise _RefusedError(f"It has a task that is none of the benchmark: {foreign[0]}.")
+        raise _RefusedError(
+            f"It has a task that is none of the benchmark: {foreign[0]}."
+        )
     if len(run.candidates) > 1:
-        raise _RefusedError("It holds several policies; a bundle of a leaderboard holds one.")
+        raise _RefusedError(
+            "It holds several policies; a bundle of a leaderboard holds one."
+        )
     hosted = next((each for each in rounds if digest in each.bundles), None)
     if hosted and hosted.salt_sha256 != run.suite.salt:
         raise _RefusedError(f"Round {hosted.name!r} names it, and has another salt.")
@@ -140,7 +158,12 @@ def _entry(
     records = bundle.read_records(run, counts)
     noted = bundle.attempts().keys()
     # A copy of which anything else would be shown must not take the place of the run.
-    about = hosted and hosted.name, bundle.commands(), bundle.attempts(), encode(run, RUN_SCHEMA)
+    about = (
+        hosted and hosted.name,
+        bundle.commands(),
+        bundle.attempts(),
+        encode(run, RUN_SCHEMA),
+    )
     texts = [json.dumps(about), *(encode(record, RECORD_SCHEMA) for record in records)]
     content = hashlib.sha256("\n".join(texts).encode()).hexdigest()
     twin = runs.get(content)
@@ -168,7 +191,9 @@ def _entry(
         judgement.verdicts,
         judgement.unverifiable,
         noted=noted,
-        commands=[each[:_LONGEST_COMMAND] for each in bundle.commands()[:_MOST_COMMANDS]],
+        commands=[
+            each[:_LONGEST_COMMAND] for each in bundle.commands()[:_MOST_COMMANDS]
+        ],
         hosted=hosted,
     )
 
@@ -195,7 +220,9 @@ def _here(salt: Salt | None) -> dict[str, str]:
     }
 
 
-def _judge(bundle: Bundle, wanted: Set[Key], workers: int, progress: Progress) -> Judgement:
+def _judge(
+    bundle: Bundle, wanted: Set[Key], workers: int, progress: Progress
+) -> Judgement:
     """Verify a bundle, or raise a `_RefusedError` if it ended the process that verified it."""
     findings: Sequence[Finding] = ()
     try:
@@ -210,7 +237,9 @@ def _judge(bundle: Bundle, wanted: Set[Key], workers: int, progress: Progress) -
         verified_by=_here(bundle.salt),
         reason=_line(reason, bundle.path),
         verdicts={str(verdict): counts[verdict] for verdict in Verdict},
-        unverifiable=tuple(each.key for each in findings if each.verdict is Verdict.UNVERIFIABLE),
+        unverifiable=tuple(
+            each.key for each in findings if each.verdict is Verdict.UNVERIFIABLE
+        ),
     )
 
 

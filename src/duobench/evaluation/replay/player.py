@@ -50,7 +50,9 @@ class Player:
 
     def environment(self, task: str | Task, config: EnvConfig) -> gym.Env:
         """An environment in a configuration."""
-        options = {field.name: getattr(config, field.name) for field in fields(EnvConfig)}
+        options = {
+            field.name: getattr(config, field.name) for field in fields(EnvConfig)
+        }
         return self._latest.get((task, config), lambda: make_env(task, **options))
 
     def play(
@@ -90,7 +92,9 @@ class Player:
                 if past_end:
                     allow()
                 part = targets[start : start + size]
-                for step in execute(env, part, before=start, render_last=chunk is not None):
+                for step in execute(
+                    env, part, before=start, render_last=chunk is not None
+                ):
                     for watcher in watchers:
                         watcher.on_step(step)
                     yield step
@@ -115,17 +119,23 @@ class RecordPlayer(Player):
         super().__init__()
         self._run = run
         claimed = {task.id: task for task in run.suite.tasks}
-        self._task = cache(lambda task: actual_task(claimed[task], import_tasks=import_tasks))
+        self._task = cache(
+            lambda task: actual_task(claimed[task], import_tasks=import_tasks)
+        )
 
     def task(self, record: EpisodeRecord) -> TaskInfo:
         """The task of a record as it is, whatever the run says about it; see `actual_task`."""
         return self._task(record.task)
 
-    def environment_of(self, record: EpisodeRecord, *, has_images: bool = False) -> gym.Env:
+    def environment_of(
+        self, record: EpisodeRecord, *, has_images: bool = False
+    ) -> gym.Env:
         """The environment of a record, with the images of its policy or without."""
         config = command_config(record.config)
         if has_images:
-            config = replace(config, cameras=record.config.cameras, look=record.config.look)
+            config = replace(
+                config, cameras=record.config.cameras, look=record.config.look
+            )
         return self.environment(self.task(record).reference, config)
 
     def replay(
@@ -144,11 +154,15 @@ class RecordPlayer(Player):
         task, config = self.task(record), record.config
         if record.horizon != task.horizon or config.horizon is not None:
             claimed = config.horizon or record.horizon
-            raise EvaluationError(f"The horizon is {claimed}, that of the task is {task.horizon}.")
+            raise EvaluationError(
+                f"The horizon is {claimed}, that of the task is {task.horizon}."
+            )
         targets = record.targets()
         if targets is None:
             raise EvaluationError("There are no joint targets.")
-        episode = Episode(task=task, index=record.episode, split=config.split, shift=config.shift)
+        episode = Episode(
+            task=task, index=record.episode, split=config.split, shift=config.shift
+        )
         episode = replace(episode, salted=self._run.seeds(record))
         recorder = EpisodeRecorder(episode)
         env = self.environment_of(record, has_images=has_images)
@@ -175,7 +189,12 @@ class _Sendable(Watcher):
         self._latency = record.execution.latency
         self._first = targets[: self._latency]
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+    def on_episode_start(
+        self,
+        env: gym.Env,  # noqa: ARG002 - the protocol's signature
+        observation: Observation,  # noqa: ARG002 - the protocol's signature
+        info: Info,
+    ) -> None:
         if not np.allclose(self._first, info["sent"], rtol=0, atol=HOLD_TOLERANCE):
             raise EvaluationError(
                 f"It does not hold its command for a latency of {self._latency} steps."
@@ -183,7 +202,9 @@ class _Sendable(Watcher):
 
     def on_step(self, step: Step) -> None:
         if not (step.info["sent"] == step.action).all():
-            raise EvaluationError(f"The joint targets of step {step.number} exceed a limit.")
+            raise EvaluationError(
+                f"The joint targets of step {step.number} exceed a limit."
+            )
 
 
 def command_config(config: EnvConfig) -> EnvConfig:
@@ -205,7 +226,9 @@ def command_config(config: EnvConfig) -> EnvConfig:
 
 def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
     """A task of a run as it is, whatever the run says about it; see `RecordPlayer`."""
-    reference = catalog.trusted(claimed.id, claimed.reference, import_tasks=import_tasks)
+    reference = catalog.trusted(
+        claimed.id, claimed.reference, import_tasks=import_tasks
+    )
     (actual,) = find_tasks((reference,))
     return actual
 
@@ -336,7 +359,9 @@ class _Comparison(Watcher):
         self.stages: list[int] = []
         self.largest = 0.0
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:
+    def on_episode_start(
+        self, env: gym.Env, observation: Observation, info: Info
+    ) -> None:
         self._simulation = sim_of(env).simulation
         self._compare(observation, info)
 

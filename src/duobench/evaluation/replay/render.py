@@ -35,11 +35,19 @@ MOST_REPLAYS = 20
 """Replays that a word such as "failures" chooses at most: they make a page of about 2 MB."""
 Progress = Callable[[int, int], None]
 """Called with how many of how many are there: before the first one is made, then after each."""
-_OF_AN_EPISODE = (EvaluationError, ActionError, BackendError, UnknownNameError, VideoError)
+_OF_AN_EPISODE = (
+    EvaluationError,
+    ActionError,
+    BackendError,
+    UnknownNameError,
+    VideoError,
+)
 """Errors after which the other episodes are still possible."""
 
 
-def choose(run: Run, records: Iterable[EpisodeRecord], words: Sequence[str]) -> list[EpisodeRecord]:
+def choose(
+    run: Run, records: Iterable[EpisodeRecord], words: Sequence[str]
+) -> list[EpisodeRecord]:
     """The finished episodes that words choose, in the order of the run.
 
     Words are "failures", "all" or "TASK:EPISODE", such as "bin_sort:3", under all conditions;
@@ -49,14 +57,18 @@ def choose(run: Run, records: Iterable[EpisodeRecord], words: Sequence[str]) -> 
     chosen: set[Key] = set()
     for word in words:
         if word in {FAILURES, ALL}:
-            chosen |= {key for key, each in finished.items() if word == ALL or not each.success}
+            chosen |= {
+                key for key, each in finished.items() if word == ALL or not each.success
+            }
         else:
             place = _place(run, {(key.task, key.episode) for key in finished}, word)
             chosen |= {key for key in finished if (key.task, key.episode) == place}
     return [record for key, record in finished.items() if key in chosen]
 
 
-def _place(run: Run, finished: Container[tuple[str, int]], word: str) -> tuple[str, int]:
+def _place(
+    run: Run, finished: Container[tuple[str, int]], word: str
+) -> tuple[str, int]:
     """Task and index that "TASK:EPISODE" stands for."""
     name, colon, index = word.rpartition(":")
     if not (colon and index.isascii() and index.isdecimal()):
@@ -66,7 +78,9 @@ def _place(run: Run, finished: Container[tuple[str, int]], word: str) -> tuple[s
         )
     check_known("task of this run", name, [task.id for task in run.suite.tasks])
     if (name, int(index)) not in finished:
-        raise EvaluationError(f"Episode {index} of {name} is not finished: it has no record.")
+        raise EvaluationError(
+            f"Episode {index} of {name} is not finished: it has no record."
+        )
     return name, int(index)
 
 
@@ -86,7 +100,9 @@ def choose_few(
         kind = (record.task, record.condition.name, record.final_stage)
         ranked.append((seen[kind], record))
         seen[kind] += 1
-    few = [record for _, record in sorted(ranked, key=lambda one: one[0])][:MOST_REPLAYS]
+    few = [record for _, record in sorted(ranked, key=lambda one: one[0])][
+        :MOST_REPLAYS
+    ]
     return [record for record in records if record in named or record in few]
 
 
@@ -196,12 +212,18 @@ class _Renderer:
         write(self._folder.scene(found.scene), found.scene_data)
         write(self._folder.new_replay(record.key, found.scene), found.track)
 
-    def _replay(self, record: EpisodeRecord, watcher: Watcher, *, has_images: bool = False) -> None:
+    def _replay(
+        self, record: EpisodeRecord, watcher: Watcher, *, has_images: bool = False
+    ) -> None:
         chunk = (self._chunk or FRAME_EVERY) if has_images else None
-        replay = self._player.replay(record, [watcher], has_images=has_images, chunk=chunk)
+        replay = self._player.replay(
+            record, [watcher], has_images=has_images, chunk=chunk
+        )
         found = disagreements(record, replay)
         if found:
-            raise EvaluationError(f"Played again here it comes out differently: {found[0]}.")
+            raise EvaluationError(
+                f"Played again here it comes out differently: {found[0]}."
+            )
 
     def close(self) -> None:
         self._overview.close()

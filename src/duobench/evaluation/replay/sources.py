@@ -13,7 +13,11 @@ from duobench.data.dataset import DESCRIPTION as DATA_SET
 from duobench.envs.config import LAYOUT_SEED
 from duobench.envs.sim_env import SimEnv
 from duobench.evaluation.replay.player import Latest, RecordPlayer, why_not
-from duobench.evaluation.replay.trajectory import SceneCache, Trajectory, TrajectoryRecorder
+from duobench.evaluation.replay.trajectory import (
+    SceneCache,
+    Trajectory,
+    TrajectoryRecorder,
+)
 from duobench.evaluation.replay.verify import disagreements
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS
 from duobench.results.bundle import open_source
@@ -60,7 +64,9 @@ class TaskSource:
         self._env: Latest[SimEnv] = Latest()
         self._scenes = SceneCache()
         self.title = self._task.title
-        self.items = [Item(id=str(seed), title=f"Layout {seed}") for seed in range(LAYOUTS)]
+        self.items = [
+            Item(id=str(seed), title=f"Layout {seed}") for seed in range(LAYOUTS)
+        ]
 
     def load(self, item: str) -> Trajectory:
         """Reset the environment."""
@@ -83,7 +89,9 @@ class DataSource:
     ) -> None:
         self._data, self._look = data, as_look(look)
         self.title = data.path.name
-        self._paths = {f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)}
+        self._paths = {
+            f"{path.parent.name}/{path.stem}": path for path in data.episodes_of(tasks)
+        }
         self.items = [_recorded(name, path) for name, path in self._paths.items()]
         self._source: Latest[ImageSource] = Latest()
         self._scenes = SceneCache()
@@ -98,7 +106,9 @@ class DataSource:
                 "It was played on real arms, whose objects nobody measured: there is no state of a "
                 "simulation to show."
             )
-        source = self._source.get(info.task, lambda: ImageSource(task, cameras=(), look=self._look))
+        source = self._source.get(
+            info.task, lambda: ImageSource(task, cameras=(), look=self._look)
+        )
         source.show(recording, 0)  # with the variants of its layout
         recorder = TrajectoryRecorder(self._scenes, self._look)
         recorder.begin(source.simulation, task, info.instruction, info.subinstructions)
@@ -152,7 +162,9 @@ class RunSource:
         self.records = {}
         for key in self._reader.finished(self.run):
             if key.task in self._wanted:
-                name = f"{key.task}/{f'{key.condition}/' if several else ''}{key.episode}"
+                name = (
+                    f"{key.task}/{f'{key.condition}/' if several else ''}{key.episode}"
+                )
                 record = before.get(name) or self._reader.read_record(self.run, key)
                 self.records[name] = record
         self.items = [_finished(name, record) for name, record in self.records.items()]
@@ -165,10 +177,18 @@ class RunSource:
             raise EvaluationError(f"{reason} {record.reason}".rstrip())
         recorder = TrajectoryRecorder(self._scenes, self._look)
         replay = self._player.replay(record, [recorder])
-        notes = [record.reason] if record.error else [record.missing] if record.missing else []
+        notes = (
+            [record.reason]
+            if record.error
+            else [record.missing]
+            if record.missing
+            else []
+        )
         found = disagreements(record, replay)
         if found:
-            notes.append(f"Played again here it comes out differently: {'; '.join(found)}.")
+            notes.append(
+                f"Played again here it comes out differently: {'; '.join(found)}."
+            )
         return recorder.trajectory(" ".join(notes))
 
     def close(self) -> None:
@@ -225,13 +245,19 @@ class FollowedRun:
         """What a page shows of the run now; its report at the end, of the run or of this."""
         try:
             shown: dict[str, Any] = {"run": self._read()}
-        except (DuoBenchError, OSError) as error:  # it is begun anew, or something is broken
+        except (
+            DuoBenchError,
+            OSError,
+        ) as error:  # it is begun anew, or something is broken
             shown = {"run": {"note": f"The run cannot be read now: {error}"}}
         if self._folder.page.exists() and (is_last or self._is_over()):
             base = self._server.publish_folder(self._folder.path)
             shown["report"] = base + self._folder.page.name
         elif is_last:
-            shown |= {"ended": True, "run": {"note": "This page has ended. There is no report."}}
+            shown |= {
+                "ended": True,
+                "run": {"note": "This page has ended. There is no report."},
+            }
         return shown
 
     def wait_for_visitors(self) -> None:
@@ -253,9 +279,14 @@ class FollowedRun:
         source.refresh()
         for name, record in source.records.items():
             if name not in self._finished_at:
-                self._finished_at[name] = self._folder.record(record.key).stat().st_mtime
+                self._finished_at[name] = (
+                    self._folder.record(record.key).stat().st_mtime
+                )
         times = sorted(self._finished_at[name] for name in source.records)
-        began, is_whole = self._folder.description.stat().st_mtime, len(times) == source.run.size
+        began, is_whole = (
+            self._folder.description.stat().st_mtime,
+            len(times) == source.run.size,
+        )
         parts = group_by_condition(source.run, source.records.values())
         rows = [
             {
@@ -272,7 +303,9 @@ class FollowedRun:
         return {
             "finished": len(times),
             "of": source.run.size,
-            "elapsed_s": sum(_gaps([began, *times, *([] if is_whole else [time.time()])])),
+            "elapsed_s": sum(
+                _gaps([began, *times, *([] if is_whole else [time.time()])])
+            ),
             "left_s": _left_s(times, source.run.size),
             "rows": rows,
             "failures": [{"id": each.id, "title": each.title} for each in failed],
@@ -283,7 +316,9 @@ class FollowedRun:
         source = self._source
         if source is None or len(source.records) < source.run.size:
             return False
-        return self._folder.page.stat().st_mtime >= max(self._finished_at.values(), default=0.0)
+        return self._folder.page.stat().st_mtime >= max(
+            self._finished_at.values(), default=0.0
+        )
 
 
 ViewSource = TaskSource | DataSource | RunSource | FollowedRun
@@ -291,7 +326,11 @@ ViewSource = TaskSource | DataSource | RunSource | FollowedRun
 
 
 def open_view(
-    what: str, look: str | Look = DEFAULT, tasks: Sequence[str] = (), *, import_tasks: bool = False
+    what: str,
+    look: str | Look = DEFAULT,
+    tasks: Sequence[str] = (),
+    *,
+    import_tasks: bool = False,
 ) -> ViewSource:
     """What a word names: a data set or a run by its folder, a bundle of a run, or a task.
 
@@ -305,7 +344,10 @@ def open_view(
     if (path / DATA_SET).exists():
         source = DataSource(
             DataSet.open(
-                path, create=False, import_tasks=import_tasks, own_tasks=catalog.import_paths(tasks)
+                path,
+                create=False,
+                import_tasks=import_tasks,
+                own_tasks=catalog.import_paths(tasks),
             ),
             look,
             tasks,
@@ -337,7 +379,9 @@ def _recorded(name: str, path: Path) -> Item:
 def _finished(name: str, record: EpisodeRecord) -> Item:
     state = end_of(record)
     detail = f"{state}, stage {record.final_stage} of {record.max_stage}"
-    return Item(id=name, title=f"{record.task} {record.episode}", detail=detail, state=state)
+    return Item(
+        id=name, title=f"{record.task} {record.episode}", detail=detail, state=state
+    )
 
 
 def _gaps(moments: Sequence[float]) -> list[float]:

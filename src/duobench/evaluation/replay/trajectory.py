@@ -40,7 +40,9 @@ class Trajectory:
 
     def stage_after(self, step: int) -> int:
         """Highest stage after so many control steps."""
-        return max((stage for when, stage in self.stage_changes if when <= step), default=0)
+        return max(
+            (stage for when, stage in self.stage_changes if when <= step), default=0
+        )
 
     def next_after(self, step: int) -> str:
         """What is to be done next after so many control steps; empty once all is done."""
@@ -78,7 +80,11 @@ class TrajectoryRecorder(Watcher):
         self._stage_changes: list[tuple[int, int]] = []
 
     def begin(
-        self, simulation: Simulation, task: Task, instruction: str, subinstructions: tuple[str, ...]
+        self,
+        simulation: Simulation,
+        task: Task,
+        instruction: str,
+        subinstructions: tuple[str, ...],
     ) -> None:
         """Begin an episode, which the simulation shows already; nothing of it is kept yet."""
         self._simulation, self._task = simulation, task
@@ -91,7 +97,12 @@ class TrajectoryRecorder(Watcher):
         if stage > (self._stage_changes[-1][1] if self._stage_changes else 0):
             self._stage_changes.append((number, stage))
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+    def on_episode_start(
+        self,
+        env: gym.Env,
+        observation: Observation,  # noqa: ARG002 - the protocol's signature
+        info: Info,
+    ) -> None:
         """Keep the start."""
         duo = sim_of(env)
         subinstructions = tuple(text for _, text in sorted(duo.subinstructions.items()))

@@ -102,7 +102,9 @@ class Verification:
     def is_verified(self) -> bool:
         """Whether nothing is contradicted, and something was verified."""
         agreeing = self.of(Verdict.EXACT, Verdict.STAGES, Verdict.ERROR)
-        return bool(agreeing) and not self.objections and not self.of(Verdict.CONTRADICTED)
+        return (
+            bool(agreeing) and not self.objections and not self.of(Verdict.CONTRADICTED)
+        )
 
 
 def verify(
@@ -138,7 +140,9 @@ def verify(
     run = source.read_run()
     if source.salt and source.salt.sha256 != run.suite.salt:
         given, expected = source.salt.sha256, run.suite.salt or "no salt"
-        raise OtherRunError(f"The SHA-256 of the salt is {given}; the run says {expected}.")
+        raise OtherRunError(
+            f"The SHA-256 of the salt is {given}; the run says {expected}."
+        )
     unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[Key, Finding] = {}
     jobs: list[EpisodeRecord] = []
@@ -162,12 +166,16 @@ def verify(
         else:
             jobs.append(record)
     progress(len(findings), len(keys))
-    with closing(run_all(partial(_checker, run, import_tasks), jobs, workers)) as results:
+    with closing(
+        run_all(partial(_checker, run, import_tasks), jobs, workers)
+    ) as results:
         for finding in results:
             findings[finding.key] = finding
             progress(len(findings), len(keys))
     others: list[str] = []
-    if isinstance(source, RunFolder) and len(records) == len(keys):  # else no report can be written
+    if isinstance(source, RunFolder) and len(records) == len(
+        keys
+    ):  # else no report can be written
         from duobench.results.report import check_report  # draws, which no worker needs
 
         wrong, others = check_report(source, group_by_condition(run, records))
@@ -178,12 +186,16 @@ def verify(
         objections=tuple(objections),
         unnoted=0 if run.is_real else sum(key.path not in attempts for key in keys),
         missing=run.size - len(there),
-        parts=_parts(run, ((record, findings[record.key].verdict) for record in records)),
+        parts=_parts(
+            run, ((record, findings[record.key].verdict) for record in records)
+        ),
         compared_in_numbers=tuple(others),
     )
 
 
-def _parts(run: Run, each: Iterable[tuple[EpisodeRecord, Verdict]]) -> tuple[RunPart, ...]:
+def _parts(
+    run: Run, each: Iterable[tuple[EpisodeRecord, Verdict]]
+) -> tuple[RunPart, ...]:
     """What records add up to as far as they are verified; see `Verification.parts`."""
     records = [
         record.unproven if verdict is Verdict.UNVERIFIABLE else record
@@ -233,8 +245,14 @@ def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -
         return ""
     if (record.attempt, *record.earlier) == (len(ends), *ends[:-1]):
         # Whoever was killed before the record's end was noted has noted none, or why it is lost.
-        is_told = ends[-1] == end_of(record) or ends[-1] not in {SUCCESS, FAILURE, ERROR}
-        return "" if is_told else f"it is a {end_of(record)}; the journal says: {ends[-1]}"
+        is_told = ends[-1] == end_of(record) or ends[-1] not in {
+            SUCCESS,
+            FAILURE,
+            ERROR,
+        }
+        return (
+            "" if is_told else f"it is a {end_of(record)}; the journal says: {ends[-1]}"
+        )
     claimed, known = (", ".join(each) or "none" for each in (record.earlier, ends[:-1]))
     return f"its earlier attempts ended so: {claimed}; the journal says: {known}"
 
@@ -258,7 +276,9 @@ def _check(player: RecordPlayer, record: EpisodeRecord) -> Finding:
     if bits:
         reason = f"{', '.join(elsewhere)}: {'; '.join(bits)}"
         return _finding(record.key, Verdict.STAGES, reason)
-    return _finding(record.key, Verdict.EXACT if record.error is None else Verdict.ERROR)
+    return _finding(
+        record.key, Verdict.EXACT if record.error is None else Verdict.ERROR
+    )
 
 
 def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
@@ -293,7 +313,10 @@ def _outcome(record: EpisodeRecord) -> dict[str, Any]:
 
 
 def _poses(record: EpisodeRecord) -> dict[str, Any]:
-    return {f"start of {name}": pose for name, pose in record.layout.get("poses", {}).items()}
+    return {
+        f"start of {name}": pose
+        for name, pose in record.layout.get("poses", {}).items()
+    }
 
 
 def _bits(record: EpisodeRecord) -> dict[str, Any]:

@@ -137,7 +137,11 @@ class Viewer:
         """Do the next thing that is asked for, or wait for the next frame."""
         wait_s = max(0.0, self._due - time.monotonic()) if self._moves else _IDLE_S
         try:
-            command = self._commands.get(timeout=wait_s) if wait_s else self._commands.get_nowait()
+            command = (
+                self._commands.get(timeout=wait_s)
+                if wait_s
+                else self._commands.get_nowait()
+            )
         except queue.Empty:
             return
         match command:
@@ -163,7 +167,12 @@ class Viewer:
         return self._plays and self._server.has_viewers
 
     def _select(self, item: str) -> None:
-        self._selected, self._shown, self._note, self._plays = item, None, "Loading …", False
+        self._selected, self._shown, self._note, self._plays = (
+            item,
+            None,
+            "Loading …",
+            False,
+        )
         self._poses, self._step = self._poses[:0], 0
         if self._loading is not None:
             self._loading.cancel()
@@ -229,6 +238,8 @@ class Viewer:
                 "stage_changes": shown.stage_changes,
                 "step": self._step,
                 "steps": self._last,
-                "state": ("playing" if self._plays else "paused") if self._last else None,
+                "state": ("playing" if self._plays else "paused")
+                if self._last
+                else None,
             }
         self._server.publish_status(status | self._more)

@@ -19,7 +19,14 @@ from duobench.core.errors import (
     TaskFailedError,
     TooFewSuccessesError,
 )
-from duobench.core.files import begin_or_continue, encode, locked, read, remove_temporary, write
+from duobench.core.files import (
+    begin_or_continue,
+    encode,
+    locked,
+    read,
+    remove_temporary,
+    write,
+)
 from duobench.core.randomness import TRAIN
 from duobench.core.types import CONTROL_HZ
 from duobench.data import DataSet, Recording
@@ -145,7 +152,9 @@ def evaluate(  # noqa: PLR0913
             for observer in observers:
                 observer.on_episode(record)
         given_up = {
-            each: why for each, why in executor.unplayed.items() if run.key(each) not in records
+            each: why
+            for each, why in executor.unplayed.items()
+            if run.key(each) not in records
         }
         there = _report(folder, shard)
         check_played(given_up, has_shifts=len(suite.shifts) > 1)
@@ -153,10 +162,14 @@ def evaluate(  # noqa: PLR0913
     return summarize(suite.tasks, list(records.values()))
 
 
-def _first_answer(executor: Executor, episodes: Sequence[Episode]) -> FirstAnswer | None:
+def _first_answer(
+    executor: Executor, episodes: Sequence[Episode]
+) -> FirstAnswer | None:
     """Answer of the policy to the first observation that a task gives; None if all tasks fail."""
     for episode in episodes:
-        with suppress(TaskFailedError):  # which is told when the episode is to be played
+        with suppress(
+            TaskFailedError
+        ):  # which is told when the episode is to be played
             return executor.rehearse(episode)
     return None
 
@@ -281,7 +294,9 @@ _ADVICE = "Record into a folder of its own; data sets can be merged afterwards."
 class _Log:
     """What was played for a data set; a recording is begun in it, or the one there continued."""
 
-    def __init__(self, data: DataSet, run: Run, plan: RecordingPlan, command: str) -> None:
+    def __init__(
+        self, data: DataSet, run: Run, plan: RecordingPlan, command: str
+    ) -> None:
         self._data, self._run, self._plan, self._command = data, run, plan, command
         self._path = data.path / ATTEMPTS
         remove_temporary(data.path)
@@ -295,7 +310,11 @@ class _Log:
             advice=_ADVICE,
         )
         write(data.path / RUN, encode(run, RUN_SCHEMA))
-        known = read(self._path, Attempts, ATTEMPTS_SCHEMA) if self._path.exists() else Attempts()
+        known = (
+            read(self._path, Attempts, ATTEMPTS_SCHEMA)
+            if self._path.exists()
+            else Attempts()
+        )
         # What is kept is what has a file: one may have been removed by hand, and one that was just
         # finished when everything was killed is not in the list.
         found = [
@@ -320,7 +339,11 @@ class _Log:
                 f"{path} belongs to another recording; this one has seconds after success "
                 f"{self._plan.after_success:g} instead of {info.after_success:g}. {_ADVICE}"
             )
-        if path.stem != f"{index:05d}" or not outcome or not self._plan.is_of(info, task, index):
+        if (
+            path.stem != f"{index:05d}"
+            or not outcome
+            or not self._plan.is_of(info, task, index)
+        ):
             raise OtherRunError(
                 f"{path} was not recorded here under this name: it was renamed, merged, recovered, "
                 "or recorded with other options. Move it away."
@@ -383,6 +406,8 @@ class _Log:
             error=record.reason or None,
         )
         self._attempts[attempt.task, attempt.episode] = attempt
-        played = Attempts(attempts=tuple(sorted(self._attempts.values())), command=self._command)
+        played = Attempts(
+            attempts=tuple(sorted(self._attempts.values())), command=self._command
+        )
         write(self._path, encode(played, ATTEMPTS_SCHEMA))
         return attempt

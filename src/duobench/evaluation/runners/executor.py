@@ -33,10 +33,20 @@ from duobench.evaluation.runners.pool import (
     Worker,
     WorkerPool,
 )
-from duobench.evaluation.runners.process import DEATH_SEEN_S, ProcessFailed, death_within
+from duobench.evaluation.runners.process import (
+    DEATH_SEEN_S,
+    ProcessFailed,
+    death_within,
+)
 from duobench.evaluation.runners.ray_cluster import RayLauncher, check_environment
 from duobench.evaluation.runners.ray_process import Cluster
-from duobench.evaluation.runners.schedule import LOST, AttemptLog, Schedule, end_of, ended_twice
+from duobench.evaluation.runners.schedule import (
+    LOST,
+    AttemptLog,
+    Schedule,
+    end_of,
+    ended_twice,
+)
 from duobench.evaluation.runners.worker import (
     EpisodeError,
     EpisodeProgress,
@@ -131,7 +141,9 @@ class LocalExecutor:
             record = record or EpisodeRecorder(episode).record(
                 self._runner.run, self._runner.versions
             )
-            return EpisodeResult(record=record.broken(ended_twice(LOST, str(fault)), record.steps))
+            return EpisodeResult(
+                record=record.broken(ended_twice(LOST, str(fault)), record.steps)
+            )
         log.lose(episode, how)
         if isinstance(fault, TaskFailedError):
             self._schedule.abandoned[episode] = fault
@@ -164,7 +176,9 @@ class ProcessExecutor:
         launcher: What starts them; None starts them on this machine.
     """
 
-    def __init__(self, job: Job, workers: int, launcher: Launcher | None = None) -> None:
+    def __init__(
+        self, job: Job, workers: int, launcher: Launcher | None = None
+    ) -> None:
         self._job, self._most = job, workers
         self._launcher: Launcher = launcher or LocalLauncher()
         self._schedule = Schedule()
@@ -249,7 +263,9 @@ class ProcessExecutor:
         if self._isolated in episodes or (isolated and playing):
             return
         self._isolated = None
-        self._pool.start(1 if isolated else min(self._schedule.left + playing, self._most))
+        self._pool.start(
+            1 if isolated else min(self._schedule.left + playing, self._most)
+        )
         for worker in self._pool.workers:
             if worker.is_ready and worker.episode is None and self._schedule.left:
                 episode = self._schedule.next(worker.task)
@@ -310,7 +326,10 @@ class ProcessExecutor:
 
     def _note_progress(self, worker: Worker, record: EpisodeRecord) -> None:
         """Note how far the episode of a worker is, and the end of one that is played on."""
-        if worker.episode and self._prepared.run.objection(record, worker.episode) is None:
+        if (
+            worker.episode
+            and self._prepared.run.objection(record, worker.episode) is None
+        ):
             worker.progress = record
             if record.end is not None:
                 self._at_horizon.setdefault(worker.episode, record)
@@ -332,20 +351,30 @@ class ProcessExecutor:
         if worker.episode is None:
             _log.warning("A result that nobody asked for was dropped.")
             return
-        objection = result.objection(worker.episode, self._prepared.run, self._job.recording)
+        objection = result.objection(
+            worker.episode, self._prepared.run, self._job.recording
+        )
         if objection is None:
             kept = self._at_horizon.pop(worker.episode, None)
             worker.episode = None
             if kept and kept != replace(result.record, late_success=None):
-                result = EpisodeResult(record=kept)  # a second attempt cannot improve on it
+                result = EpisodeResult(
+                    record=kept
+                )  # a second attempt cannot improve on it
             yield result
         else:
             yield from self._lose(worker, f"its result was dropped: {objection}")
 
-    def _note_fault(self, worker: Worker, report: EpisodeError) -> Iterator[EpisodeResult]:
+    def _note_fault(
+        self, worker: Worker, report: EpisodeError
+    ) -> Iterator[EpisodeResult]:
         """Act on an episode that its worker could not play, most often for the policy's death."""
         policy, episode, how = worker.policy, worker.episode, report.how
-        if how != TASK and policy and (death := death_within(policy.process, DEATH_SEEN_S)):
+        if (
+            how != TASK
+            and policy
+            and (death := death_within(policy.process, DEATH_SEEN_S))
+        ):
             yield from self._lose(policy, death)
             return
         if episode is None:
@@ -368,17 +397,23 @@ class ProcessExecutor:
             self._log.lose(episode, how)
             self._schedule.retry(episode, report.fault)
 
-    def _rehearse_again(self, worker: Worker, episode: Episode, report: EpisodeError) -> None:
+    def _rehearse_again(
+        self, worker: Worker, episode: Episode, report: EpisodeError
+    ) -> None:
         """Have a policy answer once more, unless that cannot help."""
         if report.how == TASK:
             self._rehearsing = worker.episode = None
             raise TaskFailedError(report.fault)
         if report.how == POLICY:
-            raise PolicyError(f"The policy does not answer a first observation: {report.fault}")
+            raise PolicyError(
+                f"The policy does not answer a first observation: {report.fault}"
+            )
         self._schedule.note_fault(episode, report.fault)
         worker.rehearse(episode)
 
-    def _lose(self, member: Worker | RunningPolicy, fault: str) -> Iterator[EpisodeResult]:
+    def _lose(
+        self, member: Worker | RunningPolicy, fault: str
+    ) -> Iterator[EpisodeResult]:
         """Let go of a process that is of no more use, and have what it played be played again."""
         mine = [each for each in self._pool.workers if member in (each, each.policy)]
         if not any(worker.is_ready for worker in mine):
@@ -419,7 +454,10 @@ class ProcessExecutor:
         self, worker: Worker, episode: Episode, fault: str, what: str = _ENDED
     ) -> Iterator[EpisodeResult]:
         """Fail an episode whose policy has ended by itself again, or after its horizon."""
-        if self._log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS or episode in self._at_horizon:
+        if (
+            self._log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS
+            or episode in self._at_horizon
+        ):
             yield self._failed(worker, episode, ended_twice(what, fault))
         else:
             self._log.lose(episode, POLICY)
@@ -454,7 +492,9 @@ class ProcessExecutor:
         if worker.episode is None:
             return
         limits = self._job.limits
-        if worker.policy or self._job.policy.server:  # which says itself that it is late, or gone
+        if (
+            worker.policy or self._job.policy.server
+        ):  # which says itself that it is late, or gone
             limits = replace(limits, act_timeout=float("inf"))
         clock = worker.process.clock()
         late = clock.late(limits)
@@ -462,9 +502,13 @@ class ProcessExecutor:
             (episode,) = self._remove(worker)
             yield self._failed(worker, episode, late)
         elif clock.episode_s > limits.episode_timeout + GRACE_S:
-            yield from self._lose(worker, "the simulation did not come back within the time limit.")
+            yield from self._lose(
+                worker, "the simulation did not come back within the time limit."
+            )
 
-    def _failed(self, worker: Worker, episode: Episode, error: PolicyError) -> EpisodeResult:
+    def _failed(
+        self, worker: Worker, episode: Episode, error: PolicyError
+    ) -> EpisodeResult:
         record = self._at_horizon.pop(episode, None)
         if record:
             return EpisodeResult(record=record)
@@ -488,7 +532,9 @@ def _read(
             return process.receive(), None
         return (), process.death()
     except EOFError:
-        return (), death_within(process, DEATH_SEEN_S) or "its process closed the connection."
+        return (), death_within(
+            process, DEATH_SEEN_S
+        ) or "its process closed the connection."
     except MessageError as error:
         return (), f"what it sent cannot be read ({error})."
 

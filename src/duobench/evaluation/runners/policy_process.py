@@ -40,7 +40,12 @@ def main(connection: int, clock: int, host: str = LOOPBACK) -> None:
 
 
 def _answer(
-    job: MakePolicy, parent: Parent, requests: Requests, *, clock: EpisodeClock, host: str
+    job: MakePolicy,
+    parent: Parent,
+    requests: Requests,
+    *,
+    clock: EpisodeClock,
+    host: str,
 ) -> None:
     made, metadata, batching = make_batched(job.name, job.batching)
     key = secrets.token_urlsafe()
@@ -53,7 +58,9 @@ def _answer(
         busy=lambda: clock.timed(job.limits),
         answer_s=MAX_S,  # the parent looks after its time
     )
-    threading.Thread(target=lambda: (requests.get(), server.stop()), daemon=True).start()
+    threading.Thread(
+        target=lambda: (requests.get(), server.stop()), daemon=True
+    ).start()
     address = PolicyAddress(host=host, port=server.port, key=key, batching=batching)
     parent.report(Answering(address))
     server.run()

@@ -27,7 +27,10 @@ SHUTDOWN_TIMEOUT_S = 10.0
 """How long processes may take to free everything before they are killed, in seconds."""
 _LOOK_S = 0.01
 """How often is looked whether they have ended, in seconds."""
-WORKER, POLICY = "duobench.evaluation.runners.worker", "duobench.evaluation.runners.policy_process"
+WORKER, POLICY = (
+    "duobench.evaluation.runners.worker",
+    "duobench.evaluation.runners.policy_process",
+)
 
 
 class Launcher(Protocol):
@@ -191,7 +194,11 @@ class WorkerPool:
 
     def close(self) -> None:
         """Let all processes free what they hold, then end them and all that they have started."""
-        idle = [worker for worker in self.workers if worker.is_ready and worker.episode is None]
+        idle = [
+            worker
+            for worker in self.workers
+            if worker.is_ready and worker.episode is None
+        ]
         for worker in self.workers:
             worker.process.send(Stop())
         _wait_for(idle)
@@ -213,7 +220,9 @@ class WorkerPool:
         policy = RunningPolicy(self._launcher.start_policy())
         self._policies.append(policy)
         policy.process.send(
-            MakePolicy(name=job.policy.name, batching=job.policy.batching, limits=job.limits)
+            MakePolicy(
+                name=job.policy.name, batching=job.policy.batching, limits=job.limits
+            )
         )
         return policy
 
@@ -227,5 +236,7 @@ class WorkerPool:
 
 def _wait_for(members: Sequence[Worker | RunningPolicy]) -> None:
     deadline = time.monotonic() + SHUTDOWN_TIMEOUT_S
-    while time.monotonic() < deadline and not all(each.process.death() for each in members):
+    while time.monotonic() < deadline and not all(
+        each.process.death() for each in members
+    ):
         time.sleep(_LOOK_S)

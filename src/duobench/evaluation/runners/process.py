@@ -109,7 +109,9 @@ class Channel:
         most: Bytes of a message, from which on it is not read.
     """
 
-    def __init__(self, connection: socket.socket, kind: Any, most: int = RESULT_BYTES) -> None:
+    def __init__(
+        self, connection: socket.socket, kind: Any, most: int = RESULT_BYTES
+    ) -> None:
         self.socket = connection
         self._most = most
         self._decoder = msgspec.json.Decoder(kind)
@@ -186,7 +188,11 @@ class WorkerProcess:
                 pass_fds=files,
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
-                env={each: value for each, value in environment.items() if each not in hidden},
+                env={
+                    each: value
+                    for each, value in environment.items()
+                    if each not in hidden
+                },
             )
         except OSError as error:
             raise MachineryError(f"A process cannot be started: {error}.") from error
@@ -218,7 +224,9 @@ class WorkerProcess:
         Its exit code is left to be read again: until then its number, and with it that of its
         group, is nobody else's.
         """
-        end = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        end = os.waitid(
+            os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT
+        )
         if end is None:
             return None
         if end.si_code == os.CLD_EXITED:
@@ -261,7 +269,9 @@ class Parent(Channel):
             end_group()
 
 
-def run_child(connection: int, kind: Any, do: Callable[[Any, Parent, Requests], None]) -> NoReturn:
+def run_child(
+    connection: int, kind: Any, do: Callable[[Any, Parent, Requests], None]
+) -> NoReturn:
     """Do what a process is for until it is done, or its parent is gone; see `WorkerProcess`.
 
     Args:
@@ -279,7 +289,9 @@ def run_child(connection: int, kind: Any, do: Callable[[Any, Parent, Requests], 
         if not isinstance(job, Stop):
             do(job, parent, requests)
     except DuoBenchError as error:
-        parent.report(ProcessFailed(error=type(error).__name__, message=escaped(str(error))))
+        parent.report(
+            ProcessFailed(error=type(error).__name__, message=escaped(str(error)))
+        )
     except BaseException as error:  # noqa: BLE001 - a process boundary; the parent raises it
         text = f"A process of the evaluation failed.\n{traceback_text(error)}"
         parent.report(ProcessFailed(error=EvaluationError.__name__, message=text))
@@ -287,7 +299,9 @@ def run_child(connection: int, kind: Any, do: Callable[[Any, Parent, Requests], 
     # have crashed there. The parent ends whatever is left.
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
-        with suppress(AttributeError, OSError, ValueError):  # a policy may have closed it
+        with suppress(
+            AttributeError, OSError, ValueError
+        ):  # a policy may have closed it
             stream.flush()
     os._exit(0)
 

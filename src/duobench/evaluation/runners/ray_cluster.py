@@ -88,7 +88,11 @@ class RayLauncher:
 
     def _connect(self, ray: Any) -> None:
         try:
-            ray.init(address=self._cluster.address, log_to_driver=False, configure_logging=False)
+            ray.init(
+                address=self._cluster.address,
+                log_to_driver=False,
+                configure_logging=False,
+            )
         except (ray.exceptions.RayError, OSError, RuntimeError, ValueError) as error:
             raise MachineryError(
                 f"The Ray cluster at {self._cluster.address} cannot be used from here: "
@@ -100,7 +104,9 @@ class RayLauncher:
     def _lacking(self, ray: Any) -> str:
         """What no node of the cluster has now, in words; empty if there is nothing."""
         gpus = self._cluster.policy_gpus
-        nodes: list[dict[str, Any]] = [node["Resources"] for node in ray.nodes() if node["Alive"]]
+        nodes: list[dict[str, Any]] = [
+            node["Resources"] for node in ray.nodes() if node["Alive"]
+        ]
         if not any(node.get("CPU", 0) >= 1 for node in nodes):
             return "a processor core for a simulator"
         if gpus and not any(node.get("GPU", 0) >= gpus for node in nodes):
@@ -110,9 +116,12 @@ class RayLauncher:
     def start_policy(self) -> Transport:
         """Start an actor with a process that makes a policy."""
         # It thinks while its simulators wait, so that it needs no core of its own.
-        actor = _actor(num_cpus=0, num_gpus=self._cluster.policy_gpus, scheduling_strategy="SPREAD")
+        actor = _actor(
+            num_cpus=0, num_gpus=self._cluster.policy_gpus, scheduling_strategy="SPREAD"
+        )
         return RayTransport(
-            actor.remote(POLICY, __version__, is_reached=True), Answering | ProcessFailed
+            actor.remote(POLICY, __version__, is_reached=True),
+            Answering | ProcessFailed,
         )
 
     def start_worker(self, policy: Transport | None) -> Transport:
@@ -122,7 +131,9 @@ class RayLauncher:
             strategies = load("ray.util.scheduling_strategies")
             near = strategies.NodeAffinitySchedulingStrategy(policy.node, soft=True)
         actor = _actor(num_cpus=1, scheduling_strategy=near)
-        return RayTransport(actor.remote(WORKER, __version__, renderers=self._renderers), Report)
+        return RayTransport(
+            actor.remote(WORKER, __version__, renderers=self._renderers), Report
+        )
 
     def wait(self, processes: Sequence[Any], seconds: float) -> Sequence[Any]:
         """Wait until processes have said something, or the time is over; those that have."""
@@ -181,7 +192,9 @@ class RayTransport:
             return self._death
         self.node, self._clock, self._death = status.node, status.clock, status.death
         try:
-            self._messages += [self._decoder.decode(message) for message in status.messages]
+            self._messages += [
+                self._decoder.decode(message) for message in status.messages
+            ]
         except (msgspec.MsgspecError, DuoBenchError) as error:
             self._unreadable = str(error)
         if self._death is None:
@@ -210,13 +223,22 @@ class RayTransport:
 
 
 def _actor(**options: Any) -> Any:
-    options |= {"max_concurrency": _SIDE_BY_SIDE, "max_restarts": 0, "max_task_retries": 0}
+    options |= {
+        "max_concurrency": _SIDE_BY_SIDE,
+        "max_restarts": 0,
+        "max_task_retries": 0,
+    }
     return load().remote(RemoteProcess).options(**options)
 
 
 def _first_line(error: BaseException) -> str:
     lines = [line.strip() for line in escaped(str(error)).splitlines()]
     cause = next(
-        (line for line in reversed(lines) if line.endswith("Error") or "Error:" in line), ""
+        (
+            line
+            for line in reversed(lines)
+            if line.endswith("Error") or "Error:" in line
+        ),
+        "",
     )
     return cause or next(filter(None, lines), type(error).__name__)

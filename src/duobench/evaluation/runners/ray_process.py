@@ -52,7 +52,9 @@ class Cluster:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.policy_gpus < float("inf"):
-            raise EvaluationError(f"A number of graphics cards is 0 or more: {self.policy_gpus}.")
+            raise EvaluationError(
+                f"A number of graphics cards is 0 or more: {self.policy_gpus}."
+            )
         if self.address.startswith("ray://") or not self.address.strip():
             raise EvaluationError(
                 f"{self.address!r} is no address of a cluster: give HOST:PORT of its head, or "
@@ -102,13 +104,17 @@ class RemoteProcess:
         self._reading = threading.Lock()
         reason = _objection(version)
         if reason:
-            self._said = [msgspec.json.encode(ProcessFailed(EvaluationError.__name__, reason))]
+            self._said = [
+                msgspec.json.encode(ProcessFailed(EvaluationError.__name__, reason))
+            ]
             return
         if renderers:
             with suppress(RenderingError, OSError):  # who needs images complains
                 choose_once(self._node, renderers)
         host = (ray.util.get_node_ip_address(),) if is_reached else ()
-        self._process = WorkerProcess(module, msgspec.Raw, *host, hidden=SECRETS, most=self._most)
+        self._process = WorkerProcess(
+            module, msgspec.Raw, *host, hidden=SECRETS, most=self._most
+        )
 
     def send(self, message: bytes) -> None:
         """Pass a message on to the process."""
@@ -125,7 +131,9 @@ class RemoteProcess:
             if self._process is not None:
                 death, clock = self._read(self._process), self._process.clock()
             said, self._said = self._said, []
-            return ActorStatus(messages=tuple(said), clock=clock, node=self._node, death=death)
+            return ActorStatus(
+                messages=tuple(said), clock=clock, node=self._node, death=death
+            )
 
     def _read(self, process: WorkerProcess) -> str | None:
         """Take what a process says, for a moment at most; how it ended, if it did."""
@@ -138,7 +146,10 @@ class RemoteProcess:
             while self._has_room() and select.select([process], [], [], 0)[0]:
                 self._said += map(bytes, process.receive())
         except EOFError:
-            return death_within(process, DEATH_SEEN_S) or "its process closed the connection."
+            return (
+                death_within(process, DEATH_SEEN_S)
+                or "its process closed the connection."
+            )
         except Exception as error:  # noqa: BLE001 - a process boundary: it is told
             return f"what it sent cannot be read ({error})."
         return death

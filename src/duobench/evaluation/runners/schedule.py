@@ -49,7 +49,9 @@ def end_of(fault: MachineryError) -> str:
 
 def ended_twice(what: str, fault: str) -> PolicyEndedError:
     """The error of an episode in which a policy ended, or was lost, as often as it may."""
-    return PolicyEndedError(f"In {MOST_POLICY_ENDS} attempts {what}, the last time: {fault}")
+    return PolicyEndedError(
+        f"In {MOST_POLICY_ENDS} attempts {what}, the last time: {fault}"
+    )
 
 
 class Schedule:
@@ -127,7 +129,9 @@ class Schedule:
             )
 
 
-def check_played(unplayed: Mapping[Episode, UnplayedError], *, has_shifts: bool = False) -> None:
+def check_played(
+    unplayed: Mapping[Episode, UnplayedError], *, has_shifts: bool = False
+) -> None:
     """Raise an error that names episodes which could not be played, if there are any.
 
     It is a `TaskFailedError` if that is true of all of them, else an `UnplayedError`.
@@ -136,7 +140,8 @@ def check_played(unplayed: Mapping[Episode, UnplayedError], *, has_shifts: bool 
         is_of_tasks = all(isinstance(why, TaskFailedError) for why in unplayed.values())
         raise (TaskFailedError if is_of_tasks else UnplayedError).of(
             {
-                f"{each.task.id}, episode {each.index}" + f", {each.shift}" * has_shifts: str(why)
+                f"{each.task.id}, episode {each.index}"
+                + f", {each.shift}" * has_shifts: str(why)
                 for each, why in unplayed.items()
             }
         )

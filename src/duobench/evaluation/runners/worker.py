@@ -8,7 +8,13 @@ from duobench.core.errors import MachineryError, escaped
 from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.episode import EpisodeResult, EpisodeRunner, Job
 from duobench.evaluation.policies import find_source
-from duobench.evaluation.runners.process import Parent, ProcessFailed, Requests, Stop, run_child
+from duobench.evaluation.runners.process import (
+    Parent,
+    ProcessFailed,
+    Requests,
+    Stop,
+    run_child,
+)
 from duobench.evaluation.runners.schedule import end_of
 from duobench.results.attempts import MACHINERY
 from duobench.results.records import EpisodeRecord, FirstAnswer
@@ -58,7 +64,9 @@ class EpisodeError(msgspec.Struct, tag=True, frozen=True):
 
 Request = Job | PlayEpisode | Rehearse | Stop
 """To a worker; a job comes first, which has it make the policy."""
-Report = Ready | Rehearsed | EpisodeProgress | EpisodeResult | EpisodeError | ProcessFailed
+Report = (
+    Ready | Rehearsed | EpisodeProgress | EpisodeResult | EpisodeError | ProcessFailed
+)
 
 
 def main(connection: int, clock: int) -> None:

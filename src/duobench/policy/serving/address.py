@@ -88,7 +88,9 @@ class RemoteServer:
                 f"{self.answer_s:g}."
             )
         if self.execute is not None and self.execute < 1:
-            raise ServingError(f"At least one action of a chunk is executed, got {self.execute}.")
+            raise ServingError(
+                f"At least one action of a chunk is executed, got {self.execute}."
+            )
 
     @property
     def executed(self) -> str:

@@ -46,11 +46,18 @@ class Dialect:
     added: tuple[str, ...] = ()
     """Fields that are added to every observation."""
 
-    def messages(self, instruction: str, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    def messages(
+        self, instruction: str, seed: int
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
         """The message that begins an episode, and what is added to each observation of it."""
         values = {"endpoint": "infer", "prompt": instruction, "seed": seed}
-        values["session_id"] = uuid.uuid4().hex  # a new one for each episode; it decides nothing
-        reset = {"endpoint": "reset", **{name: values[name] for name in self.reset or ()}}
+        values["session_id"] = (
+            uuid.uuid4().hex
+        )  # a new one for each episode; it decides nothing
+        reset = {
+            "endpoint": "reset",
+            **{name: values[name] for name in self.reset or ()},
+        }
         return reset, {name: values[name] for name in self.added}
 
 
@@ -59,9 +66,13 @@ _OPENPI = Dialect(name="openpi")
 _ROBOARENA = Dialect(
     name="roboarena", reset=(), is_reset_answered_in_text=True, added=("endpoint",)
 )
-_ROBOARENA_SESSIONS = replace(_ROBOARENA, reset=("session_id",), added=("session_id", "endpoint"))
+_ROBOARENA_SESSIONS = replace(
+    _ROBOARENA, reset=("session_id",), added=("session_id", "endpoint")
+)
 _VLLM = Dialect(
-    name="vllm-omni", reset=("prompt", "seed", "session_id"), added=("session_id", "seed")
+    name="vllm-omni",
+    reset=("prompt", "seed", "session_id"),
+    added=("session_id", "seed"),
 )
 
 
@@ -114,7 +125,11 @@ class OpenpiPolicy(ConnectedPolicy):
         return as_chunk(actions_of(answer, "actions"), width=None)
 
     def _request(
-        self, connection: ClientConnection, message: dict[str, Any], *, is_text: bool = False
+        self,
+        connection: ClientConnection,
+        message: dict[str, Any],
+        *,
+        is_text: bool = False,
     ) -> Any:
         if self._has_more(connection):
             raise MessageError("it has given more than one answer to a request.")
@@ -130,12 +145,16 @@ class OpenpiPolicy(ConnectedPolicy):
     def _failure(self, words: str) -> PolicyError:
         return reported(words)
 
-    def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
+    def _handshake(
+        self, connection: ClientConnection
+    ) -> tuple[PolicyMetadata, Batching | None]:
         first = self._heard(connection)
         try:
             handshake = unpack(first if isinstance(first, bytes) else first.encode())
         except MessageError as error:
-            raise MachineryError(f"What answers is no policy's server: {error}") from error
+            raise MachineryError(
+                f"What answers is no policy's server: {error}"
+            ) from error
         server = self._server
         self._dialect = dialect = dialect_of(handshake, server.parts.path)
         if dialect is OURS:
@@ -146,7 +165,9 @@ class OpenpiPolicy(ConnectedPolicy):
                     "place. A server of DuoBench needs no format."
                 )
             return metadata, batching
-        return self._metadata_from_format(dialect.name, dialect.name, server.message_format), None
+        return self._metadata_from_format(
+            dialect.name, dialect.name, server.message_format
+        ), None
 
 
 def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batching]:
@@ -159,9 +180,13 @@ def _described(facts: Any, server: RemoteServer) -> tuple[PolicyMetadata, Batchi
                 f"{PROTOCOL}. Use the same version of DuoBench on both sides."
             )
         metadata = msgspec.convert(facts, PolicyMetadata)
-        batching = msgspec.convert({"mode": facts["batch"], "size": facts["max_batch"]}, Batching)
+        batching = msgspec.convert(
+            {"mode": facts["batch"], "size": facts["max_batch"]}, Batching
+        )
     except (msgspec.ValidationError, PolicyError, KeyError, TypeError) as error:
-        raise ServingError(f"The server describes its policy wrongly: {error}.") from error
+        raise ServingError(
+            f"The server describes its policy wrongly: {error}."
+        ) from error
     if server.execute is not None and server.execute < (metadata.horizon or math.inf):
         metadata = replace(metadata, version=f"{metadata.version}, {server.executed}")
     return metadata, batching

@@ -83,7 +83,10 @@ def read(data: bytes) -> Any:
 def _packed(value: object, *, is_text_keyed: bool) -> object:
     """A value in which arrays and scalars of NumPy are maps, as they are sent."""
     if isinstance(value, Mapping):
-        return {key: _packed(each, is_text_keyed=is_text_keyed) for key, each in value.items()}
+        return {
+            key: _packed(each, is_text_keyed=is_text_keyed)
+            for key, each in value.items()
+        }
     if isinstance(value, list | tuple):
         return [_packed(each, is_text_keyed=is_text_keyed) for each in value]
     if type(value) in _PLAIN:
@@ -91,15 +94,24 @@ def _packed(value: object, *, is_text_keyed: bool) -> object:
     for kind in (float, int, str, bytes):  # such as NumPy's float64, which is a float
         if isinstance(value, kind):
             return kind(value)  # pyright: ignore[reportArgumentType]
-    if not isinstance(value, np.ndarray | np.generic) or value.dtype.kind not in limits.DTYPE_KINDS:
+    if (
+        not isinstance(value, np.ndarray | np.generic)
+        or value.dtype.kind not in limits.DTYPE_KINDS
+    ):
         kind = getattr(value, "dtype", type(value).__name__)
-        raise TypeError(f"a message holds plain values and arrays of numbers or texts, not {kind}")
+        raise TypeError(
+            f"a message holds plain values and arrays of numbers or texts, not {kind}"
+        )
     fields: dict[str, Any] = {_DTYPE: value.dtype.str}
     if isinstance(value, np.generic):
         fields = {_SCALAR: True, _DATA: value.item(), **fields}
     else:
         fields = {_ARRAY: True, _DATA: value.tobytes(), **fields, _SHAPE: value.shape}
-    return fields if is_text_keyed else {key.encode(): each for key, each in fields.items()}
+    return (
+        fields
+        if is_text_keyed
+        else {key.encode(): each for key, each in fields.items()}
+    )
 
 
 def _checked(value: Any, depth: int) -> Any:
@@ -138,7 +150,9 @@ def _array(fields: dict[str, Any]) -> np.ndarray:
         or len(shape) > limits.MAX_DIMENSIONS
         or not all(type(size) is int and size >= 0 for size in shape)
     ):
-        raise MessageError(f"A shape has at most {limits.MAX_DIMENSIONS} sizes, got {shape!r:.80}.")
+        raise MessageError(
+            f"A shape has at most {limits.MAX_DIMENSIONS} sizes, got {shape!r:.80}."
+        )
     if not isinstance(data, bytes) or math.prod(shape) * dtype.itemsize != len(data):
         size = len(data) if isinstance(data, bytes) else "no"
         raise MessageError(
@@ -146,19 +160,28 @@ def _array(fields: dict[str, Any]) -> np.ndarray:
         )
     try:
         array = np.frombuffer(data, dtype).reshape(shape)
-    except (ValueError, OverflowError) as error:  # no bytes at all, in a shape beyond all bounds
+    except (
+        ValueError,
+        OverflowError,
+    ) as error:  # no bytes at all, in a shape beyond all bounds
         raise MessageError(f"There is no array of shape {shape}.") from error
     return array.view(np.uint8) != 0 if dtype.kind == "b" else array.copy()
 
 
 def _dtype(text: object) -> np.dtype[Any]:
     """A dtype by its name, such as "<f4", if arrays of it may be read."""
-    if isinstance(text, str) and len(text) <= limits.MAX_DTYPE_TEXT and _DTYPE_TEXT.fullmatch(text):
+    if (
+        isinstance(text, str)
+        and len(text) <= limits.MAX_DTYPE_TEXT
+        and _DTYPE_TEXT.fullmatch(text)
+    ):
         with suppress(TypeError):  # such as f3
             dtype: np.dtype[Any] = np.dtype(text)
             if dtype.itemsize:
                 return dtype
-    raise MessageError(f"Arrays of dtype {text!r:.40} are not read; <f4 and |u1 are, for example.")
+    raise MessageError(
+        f"Arrays of dtype {text!r:.40} are not read; <f4 and |u1 are, for example."
+    )
 
 
 def _scalar(fields: dict[str, Any]) -> np.generic:
@@ -170,12 +193,16 @@ def _scalar(fields: dict[str, Any]) -> np.generic:
         with np.errstate(all="ignore"):  # a number beyond its dtype is infinite
             return dtype.type(np.array(data).astype(dtype)[()])
     except (ValueError, TypeError, OverflowError) as error:
-        raise MessageError(f"A NumPy scalar of {dtype} cannot be read: {error}.") from error
+        raise MessageError(
+            f"A NumPy scalar of {dtype} cannot be read: {error}."
+        ) from error
 
 
 def _expect(fields: dict[str, Any], mark: str, names: set[str]) -> None:
     if fields.keys() != names or fields[mark] is not True:
-        raise MessageError(f"A map with {mark} has exactly the keys {', '.join(sorted(names))}.")
+        raise MessageError(
+            f"A map with {mark} has exactly the keys {', '.join(sorted(names))}."
+        )
 
 
 def _check_size(data: bytes) -> None:
@@ -187,7 +214,9 @@ def _check_size(data: bytes) -> None:
         expected -= 1
         items += 1
         if first not in _HEADS:
-            raise MessageError(f"A message cannot be read: it holds a value of type {first:#04x}.")
+            raise MessageError(
+                f"A message cannot be read: it holds a value of type {first:#04x}."
+            )
         kind, size, length = _HEADS[first]
         length += int.from_bytes(data[position : position + size])
         position += size

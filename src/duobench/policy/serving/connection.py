@@ -48,7 +48,11 @@ _LONGEST_LIST = 1000
 """Characters of a list of names that are kept."""
 LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
 """What is raised where there is no connection, or no more."""
-_UNREADABLE = (CloseCode.PROTOCOL_ERROR, CloseCode.INVALID_DATA, CloseCode.MESSAGE_TOO_BIG)
+_UNREADABLE = (
+    CloseCode.PROTOCOL_ERROR,
+    CloseCode.INVALID_DATA,
+    CloseCode.MESSAGE_TOO_BIG,
+)
 """With what this side closes a connection on which it cannot read what comes."""
 
 
@@ -108,7 +112,9 @@ class ConnectedPolicy(ABC):
         self._ending.close()
 
     @abstractmethod
-    def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
+    def _handshake(
+        self, connection: ClientConnection
+    ) -> tuple[PolicyMetadata, Batching | None]:
         """Say and read what comes first on every connection.
 
         Returns what the policy expects, and how many observations are answered together, if known.
@@ -122,7 +128,9 @@ class ConnectedPolicy(ABC):
     def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
         """The server's chunk for an observation, after whose errors the connection can be used."""
 
-    def _metadata_from_format(self, name: str, version: str, facts: object) -> PolicyMetadata:
+    def _metadata_from_format(
+        self, name: str, version: str, facts: object
+    ) -> PolicyMetadata:
         """What a policy of others expects; its version also says in which format."""
         digest = hashlib.sha256(repr(facts).encode(errors="replace")).hexdigest()[:16]
         version = f"{version}, format {digest}, {self._server.executed}"
@@ -136,7 +144,11 @@ class ConnectedPolicy(ABC):
         return max(self._most_s - HERE.seconds_since(self._asked), 0.0)
 
     def _tell(
-        self, connection: ClientConnection, message: dict[str, Any], *, is_text_keyed: bool = False
+        self,
+        connection: ClientConnection,
+        message: dict[str, Any],
+        *,
+        is_text_keyed: bool = False,
     ) -> None:
         """Send a message; one that cannot be written is no fault of the server."""
         try:
@@ -178,7 +190,9 @@ class ConnectedPolicy(ABC):
                 raise self._lost(error, may_be_old=may_be_old) from error
             raise
 
-    def _lost(self, error: BaseException, *, may_be_old: bool) -> PolicyError | MachineryError:
+    def _lost(
+        self, error: BaseException, *, may_be_old: bool
+    ) -> PolicyError | MachineryError:
         """Whose fault it is that there was no answer, which takes as long as the server does."""
         fault = f"The connection to the policy's server is lost: {escaped(str(error))}."
         if isinstance(error, TimeoutError):
@@ -186,7 +200,8 @@ class ConnectedPolicy(ABC):
             if is_healthy(self._server, self.health_path):
                 return PolicyTimeoutError(f"The policy's server lives, but {late}.")
             fault = (
-                f"The policy's server {late}, nor does it say at {self.health_path} that it lives."
+                f"The policy's server {late}, nor does it say at {self.health_path} that "
+                "it lives."
             )
         if may_be_old or _is_busy(error):
             return MachineryError(fault)
@@ -261,7 +276,9 @@ class ConnectedPolicy(ABC):
                 raise
             served = None
         if served is None or self._served not in (None, served):
-            raise MachineryError("The server has another policy now than when the run began.")
+            raise MachineryError(
+                "The server has another policy now than when the run began."
+            )
         self._served = served
         self.metadata, self.batching = served
         self._most_bytes = limits.reply_bytes(self.metadata.horizon)
@@ -270,7 +287,9 @@ class ConnectedPolicy(ABC):
 
 def _refused_with(error: BaseException) -> int | None:
     """The code with which this side has closed a connection; None if the other one has."""
-    closed = isinstance(error, ConnectionClosed) and not error.rcvd_then_sent and error.sent
+    closed = (
+        isinstance(error, ConnectionClosed) and not error.rcvd_then_sent and error.sent
+    )
     return closed.code if closed else None
 
 
@@ -282,7 +301,9 @@ def _is_busy(error: BaseException) -> bool:
 
 def reported(words: str) -> PolicyError:
     """The error of a policy whose server says in words what went wrong."""
-    return PolicyError(f"The policy's server reports:\n{escaped(words)[-LONGEST_TEXT:].strip()}")
+    return PolicyError(
+        f"The policy's server reports:\n{escaped(words)[-LONGEST_TEXT:].strip()}"
+    )
 
 
 def actions_of(answer: Any, key: str) -> Any:
@@ -290,20 +311,28 @@ def actions_of(answer: Any, key: str) -> Any:
     if isinstance(answer, np.ndarray):
         return answer
     if not isinstance(answer, dict):
-        raise PolicyError(f"The policy's server answers with a {type(answer).__name__}, no map.")
+        raise PolicyError(
+            f"The policy's server answers with a {type(answer).__name__}, no map."
+        )
     kind = answer.get("type")
     if isinstance(kind, str) and kind == "error":
         raise reported(str(answer.get("message")))
     if key not in answer:
         known = escaped(", ".join(sorted(answer)))[:_LONGEST_LIST] or "nothing"
-        raise PolicyError(f"The policy's server answers without {key!r}; it gives {known}.")
+        raise PolicyError(
+            f"The policy's server answers without {key!r}; it gives {known}."
+        )
     return answer[key]
 
 
 def is_healthy(server: RemoteServer, path: str = limits.HEALTH_PATH) -> bool:
     """Whether a server says at a path that it lives."""
     parts = server.parts
-    kind = http.client.HTTPSConnection if parts.scheme == "wss" else http.client.HTTPConnection
+    kind = (
+        http.client.HTTPSConnection
+        if parts.scheme == "wss"
+        else http.client.HTTPConnection
+    )
     connection = kind(parts.hostname or "", parts.port, timeout=limits.HEALTH_S)
     try:
         connection.request("GET", path)

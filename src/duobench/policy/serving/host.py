@@ -19,7 +19,12 @@ import websockets
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from duobench.core.errors import DuoBenchError, MessageError, PolicyError, PolicyTimeoutError
+from duobench.core.errors import (
+    DuoBenchError,
+    MessageError,
+    PolicyError,
+    PolicyTimeoutError,
+)
 from duobench.core.serving_thread import ServingThread
 from duobench.core.types import as_whole
 from duobench.policy.batch import ONE_BY_ONE, Batching, BatchPolicy, PolicyPool, Session
@@ -70,7 +75,11 @@ class PolicyHost:
         access.check_access(host, key)
         self._policy = policy
         self._loop = InferenceLoop(policy, batching, busy=busy)
-        served = {**asdict(metadata), "batch": batching.mode, "max_batch": batching.size}
+        served = {
+            **asdict(metadata),
+            "batch": batching.mode,
+            "max_batch": batching.size,
+        }
         self._handshake = pack({"duobench": {"protocol": PROTOCOL, **served}})
         self._key = key
         self._answer_s = answer_s
@@ -83,7 +92,9 @@ class PolicyHost:
             port,
             name="policy-server",
             process_request=self._admit,
-            origins=[None],  # a browser, which may act for any web page, names its origin
+            origins=[
+                None
+            ],  # a browser, which may act for any web page, names its origin
             max_size=limits.MAX_REQUEST,
             max_queue=limits.MAX_QUEUED_MESSAGES,
             open_timeout=limits.HANDSHAKE_S,
@@ -109,9 +120,13 @@ class PolicyHost:
         if request.path == HEALTH_PATH:
             return connection.respond(http.HTTPStatus.OK, "OK\n")
         if not access.is_allowed(request.headers.get("Authorization"), self._key):
-            return connection.respond(http.HTTPStatus.UNAUTHORIZED, "A key is needed.\n")
+            return connection.respond(
+                http.HTTPStatus.UNAUTHORIZED, "A key is needed.\n"
+            )
         if len(self._clients) >= limits.MAX_CONNECTIONS and not self._dismiss_one():
-            return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n")
+            return connection.respond(
+                http.HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n"
+            )
         return None
 
     def _dismiss_one(self, *, playing: bool = False) -> bool:
@@ -127,7 +142,9 @@ class PolicyHost:
             return False
         *_, connection = min(silent, key=lambda one: one[:2])
         self._clients.pop(connection).close()
-        closing = asyncio.ensure_future(_close(connection, _TRY_AGAIN, "Others need the place."))
+        closing = asyncio.ensure_future(
+            _close(connection, _TRY_AGAIN, "Others need the place.")
+        )
         self._closing.add(closing)
         closing.add_done_callback(self._closing.discard)
         return True
@@ -136,10 +153,15 @@ class PolicyHost:
         """The answer of a session, which may have to wait for the place of a silent one first."""
         until = time.monotonic() + limits.SILENT_S
         sessions = self._clients.values()
-        while not session.is_playing and sum(one.is_playing for one in sessions) >= self._places:
+        while (
+            not session.is_playing
+            and sum(one.is_playing for one in sessions) >= self._places
+        ):
             if not self._dismiss_one(playing=True):
                 if time.monotonic() > until:
-                    raise BusyError(f"All {self._places} places are taken; begin again later.")
+                    raise BusyError(
+                        f"All {self._places} places are taken; begin again later."
+                    )
                 await asyncio.sleep(limits.SILENT_S / 50)
         return await session.reply(frame)
 
@@ -189,7 +211,10 @@ class _RequestedEpisode:
 
     def changed_by(self, request: dict[str, Any]) -> "_RequestedEpisode":
         """The episode that a request belongs to; takes what only says that out of it."""
-        prompt, seed = request.get("prompt", self.prompt), request.pop("seed", self.seed)
+        prompt, seed = (
+            request.get("prompt", self.prompt),
+            request.pop("seed", self.seed),
+        )
         session_id = request.pop("session_id", self.session_id)
         if not isinstance(prompt, str):
             raise MessageError(f"A prompt is a text, got a {type(prompt).__name__}.")
@@ -197,14 +222,18 @@ class _RequestedEpisode:
         if number is None or not 0 <= number <= limits.MAX_SEED:
             raise MessageError(f"A seed is a whole number from 0, got {seed!r:.40}.")
         if not isinstance(session_id, str | int | None):
-            raise MessageError(f"A session_id is a text, got a {type(session_id).__name__}.")
+            raise MessageError(
+                f"A session_id is a text, got a {type(session_id).__name__}."
+            )
         return _RequestedEpisode(prompt=prompt, seed=number, session_id=session_id)
 
 
 class ClientSession:
     """Episodes and requests of one connection."""
 
-    def __init__(self, loop: InferenceLoop, answer_s: float = limits.INFERENCE_S) -> None:
+    def __init__(
+        self, loop: InferenceLoop, answer_s: float = limits.INFERENCE_S
+    ) -> None:
         self._loop = loop
         self._answer_s = answer_s
         self._session: Session | None = None
@@ -291,7 +320,9 @@ class ClientSession:
             async with asyncio.timeout(self._answer_s):
                 return await asyncio.wrap_future(future)
         except TimeoutError as error:
-            raise PolicyError(f"There was no answer within {self._answer_s:g} s.") from error
+            raise PolicyError(
+                f"There was no answer within {self._answer_s:g} s."
+            ) from error
         except asyncio.CancelledError:
             task = asyncio.current_task()
             if task is not None and task.cancelling():
@@ -321,7 +352,9 @@ async def _close(connection: ServerConnection, code: int, reason: str) -> None:
     connection.transport.abort()
 
 
-async def _send(connection: ServerConnection, message: str | bytes) -> "asyncio.Future[Any]":
+async def _send(
+    connection: ServerConnection, message: str | bytes
+) -> "asyncio.Future[Any]":
     """Send a message; the future is done once the other side reads it."""
     async with asyncio.timeout(limits.SEND_S):
         read = asyncio.ensure_future(await connection.ping())
@@ -329,12 +362,16 @@ async def _send(connection: ServerConnection, message: str | bytes) -> "asyncio.
         return read
 
 
-def make_served(name: str, batching: Batching) -> tuple[BatchPolicy, PolicyMetadata, Batching]:
+def make_served(
+    name: str, batching: Batching
+) -> tuple[BatchPolicy, PolicyMetadata, Batching]:
     """Make a policy of either kind, what it says about itself, and how it is asked.
 
     A plain policy answers one observation after the other, with an object for each episode and as
     many as `batching` has places; errors are those of `duobench.policy.make`.
     """
     objects = batching.size
-    made, metadata, together = make_batched(PolicyName.parse(name), batching, objects=objects)
+    made, metadata, together = make_batched(
+        PolicyName.parse(name), batching, objects=objects
+    )
     return made, metadata, together or ONE_BY_ONE

@@ -103,7 +103,11 @@ class MessageFormat:
     def rendered_size(self) -> tuple[int, int]:
         """Height and width of the images that are rendered, before bars are added."""
         height, width = self.image_size
-        return (round(width * _RATIO), width) if self.resize == "letterbox" else (height, width)
+        return (
+            (round(width * _RATIO), width)
+            if self.resize == "letterbox"
+            else (height, width)
+        )
 
     @property
     def bars(self) -> int:
@@ -135,7 +139,9 @@ class MessageFormat:
     def action_sizes(self) -> dict[str, int]:
         """How many numbers each part of an action has, in the server's order."""
         arm = action_modes.get(self.actions.mode).arm_size
-        return {part: 1 if part.endswith("gripper") else arm for part in self.actions.order}
+        return {
+            part: 1 if part.endswith("gripper") else arm for part in self.actions.order
+        }
 
     @property
     def state_sizes(self) -> dict[str, int]:
@@ -163,14 +169,18 @@ class MessageFormat:
         parts = _parts_of(observation, self._action_gripper)
         if self.actions.mode.startswith("cartesian"):
             parts["left_arm"], parts["right_arm"] = (parts[pose] for pose in _POSES)
-        return np.concatenate([parts[part][:size] for part, size in self.action_sizes.items()])
+        return np.concatenate(
+            [parts[part][:size] for part, size in self.action_sizes.items()]
+        )
 
     def _image(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         if self.bars:
             above = self.bars // 2
             image = np.pad(image, ((above, self.bars - above), (0, 0), (0, 0)))
         return (
-            image if self.image_order == "hwc" else np.ascontiguousarray(image.transpose(2, 0, 1))
+            image
+            if self.image_order == "hwc"
+            else np.ascontiguousarray(image.transpose(2, 0, 1))
         )
 
     @property
@@ -178,7 +188,9 @@ class MessageFormat:
         return self.actions.gripper or self.gripper
 
 
-def _parts_of(observation: Observation, gripper: Gripper) -> dict[str, NDArray[np.float32]]:
+def _parts_of(
+    observation: Observation, gripper: Gripper
+) -> dict[str, NDArray[np.float32]]:
     """Parts of the state by their names, with the server's numbers of grippers."""
     flat = np.asarray(observation["agent_pos"], dtype=np.float32)
     numbers = np.split(flat, [ARM_JOINTS, SIDE_SIZE, SIDE_SIZE + ARM_JOINTS])
@@ -203,7 +215,9 @@ def read_format(name: str) -> MessageFormat:
 
 
 def _decoded(name: str, document: dict[str, Any]) -> MessageFormat:
-    _check_names("key of a format", document, [each.name for each in fields(MessageFormat)])
+    _check_names(
+        "key of a format", document, [each.name for each in fields(MessageFormat)]
+    )
     actions = document.get("actions")
     if isinstance(actions, dict):
         known = [each.name for each in fields(ActionFormat)]
@@ -211,7 +225,9 @@ def _decoded(name: str, document: dict[str, Any]) -> MessageFormat:
     try:
         return msgspec.convert(document, MessageFormat)
     except msgspec.ValidationError as error:
-        raise ServingError(f"The format {name} is invalid: {error}.".replace("`$.", "`")) from error
+        raise ServingError(
+            f"The format {name} is invalid: {error}.".replace("`$.", "`")
+        ) from error
 
 
 def _check_names(kind: str, names: Iterable[str], known: Collection[str]) -> None:

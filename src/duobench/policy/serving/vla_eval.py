@@ -20,7 +20,12 @@ from duobench.envs import action_modes
 from duobench.policy.batch import Batching, Chunk, Observation
 from duobench.policy.policy import PolicyMetadata, dimensions
 from duobench.policy.serving.codec import unpack
-from duobench.policy.serving.connection import LOST, ConnectedPolicy, actions_of, reported
+from duobench.policy.serving.connection import (
+    LOST,
+    ConnectedPolicy,
+    actions_of,
+    reported,
+)
 from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.message_format import MessageFormat
 
@@ -56,7 +61,12 @@ _GRIPPER = {"open_is_one": "continuous_01", "closed_is_one": "binary_close_01"}
 _FORMATS = frozenset(
     {spec["format"] for specs in _ARM.values() for spec in specs}
     | set(_GRIPPER.values())
-    | {"euler_xyz", "rot6d_interleaved", "binary_close_positive", "binary_close_negative"}
+    | {
+        "euler_xyz",
+        "rot6d_interleaved",
+        "binary_close_positive",
+        "binary_close_negative",
+    }
     | {"base_velocity3_torso1", "base_mode_01"}
 )
 """Formats of an action whose meaning is known."""
@@ -118,15 +128,26 @@ class VlaEvalPolicy(ConnectedPolicy):
             self._drop()  # of one about the start, the observation is still to be answered
             raise reported(str(answer.get("error")))
         if kind not in ("action", "error"):
-            raise MessageError(f"An observation is answered by an action, got {kind!r:.40}.")
+            raise MessageError(
+                f"An observation is answered by an action, got {kind!r:.40}."
+            )
         if seq != number:
-            raise MessageError(f"Message {number} was answered, but the answer is to {seq!r:.40}.")
+            raise MessageError(
+                f"Message {number} was answered, but the answer is to {seq!r:.40}."
+            )
         actions = actions_of(answer, self._format.actions.key)
         return self._format.chunk([actions] if dimensions(actions) == 1 else actions)
 
-    def _send(self, connection: ClientConnection, kind: str, payload: dict[str, Any]) -> int:
+    def _send(
+        self, connection: ClientConnection, kind: str, payload: dict[str, Any]
+    ) -> int:
         self._seq += 1
-        message = {"type": kind, "payload": payload, "seq": self._seq, "timestamp": time.time()}
+        message = {
+            "type": kind,
+            "payload": payload,
+            "seq": self._seq,
+            "timestamp": time.time(),
+        }
         self._tell(connection, message, is_text_keyed=True)
         return self._seq
 
@@ -136,20 +157,30 @@ class VlaEvalPolicy(ConnectedPolicy):
             raise MessageError("A message is binary, got text.")
         message = unpack(frame)
         kind, payload, seq = (message.get(name) for name in ("type", "payload", "seq"))
-        if not (isinstance(kind, str) and isinstance(payload, dict) and type(seq) is int):
+        if not (
+            isinstance(kind, str) and isinstance(payload, dict) and type(seq) is int
+        ):
             raise MessageError("A message has a type, a payload and a seq.")
         return kind, payload, seq
 
-    def _handshake(self, connection: ClientConnection) -> tuple[PolicyMetadata, Batching | None]:
-        self._is_playing = False  # the server has ended the episode on the last connection
+    def _handshake(
+        self, connection: ClientConnection
+    ) -> tuple[PolicyMetadata, Batching | None]:
+        self._is_playing = (
+            False  # the server has ended the episode on the last connection
+        )
         ours = {"harness_version": __version__, "protocol_version": VLA_EVAL_PROTOCOL}
         self._send(connection, "hello", ours)
         try:
             kind, hello, _ = self._receive(connection)
         except MessageError as error:
-            raise MachineryError(f"What answers is no model server of vla-eval: {error}") from error
+            raise MachineryError(
+                f"What answers is no model server of vla-eval: {error}"
+            ) from error
         if kind != "hello":
-            raise MachineryError(f"A model server of vla-eval says hello first, got {kind!r:.40}.")
+            raise MachineryError(
+                f"A model server of vla-eval says hello first, got {kind!r:.40}."
+            )
         version = hello.get("protocol_version")
         if version != VLA_EVAL_PROTOCOL or isinstance(version, bool):
             raise ServingError(
@@ -159,7 +190,9 @@ class VlaEvalPolicy(ConnectedPolicy):
         try:
             declared = msgspec.convert(hello, Declared)
         except msgspec.ValidationError as error:
-            raise ServingError(f"The server describes its policy wrongly: {error}.") from error
+            raise ServingError(
+                f"The server describes its policy wrongly: {error}."
+            ) from error
         problems = [*contradictions(declared, self._format)]
         if problems:
             raise ServingError(
@@ -191,7 +224,9 @@ def action_spec(message_format: MessageFormat) -> dict[str, Spec]:
 
 def observation_spec(message_format: MessageFormat) -> dict[str, Spec]:
     """The components of an observation."""
-    specs: dict[str, Spec] = {"language": {"name": "language", "dims": 0, "format": "language"}}
+    specs: dict[str, Spec] = {
+        "language": {"name": "language", "dims": 0, "format": "language"}
+    }
     form = _RGB if message_format.image_order == "hwc" else "rgb_chw_uint8"
     for key in message_format.images:
         specs[key.rpartition(".")[2]] = {"name": "image", "dims": 0, "format": form}
@@ -250,7 +285,9 @@ def _of_observations(
             yield f"it expects a state of {spec.dims} numbers, and the format's has {sizes}"
 
 
-def _of_parameters(wanted: Mapping[str, Any], message_format: MessageFormat) -> Iterator[str]:
+def _of_parameters(
+    wanted: Mapping[str, Any], message_format: MessageFormat
+) -> Iterator[str]:
     if wanted.get("send_state") and not message_format.state:
         yield "it asks for a state (send_state), and the format has none"
     cameras = set(message_format.images.values())
@@ -261,7 +298,11 @@ def _of_parameters(wanted: Mapping[str, Any], message_format: MessageFormat) -> 
     asked = wanted.get("control_mode"), wanted.get("relative_to")
     mode = message_format.actions.mode
     ours = next((names for names, own in MODES.items() if own == mode), ("", ""))
-    given = [(value, own) for value, own in zip(asked, ours, strict=True) if value is not None]
+    given = [
+        (value, own)
+        for value, own in zip(asked, ours, strict=True)
+        if value is not None
+    ]
     if any(str(value).lower() != own for value, own in given):
         control, relative = asked
         yield (

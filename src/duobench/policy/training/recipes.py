@@ -73,7 +73,9 @@ _SMALL_TRANSFORMER = _settings("""
     policy.n_vae_encoder_layers=2 ours: half the default
     policy.dropout=0.0 ours: too few steps to overfit
 """)
-_NO_BACKBONE = _settings("policy.pretrained_backbone_weights=null ours: nothing to download")
+_NO_BACKBONE = _settings(
+    "policy.pretrained_backbone_weights=null ours: nothing to download"
+)
 _SMALL_ACT = _settings("""
     policy.optimizer_lr=1e-4 ours: ten times the default, because there are 25 times fewer steps
     policy.optimizer_lr_backbone=1e-4 ours: it learns from nothing
@@ -134,7 +136,9 @@ RECIPES: Mapping[str, Recipe] = {
         takes_domains=True,
     ),
     "smolvla": Recipe(
-        settings=_SMOLVLA, steps=_steps(20000, "ours: as the base's card says"), workers=14
+        settings=_SMOLVLA,
+        steps=_steps(20000, "ours: as the base's card says"),
+        workers=14,
     ),
     "groot": Recipe(
         settings=_GROOT,
@@ -178,7 +182,9 @@ _DIFFUSION = _settings(f"""
 OBJECT_STATES: Mapping[str, Recipe] = {
     kind: Recipe(
         settings=settings + _OBJECTS,
-        steps=_steps(4000, "ours: half an hour on a busy core; the loss still falls a little"),
+        steps=_steps(
+            4000, "ours: half an hour on a busy core; the loss still falls a little"
+        ),
         workers=0,
         one_task=True,
     )

@@ -40,7 +40,13 @@ from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
 from duobench.envs import action_labels, state_labels
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.envs.state_labels import StatePart
-from duobench.policy.training.recipes import OBJECT_STATES, RECIPES, SMALL, Recipe, Setting
+from duobench.policy.training.recipes import (
+    OBJECT_STATES,
+    RECIPES,
+    SMALL,
+    Recipe,
+    Setting,
+)
 from duobench.tasks import catalog
 
 PROGRAM = "lerobot-train"
@@ -67,7 +73,9 @@ class Training:
     def command(self, more: Sequence[str] = ()) -> list[str]:
         """The command; more options, `--name=value`, take the place of those of the same name."""
         replaced = {word.partition("=")[0] for word in more}
-        kept = [one.argument for one in self.settings if f"--{one.option}" not in replaced]
+        kept = [
+            one.argument for one in self.settings if f"--{one.option}" not in replaced
+        ]
         return [PROGRAM, *kept, *more]
 
     @property
@@ -79,7 +87,9 @@ class Training:
         """Whether the last checkpoint has all steps that the command asks for."""
         try:
             done = json.loads((self.folder / STEP).read_bytes())["step"]
-            wanted = dict(word.split("=", 1) for word in self.command(more)[1:] if "=" in word)
+            wanted = dict(
+                word.split("=", 1) for word in self.command(more)[1:] if "=" in word
+            )
             return done >= int(wanted["--steps"])
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
             return False
@@ -118,11 +128,15 @@ def plan_all(
     data = data.absolute()
     wanted = () if ALL in tasks else tuple(tasks)
     one = partial(_plan, kind, steps=steps, small=small, domain_ids=domain_ids)
-    folders = {path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")}
+    folders = {
+        path.parents[1].name: path.parents[1] for path in data.glob("*/meta/info.json")
+    }
     if folders:  # of an export with a data set for each task
         for task in wanted:
             check_known(f"task in {data}", task, folders)
-        sources = [(task, LearningData(folders[task])) for task in wanted or sorted(folders)]
+        sources = [
+            (task, LearningData(folders[task])) for task in wanted or sorted(folders)
+        ]
         if not all(_recipe(kind, small, source).one_task for _, source in sources):
             raise DataError(
                 f"{kind} learns several tasks from one data set, and {data} holds one for each "
@@ -158,20 +172,29 @@ def _plan(
     settings = [
         Setting("dataset.repo_id", f"local/{source.path.name}", "any name"),
         Setting("dataset.root", str(source.path), "given"),
-        Setting("dataset.video_backend", "pyav", "ours: needs no FFmpeg on the machine"),
+        Setting(
+            "dataset.video_backend", "pyav", "ours: needs no FFmpeg on the machine"
+        ),
     ]
     rows = None
     if tasks:
-        rows = [row for row, task in enumerate(source.episodes() or []) if task in learned]
+        rows = [
+            row for row, task in enumerate(source.episodes() or []) if task in learned
+        ]
         listed = ",".join(map(str, rows))
-        settings.append(Setting("dataset.episodes", f"[{listed}]", "given: their tasks"))
+        settings.append(
+            Setting("dataset.episodes", f"[{listed}]", "given: their tasks")
+        )
     if domain_ids:
         settings.append(_domain_setting(kind, recipe, source))
     out = out.absolute()
     if out.exists():
         config = _check_same(out, kind, source, rows)
         why = "the training in this folder goes on, with its own settings"
-        settings = [Setting("config_path", str(config), why), Setting("resume", "true", why)]
+        settings = [
+            Setting("config_path", str(config), why),
+            Setting("resume", "true", why),
+        ]
     else:
         free = max((os.cpu_count() or 1) - 1, 0)
         settings += [
@@ -180,7 +203,9 @@ def _plan(
             Setting("policy.push_to_hub", "false", "ours: it stays here"),
             Setting("output_dir", str(out), "given"),
         ]
-    settings.append(recipe.steps if steps is None else Setting("steps", str(steps), "given"))
+    settings.append(
+        recipe.steps if steps is None else Setting("steps", str(steps), "given")
+    )
     return Training(
         settings=tuple(settings),
         folder=out,
@@ -221,7 +246,9 @@ def _recipe(kind: str, small: bool, source: LearningData) -> Recipe:
     return recipes[kind]
 
 
-def _tasks(source: LearningData, wanted: Sequence[str], *, needed: bool = False) -> tuple[str, ...]:
+def _tasks(
+    source: LearningData, wanted: Sequence[str], *, needed: bool = False
+) -> tuple[str, ...]:
     """Ids of the wanted tasks, or of all; none if that is not known, and not needed."""
     episodes = source.episodes()
     if episodes is None:
@@ -241,7 +268,9 @@ def _tasks(source: LearningData, wanted: Sequence[str], *, needed: bool = False)
 def _domain_setting(kind: str, recipe: Recipe, source: LearningData) -> Setting:
     """The option that tells a policy which episodes are simulated."""
     if not recipe.takes_domains:
-        raise DataError(f"{kind} learns from both domains without knowing which is which.")
+        raise DataError(
+            f"{kind} learns from both domains without knowing which is which."
+        )
     if not source.mixes_domains():
         raise DataError(f"{source.path} has episodes of one domain alone.")
     try:
@@ -256,7 +285,9 @@ def _domain_setting(kind: str, recipe: Recipe, source: LearningData) -> Setting:
     return Setting("policy.domain_feature_key", DOMAIN, why)
 
 
-def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | None) -> Path:
+def _check_same(
+    out: Path, kind: str, source: LearningData, rows: list[int] | None
+) -> Path:
     """The settings in a folder that holds an earlier part of this training."""
     path = out / LAST / "train_config.json"
     try:
@@ -279,7 +310,9 @@ def _check_same(out: Path, kind: str, source: LearningData, rows: list[int] | No
             "Train into another folder, or delete this one."
         ) from error
     now: dict[str, object] = {"policy": kind, "data set": str(source.path)}
-    if rows is not None:  # else no task is named; an option of LeRobot may have chosen some
+    if (
+        rows is not None
+    ):  # else no task is named; an option of LeRobot may have chosen some
         now["episodes"] = rows
     changed = [
         f"{name}: {fact!s:.200}, was {'all' if facts[name] is None else facts[name]!s:.200}"
@@ -324,7 +357,9 @@ class LearningData:
                 f"Nothing that plays here can be learned from {path}: {' '.join(problems)}"
             )
         found = {key: feature_names(info, key) for key in (STATE, OBJECT_STATE, ACTION)}
-        self.names = {key: list(map(str, names)) for key, names in found.items() if names}
+        self.names = {
+            key: list(map(str, names)) for key, names in found.items() if names
+        }
         """What the numbers of its features are, where it says so."""
         self.suite_version = (self._read("meta/duobench.json") or {}).get(SUITE)
         """Version of the suite that its episodes are of, where it says so."""
@@ -403,7 +438,9 @@ def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
             yield f"There is no {key} here; a policy sees {', '.join(_SEEN)}."
 
 
-def _state_problems(features: Mapping[str, Any], names: list[Any] | None) -> Iterator[str]:
+def _state_problems(
+    features: Mapping[str, Any], names: list[Any] | None
+) -> Iterator[str]:
     """What keeps a policy from seeing the state that it learned from."""
     parts = state_labels.find(names or JOINT_NAMES)
     if parts is None:

@@ -89,7 +89,9 @@ class Board:
         numbers = np.arange((COLUMNS - 1) * (ROWS - 1))
         across = 1 + numbers % (COLUMNS - 1)
         down = 1 + numbers // (COLUMNS - 1)
-        return self.square * np.stack([across, ROWS - down, 0 * numbers], axis=-1).astype(float)
+        return self.square * np.stack(
+            [across, ROWS - down, 0 * numbers], axis=-1
+        ).astype(float)
 
 
 @cache
@@ -155,7 +157,9 @@ def write_board(board: Board, path: Path) -> None:
     sheet.line((x, y), (x + 15.0, y))
     sheet.line((x, y), (x, y + 15.0))
     size = 3.0 * CAPITAL
-    sheet.text(x + 16.0, y - 1.0, "x (the corner of the first square is the origin)", size)
+    sheet.text(
+        x + 16.0, y - 1.0, "x (the corner of the first square is the origin)", size
+    )
     sheet.text(x - 1.0, y + 16.0, "y", size)
     _draw_ruler(sheet, beside, ruler)
     for number, line in enumerate(_LINES):
@@ -172,7 +176,9 @@ def _draw_ruler(sheet: Sheet, left: float, length: float) -> None:
         x = left + mark
         sheet.line((x, _RULER_Y), (x, _RULER_Y + height), line=0.15)
         if mark % 10 == 0:
-            sheet.text(x - 0.9 * len(str(mark)), _RULER_Y - 4.0, str(mark), 3.0 * CAPITAL)
+            sheet.text(
+                x - 0.9 * len(str(mark)), _RULER_Y - 4.0, str(mark), 3.0 * CAPITAL
+            )
 
 
 # --- in images ---
@@ -219,11 +225,15 @@ class Detector:
         np.fill_diagonal(distances, np.inf)
         half = int(np.clip(WINDOW * np.median(distances.min(axis=1)), 2, 6))
         ends = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-3)
-        refined = cv2.cornerSubPix(grey, places.reshape(-1, 1, 2), (half, half), (-1, -1), ends)
+        refined = cv2.cornerSubPix(
+            grey, places.reshape(-1, 1, 2), (half, half), (-1, -1), ends
+        )
         pixels = refined.reshape(-1, 2).astype(np.float64)
         return Detection(points=self._corners[np.ravel(numbers)], pixels=pixels)
 
-    def find_all(self, images: Sequence[Image], fewest: int) -> list[tuple[int, Detection]]:
+    def find_all(
+        self, images: Sequence[Image], fewest: int
+    ) -> list[tuple[int, Detection]]:
         """Corners of the images that show the board, with the number of each image."""
         tried = enumerate(map(self.find, images))
         found = [(number, each) for number, each in tried if each is not None]
@@ -238,7 +248,9 @@ class Detector:
 def board_pose(detection: Detection, lens: CameraCalibration) -> SE3:
     """Pose of the board in the camera (x right, y down, z forwards)."""
     cv2 = opencv()
-    matrix = np.array([[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]])
+    matrix = np.array(
+        [[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]]
+    )
     is_found, turn, shift = cv2.solvePnP(
         detection.points, detection.pixels, matrix, np.array(lens.distortion)
     )
@@ -247,7 +259,9 @@ def board_pose(detection: Detection, lens: CameraCalibration) -> SE3:
     return SE3(cv2.Rodrigues(turn)[0], shift.ravel())
 
 
-def offsets(detection: Detection, camera_from_board: SE3, lens: CameraCalibration) -> Array:
+def offsets(
+    detection: Detection, camera_from_board: SE3, lens: CameraCalibration
+) -> Array:
     """Seen pixels less expected ones (n, 2), with the board at a pose."""
     seen = camera_from_board.apply(detection.points)
     return detection.pixels - distorted(seen[:, :2] / seen[:, 2:], lens)

@@ -91,7 +91,10 @@ class Measured:
 
 
 def locate_head(
-    images: Sequence[Image], board: Board, lens: CameraCalibration, table_from_board: SE3
+    images: Sequence[Image],
+    board: Board,
+    lens: CameraCalibration,
+    table_from_board: SE3,
 ) -> Measured:
     """The place of the head camera, from a board at a known place on the table.
 
@@ -107,11 +110,18 @@ def locate_head(
     test = Detection(points=points[is_test], pixels=pixels[is_test])
     table_from_camera = table_from_board @ pose.inverse()
     error = rms([offsets(test, pose, lens)])
-    return _measured(HEAD, lens, table_from_camera, "one pose of a board", len(found), error)
+    return _measured(
+        HEAD, lens, table_from_camera, "one pose of a board", len(found), error
+    )
 
 
 def _measured(
-    camera: str, lens: CameraCalibration, pose: SE3, method: str, views: int, error_px: float
+    camera: str,
+    lens: CameraCalibration,
+    pose: SE3,
+    method: str,
+    views: int,
+    error_px: float,
 ) -> Measured:
     """A lens with a place, how it was found, and what is remarkable about it."""
     if error_px > LARGEST_ERROR_PX:
@@ -184,8 +194,12 @@ def calibrate_wrist(
     by 20 to 40 degrees about at least two axes; every fifth view is held out.
     """
     for view in views:
-        if np.shape(view.joints) != (ARM_JOINTS,) or not np.all(np.abs(view.joints) < MAX_JOINT):
-            raise CalibrationError(f"A view has {ARM_JOINTS} joints in radians: {view.joints}.")
+        if np.shape(view.joints) != (ARM_JOINTS,) or not np.all(
+            np.abs(view.joints) < MAX_JOINT
+        ):
+            raise CalibrationError(
+                f"A view has {ARM_JOINTS} joints in radians: {view.joints}."
+            )
     found = Detector(board).find_all([view.image for view in views], FEWEST_VIEWS)
     seen = [
         _Seen(detection=each, table_from_flange=flange_pose(side, views[number].joints))
@@ -199,7 +213,9 @@ def calibrate_wrist(
             f"By the motion of the arm the board is {100 * (scale - 1):+.1f} % larger than by its "
             "ruler. Measure the ruler again, and look whether the board has moved."
         )
-    expected = [_camera_from_board(each, flange_from_camera, table_from_board) for each in test]
+    expected = [
+        _camera_from_board(each, flange_from_camera, table_from_board) for each in test
+    ]
     tests = [each.detection for each in test]
     error = rms([offsets(*each, lens) for each in zip(tests, expected, strict=True)])
     seen_at = np.array([board_pose(each, lens).apply(board.middle) for each in tests])
@@ -248,14 +264,20 @@ def _solve(seen: Sequence[_Seen], lens: CameraCalibration) -> tuple[SE3, SE3, fl
     table = flanges[0] @ hand @ boards[0]
 
     def unpacked(values: Array) -> tuple[SE3, SE3, float]:
-        return _moved(hand, values[:6]), _moved(table, values[6:12]), 1.0 + float(values[12])
+        return (
+            _moved(hand, values[:6]),
+            _moved(table, values[6:12]),
+            1.0 + float(values[12]),
+        )
 
     def residuals(values: Array) -> Array:
         flange_from_camera, table_from_board, scale = unpacked(values)
         parts = []
         for each in seen:
             pose = _camera_from_board(each, flange_from_camera, table_from_board)
-            larger = Detection(points=scale * each.detection.points, pixels=each.detection.pixels)
+            larger = Detection(
+                points=scale * each.detection.points, pixels=each.detection.pixels
+            )
             parts.append(offsets(larger, pose, lens).ravel())
         return np.concatenate(parts)
 
@@ -273,5 +295,7 @@ def _moved(pose: SE3, change: Array) -> SE3:
     return SE3(pose.rotation @ rotation_by(change[:3]), pose.translation + change[3:])
 
 
-def _camera_from_board(seen: _Seen, flange_from_camera: SE3, table_from_board: SE3) -> SE3:
+def _camera_from_board(
+    seen: _Seen, flange_from_camera: SE3, table_from_board: SE3
+) -> SE3:
     return (seen.table_from_flange @ flange_from_camera).inverse() @ table_from_board

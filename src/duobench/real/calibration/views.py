@@ -55,7 +55,9 @@ class ViewFolder:
         if file.exists():
             self._list = files.read(file, ViewList, VIEWS_SCHEMA)
         elif path.is_dir():
-            names = sorted(each.name for each in path.iterdir() if each.suffix.lower() in _ENDINGS)
+            names = sorted(
+                each.name for each in path.iterdir() if each.suffix.lower() in _ENDINGS
+            )
             entries = tuple(ViewEntry(image=name) for name in names)
             self._list = ViewList(camera=camera, views=entries)
         if self._list.camera != camera:

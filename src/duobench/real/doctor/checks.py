@@ -62,7 +62,9 @@ class Report:
         """Why it says nothing good about a rig; empty if all is well."""
         if self.rig_hash != rig_hash:
             return f"looked at another rig, or at an earlier state of its file ({self.rig})"
-        failed = [check.name for check in self.checks if check.outcome is Outcome.FAILED]
+        failed = [
+            check.name for check in self.checks if check.outcome is Outcome.FAILED
+        ]
         return f"found what fails: {', '.join(failed)}" if failed else ""
 
 
@@ -77,7 +79,9 @@ def is_well(checks: Iterable[Check]) -> bool:
     return all(check.outcome is not Outcome.FAILED for check in checks)
 
 
-def write_checks(folder: Path, rig: str, rig_hash: str, checks: Sequence[Check]) -> Path:
+def write_checks(
+    folder: Path, rig: str, rig_hash: str, checks: Sequence[Check]
+) -> Path:
     """Write `doctor.json` into a run's folder, which is made if it is missing; gives the file."""
     report = Report(
         rig=rig,

@@ -25,7 +25,8 @@ LIBRARIES: dict[str, tuple[str, ...]] = {
 def computer_checks(rig: Rig, sys: Path = Path("/sys")) -> list[Check]:
     """Look at the computer, of which a rig without real arms asks little."""
     is_needed = any(
-        arm.driver is not ArmDriver.SIMULATED and arm.is_realtime for arm in rig.arms.values()
+        arm.driver is not ArmDriver.SIMULATED and arm.is_realtime
+        for arm in rig.arms.values()
     )
     checks = (_kernel(is_needed, sys), _rights(is_needed), _governor(is_needed, sys))
     return [*checks, *_versions(rig)]
@@ -46,29 +47,40 @@ def _rights(is_needed: bool) -> Check:
     locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     is_high = priority == resource.RLIM_INFINITY or priority >= PRIORITY
     is_unlimited = resource.RLIM_INFINITY in (priority, locked) or locked > 1 << 30
-    words = "without limit" if locked == resource.RLIM_INFINITY else f"{locked >> 10} KiB"
+    words = (
+        "without limit" if locked == resource.RLIM_INFINITY else f"{locked >> 10} KiB"
+    )
     value = f"priority up to {priority}, locked memory {words}"
     advice = (
         "Give the group of the user rtprio 99 and memlock unlimited in /etc/security/limits.conf; "
         f"at least {PRIORITY} is asked for."
     )
-    return _needed(is_needed, is_high and is_unlimited, "realtime rights", value, advice)
+    return _needed(
+        is_needed, is_high and is_unlimited, "realtime rights", value, advice
+    )
 
 
-def _needed(is_needed: bool, is_well: bool, name: str, value: str, advice: str) -> Check:
+def _needed(
+    is_needed: bool, is_well: bool, name: str, value: str, advice: str
+) -> Check:
     if is_needed or is_well:
         return Outcome.FAILED.unless(is_well, name, value, advice)
     return Outcome.SKIPPED.of(name, f"{value}; not needed by this rig")
 
 
 def _governor(is_needed: bool, sys: Path) -> Check:
-    name, pattern = "processor speed", "devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"
+    name, pattern = (
+        "processor speed",
+        "devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor",
+    )
     found = {file.read_text().strip() for file in sys.glob(pattern)}
     if not found:
         return Outcome.SKIPPED.of(name, "not told by the kernel")
     is_well = found == {"performance"} or not is_needed
     advice = "Choose it: cpupower frequency-set -g performance"
-    return Outcome.NOTE.unless(is_well, name, f"governor {', '.join(sorted(found))}", advice)
+    return Outcome.NOTE.unless(
+        is_well, name, f"governor {', '.join(sorted(found))}", advice
+    )
 
 
 def _versions(rig: Rig) -> Iterator[Check]:

@@ -41,7 +41,9 @@ class _Measurement:
         self.late: list[float] = []
         self.trouble: str | None = None
         for name, camera in duo.cameras.items():
-            camera.listen(lambda frame, seen=self.frames[name]: seen.append(frame.index))
+            camera.listen(
+                lambda frame, seen=self.frames[name]: seen.append(frame.index)
+            )
         start = duo.clock.now()
         try:
             step = 0
@@ -55,7 +57,9 @@ class _Measurement:
                 self.late.append(duo.clock.now() - due)
                 for reading in duo.readings().values():
                     if SUCCESS_RATE in reading.state:
-                        self.rates.append(float(np.ravel(reading.state[SUCCESS_RATE])[0]))
+                        self.rates.append(
+                            float(np.ravel(reading.state[SUCCESS_RATE])[0])
+                        )
         except BackendError as error:
             self.trouble = str(error)
         finally:
@@ -124,22 +128,30 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
         return Outcome.FAILED.of(name, reading.fault.text)
     value = f"{'active' if reading.is_active else 'not active'}, opening {reading.opening:.2f}"
     if not reading.is_active:
-        return Outcome.FAILED.of(name, value, "Activate it: duobench real grippers --activate")
+        return Outcome.FAILED.of(
+            name, value, "Activate it: duobench real grippers --activate"
+        )
     answers = [float(each) for each in getattr(duo.grippers[side], "round_trips", ())]
     if not answers:
         return Outcome.OK.of(name, value)
     typical = median(answers)
-    value += f", answers in {1000 * typical:.1f} ms ({1000 * max(answers):.1f} ms at most)"
+    value += (
+        f", answers in {1000 * typical:.1f} ms ({1000 * max(answers):.1f} ms at most)"
+    )
     if typical > LONGEST_ANSWER_S:
         advice = "Set the latency timer of its adapter to 1 ms (see duobench docs real_setup)."
         return Outcome.FAILED.of(name, value, advice)
-    ends, usual = ((each.open_count, each.closed_count) for each in (config, GripperConfig()))
+    ends, usual = (
+        (each.open_count, each.closed_count) for each in (config, GripperConfig())
+    )
     is_measured = config.driver is not GripperDriver.ROBOTIQ or ends != usual
     advice = f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
     return Outcome.NOTE.unless(is_measured, name, value, advice)
 
 
-def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> Iterator[Check]:
+def _camera_checks(
+    measured: _Measurement, name: str, config: CameraConfig
+) -> Iterator[Check]:
     camera, frames = measured.duo.cameras[name], measured.frames[name]
     title = f"{name} camera"
     if camera.fault is not None:
@@ -160,8 +172,14 @@ def _camera_checks(measured: _Measurement, name: str, config: CameraConfig) -> I
     is_rare = config.fps * MAX_IMAGE_AGE_SECONDS < 1.0
     if is_rare:
         advice = f"Arms rest where an image is older than {MAX_IMAGE_AGE_SECONDS:g} s: raise fps."
-    yield Outcome.FAILED.unless(not (is_slow or is_old or is_rare), title, value, advice)
-    if config.driver in {CameraDriver.SIMULATED, CameraDriver.REHEARSAL, CameraDriver.FILE}:
+    yield Outcome.FAILED.unless(
+        not (is_slow or is_old or is_rare), title, value, advice
+    )
+    if config.driver in {
+        CameraDriver.SIMULATED,
+        CameraDriver.REHEARSAL,
+        CameraDriver.FILE,
+    }:
         return
     if config.exposure_us is None:
         value = "chosen by the camera, which varies it"
@@ -232,10 +250,14 @@ def _drift_check(duo: FrankaDuo, reference: Image | None) -> Check:
     try:
         shift = shift_between(image, reference)
     except ImportError:
-        return Outcome.NOTE.of(name, "OpenCV is not installed", install_extra("hardware"))
+        return Outcome.NOTE.of(
+            name, "OpenCV is not installed", install_extra("hardware")
+        )
     if shift is None:
         value = "too little is as it was when the reference was stored"
-        return Outcome.NOTE.of(name, value, "Clear the table, bring the arms home, and look again.")
+        return Outcome.NOTE.of(
+            name, value, "Clear the table, bring the arms home, and look again."
+        )
     pixels = float(np.hypot(*shift))
     value = f"{pixels:.1f} px from the reference ({shift[0]:+.1f}, {shift[1]:+.1f})"
     if pixels > LARGEST_SHIFT_PX:

@@ -121,7 +121,9 @@ class TickedCamera(LatestFrame):
         except BackendError:
             self.close()
             raise
-        self._ticker = self.clock.every(1.0 / self.config.fps, self._tick, f"camera {self.name}")
+        self._ticker = self.clock.every(
+            1.0 / self.config.fps, self._tick, f"camera {self.name}"
+        )
 
     def close(self) -> None:
         """Take no more images; closing twice is harmless."""

@@ -89,7 +89,9 @@ def fault_of_errors(names: Iterable[str], mode: str = "") -> Fault | None:
     return None
 
 
-def fault_of_exception(error: BaseException, lost: tuple[type[BaseException], ...]) -> Fault:
+def fault_of_exception(
+    error: BaseException, lost: tuple[type[BaseException], ...]
+) -> Fault:
     """The fault that an error of the library is; `lost` are those of networks and packets.
 
     What stopped an arm stands in the text as a list of names in quotation marks, or in words.

@@ -18,7 +18,11 @@ from duobench.core.machine import load_extra
 from duobench.core.types import Array
 from duobench.real.clock import Clock, Ticker
 from duobench.real.devices import ArmReading
-from duobench.real.drivers.franka_errors import errors_in, fault_of_errors, fault_of_exception
+from duobench.real.drivers.franka_errors import (
+    errors_in,
+    fault_of_errors,
+    fault_of_exception,
+)
 from duobench.real.rig import ArmConfig
 from duobench.results.labels import Fault
 
@@ -98,7 +102,9 @@ class FrankyArm:
             try:
                 if self._robot.has_errors:
                     names = ", ".join(errors_in(self._robot.state.current_errors))
-                    raise BackendError(f"The arm at {config.address} has errors: {names}.")
+                    raise BackendError(
+                        f"The arm at {config.address} has errors: {names}."
+                    )
                 self._robot.set_collision_behavior(
                     [*config.torque_threshold], [*config.tool_thresholds]
                 )
@@ -116,8 +122,14 @@ class FrankyArm:
         end = self._clock.now() + START_S
         while not (reading := self.read()).is_tracking:
             if reading.fault is not None or self._clock.now() >= end:
-                why = "it says nothing about why" if reading.fault is None else reading.fault.text
-                raise BackendError(f"The arm at {config.address} does not begin to track: {why}")
+                why = (
+                    "it says nothing about why"
+                    if reading.fault is None
+                    else reading.fault.text
+                )
+                raise BackendError(
+                    f"The arm at {config.address} does not begin to track: {why}"
+                )
             self._clock.wait_until(self._clock.now() + 1.0 / READ_HZ)
 
     def command(self, joints: Array, velocities: Array) -> None:
@@ -148,12 +160,18 @@ class FrankyArm:
                     self._robot = None  # an arm takes one connection at a time
                     self._reach()
                     self._is_gone = False
-                is_well = not self._robot.has_errors or self._robot.recover_from_errors()
+                is_well = (
+                    not self._robot.has_errors or self._robot.recover_from_errors()
+                )
             except self._errors() as error:
                 self._is_gone = True
-                raise BackendError(f"The arm at {address} does not recover: {error}") from error
+                raise BackendError(
+                    f"The arm at {address} does not recover: {error}"
+                ) from error
             if not is_well:
-                raise BackendError(f"The arm at {address} does not recover from its errors.")
+                raise BackendError(
+                    f"The arm at {address} does not recover from its errors."
+                )
             self._fault = None
         self._poll()
         fault = self.read().fault
@@ -180,7 +198,9 @@ class FrankyArm:
         except self._errors() as error:
             self._note(error)
             if self._reading is not None:
-                self._reading = replace(self._reading, is_tracking=False, fault=self._fault)
+                self._reading = replace(
+                    self._reading, is_tracking=False, fault=self._fault
+                )
             return
         mode = str(state.robot_mode).rpartition(".")[2]
         fault = self._fault or fault_of_errors(errors_in(state.current_errors), mode)
@@ -211,7 +231,11 @@ class FrankyArm:
         """Keep the first thing that went wrong, until somebody recovers the arm."""
         if self._fault is None:
             franky = self._known()
-            lost = (franky.NetworkException, franky.ProtocolException, franky.RealtimeException)
+            lost = (
+                franky.NetworkException,
+                franky.ProtocolException,
+                franky.RealtimeException,
+            )
             self._is_gone = isinstance(error, lost)
             self._fault = fault_of_exception(error, lost)
 
@@ -226,7 +250,9 @@ class FrankyArm:
                 # One number for all; `start` gives each joint its own.
                 default_torque_threshold=min(config.torque_threshold),
                 default_force_threshold=min(config.tool_thresholds),
-                realtime_config=realtime.Enforce if config.is_realtime else realtime.Ignore,
+                realtime_config=realtime.Enforce
+                if config.is_realtime
+                else realtime.Ignore,
             )
         except self._errors() as error:
             raise BackendError(
@@ -245,7 +271,9 @@ class FrankyArm:
 
 def state_of(state: Any) -> Mapping[str, Array]:
     """A robot state as arrays, by the names of libfranka; what is missing is left out."""
-    found: dict[str, Any] = {name: getattr(state, name, None) for name in (*ARRAYS, *NUMBERS)}
+    found: dict[str, Any] = {
+        name: getattr(state, name, None) for name in (*ARRAYS, *NUMBERS)
+    }
     for name in POSES:
         found[name] = getattr(getattr(state, name, None), "matrix", None)
     found["elbow"] = getattr(getattr(state, "elbow", None), "joint_3_pos", None)

@@ -44,7 +44,9 @@ class RealSenseCamera(ThreadedCamera):
         self._is_recording = Path(config.device).suffix in RECORDINGS
 
     def _open(self) -> None:
-        self._library = rs = load_extra("pyrealsense2", "hardware", NEEDED, BackendError)
+        self._library = rs = load_extra(
+            "pyrealsense2", "hardware", NEEDED, BackendError
+        )
         device = self.config.device
         if self._is_recording and not Path(device).is_file():
             raise BackendError(f"There is no recording {device}.")
@@ -75,7 +77,9 @@ class RealSenseCamera(ThreadedCamera):
             rs.config.enable_device_from_file(wanted, self.config.device, True)
         else:
             wanted.enable_device(self.config.device)
-        wanted.enable_stream(rs.stream.color, width, height, rs.format.rgb8, self.config.fps)
+        wanted.enable_stream(
+            rs.stream.color, width, height, rs.format.rgb8, self.config.fps
+        )
         self._pipeline = rs.pipeline()
         profile = self._pipeline.start(wanted)
         device = profile.get_device()
@@ -157,7 +161,10 @@ def _devices(rs: Any) -> dict[str, Any]:
 
 def _colour_sensor(rs: Any, device: Any) -> Any:
     for sensor in device.query_sensors():
-        if any(each.stream_type() == rs.stream.color for each in sensor.get_stream_profiles()):
+        if any(
+            each.stream_type() == rs.stream.color
+            for each in sensor.get_stream_profiles()
+        ):
             return sensor
     raise BackendError("The camera has no sensor that gives colour.")
 

@@ -189,13 +189,21 @@ class RehearsalViews:
                 model = copy.copy(original)
                 self._scene = original, model, mujoco.MjData(model)
             _, model, data = self._scene
-            data.qpos[:], data.mocap_pos[:], data.mocap_quat[:], model.geom_rgba[:] = moved
-            for bring_up_to_date in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
+            data.qpos[:], data.mocap_pos[:], data.mocap_quat[:], model.geom_rgba[:] = (
+                moved
+            )
+            for bring_up_to_date in (
+                mujoco.mj_kinematics,
+                mujoco.mj_comPos,
+                mujoco.mj_camlight,
+            ):
                 bring_up_to_date(model, data)
             newest: dict[str, Image] = {}
             for shape in set(self._shapes.values()):
                 if shape not in self._renderers:
-                    self._renderers[shape] = Renderer(model, height=shape[0], width=shape[1])
+                    self._renderers[shape] = Renderer(
+                        model, height=shape[0], width=shape[1]
+                    )
                 names = [name for name, each in self._shapes.items() if each == shape]
                 try:
                     newest |= self._renderers[shape].render_all(data, names)
@@ -248,7 +256,9 @@ class Rehearsal:
         """What they act on."""
         self._views = RehearsalViews(clock, self.world)
 
-    def device(self, config: ArmConfig | GripperConfig | CameraConfig, name: str) -> Device:
+    def device(
+        self, config: ArmConfig | GripperConfig | CameraConfig, name: str
+    ) -> Device:
         """The arm on the mount that an address names, a gripper, or the camera of a name.
 
         A gripper is the driver of real ones, at the registers of the one that a port names.

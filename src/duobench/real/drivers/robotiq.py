@@ -114,7 +114,9 @@ class SerialPort:
 
     def __init__(self, name: str, answer_s: float) -> None:
         modbus, clients, _ = (  # pymodbus looks whether serial was loaded
-            load_extra(each, "hardware", "Grippers need pymodbus and pyserial", BackendError)
+            load_extra(
+                each, "hardware", "Grippers need pymodbus and pyserial", BackendError
+            )
             for each in ("pymodbus", "pymodbus.client", "serial")
         )
         # What goes wrong is part of a reading; without this each lost answer would be printed.
@@ -238,8 +240,12 @@ class RobotiqGripper:
                 break
             if not self._activation and reading.is_active and reading.fault is None:
                 return
-        why = reading.fault.text if reading.fault else f"it took over {ACTIVATION_S:g} s."
-        raise BackendError(f"The gripper at {self._config.port} was not activated: {why}")
+        why = (
+            reading.fault.text if reading.fault else f"it took over {ACTIVATION_S:g} s."
+        )
+        raise BackendError(
+            f"The gripper at {self._config.port} was not activated: {why}"
+        )
 
     def read(self) -> GripperReading:
         """The latest reading; its fault says what is wrong now, silence included."""
@@ -302,7 +308,9 @@ class RobotiqGripper:
             return FaultKind.COMMUNICATION.fault(text)
         meaning = _FAULTS.get(status.fault)
         if meaning is not None:
-            text = f"The gripper at {port} reports fault 0x{status.fault:02X}: {meaning}."
+            text = (
+                f"The gripper at {port} reports fault 0x{status.fault:02X}: {meaning}."
+            )
             return FaultKind.COMMUNICATION.fault(text)
         if self._was_active and not status.is_activated and not self._activation:
             text = f"The gripper at {port} is active no more; it lost its power, or was reset."
@@ -312,7 +320,9 @@ class RobotiqGripper:
     def _tick(self) -> None:
         port = self._port
         assert port is not None  # it ticks once it is connected
-        if not port.is_open and (self._clock.now() < self._next_open or not self._open()):
+        if not port.is_open and (
+            self._clock.now() < self._next_open or not self._open()
+        ):
             return
         news = self._news()
         if news is not None:

@@ -100,7 +100,9 @@ class SimulatedArm:
         """Stop."""
         self.stop()
 
-    def fail(self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.CONTACT) -> None:
+    def fail(
+        self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.CONTACT
+    ) -> None:
         """Report a fault from now on, and follow no more commands."""
         self.stop()
         self._fault = kind.fault(text)
@@ -119,7 +121,10 @@ class SimulatedArm:
             dt, self._time = end - self._time, end
             pull, speed = 0.0, 0.0
             if self._is_tracking:
-                pull, speed = ARM_RATE * ARM_RATE * (self._target - self._joints), self._speed
+                pull, speed = (
+                    ARM_RATE * ARM_RATE * (self._target - self._joints),
+                    self._speed,
+                )
             push = 2.0 * ARM_RATE * (speed - self._velocities)
             self._velocities = self._velocities + dt * (pull + push)
             self._joints = self._joints + dt * self._velocities
@@ -190,7 +195,10 @@ class SimulatedGripper:
         most = GRIPPER_SPEED * (now - self._time)
         self._time = now
         moved = self._opening + min(max(self._target - self._opening, -most), most)
-        if self.object_opening is not None and self._opening >= self.object_opening > moved:
+        if (
+            self.object_opening is not None
+            and self._opening >= self.object_opening > moved
+        ):
             moved = self.object_opening
         self._opening = moved
 

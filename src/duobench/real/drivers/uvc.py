@@ -27,7 +27,12 @@ MOST_DELAY_S = 1.0
 """Most seconds between the time of a frame and its arrival, if both are of one clock."""
 _SET = 0xC008561C
 """VIDIOC_S_CTRL of <linux/videodev2.h>: an identifier and a value of 32 bits each."""
-_EXPOSURE_MODE, _EXPOSURE, _WHITE_BALANCE, _GAIN = 0x009A0901, 0x009A0902, 0x0098090C, 0x00980913
+_EXPOSURE_MODE, _EXPOSURE, _WHITE_BALANCE, _GAIN = (
+    0x009A0901,
+    0x009A0902,
+    0x0098090C,
+    0x00980913,
+)
 _MANUAL = 1
 _EXPOSURE_UNIT_US = 100.0
 
@@ -59,14 +64,18 @@ class UvcCamera(ThreadedCamera):
         try:
             frame = next(self._frames)
         except (FFmpegError, StopIteration) as error:
-            raise BackendError(f"{self.config.device} gives no more images ({error})") from error
+            raise BackendError(
+                f"{self.config.device} gives no more images ({error})"
+            ) from error
         now = self.clock.now()
         taken = None if frame.time is None else float(frame.time)
         is_dated = taken is not None and 0.0 <= now - taken <= MOST_DELAY_S
         time_s = taken if is_dated and taken is not None else now
         index = 0
         if self._last is not None:
-            passed = round((time_s - self._last[1]) * self.config.fps) if is_dated else 1
+            passed = (
+                round((time_s - self._last[1]) * self.config.fps) if is_dated else 1
+            )
             index = self._last[0] + max(1, passed)
         self._last = index, time_s
         return pixels(frame, is_side_by_side=self.config.is_side_by_side), time_s, index
@@ -109,22 +118,31 @@ class FileCamera(TickedCamera):
             with opened(self.name, device.removeprefix(GENERATED), kind) as container:
                 try:
                     for frame in container.decode(video=0):
-                        image, count = pixels(frame, is_side_by_side=is_side_by_side), count + 1
+                        image, count = (
+                            pixels(frame, is_side_by_side=is_side_by_side),
+                            count + 1,
+                        )
                         yield image
                 except FFmpegError as error:
-                    raise BackendError(f"{device} cannot be decoded: {error}") from error
+                    raise BackendError(
+                        f"{device} cannot be decoded: {error}"
+                    ) from error
             if image is None:
                 raise BackendError(f"{device} holds no images.")
             while count == 1:
                 yield image
 
 
-def opened(name: str, device: str, kind: str | None, options: dict[str, str] | None = None) -> Any:
+def opened(
+    name: str, device: str, kind: str | None, options: dict[str, str] | None = None
+) -> Any:
     """A container of PyAV with a stream of images."""
     try:
         container = av.open(device, format=kind, options=options or {})
     except (FFmpegError, ValueError) as error:
-        raise BackendError(f"The camera {name} cannot be opened at {device!r}: {error}") from error
+        raise BackendError(
+            f"The camera {name} cannot be opened at {device!r}: {error}"
+        ) from error
     if not container.streams.video:
         container.close()
         raise BackendError(f"{device} of the camera {name} holds no images.")
@@ -177,6 +195,8 @@ def usb_of(device: str) -> str:
     """The USB version by which a video device, or a link to one, is connected; empty if unknown."""
     name = Path(device).resolve().name
     try:
-        return Path(f"/sys/class/video4linux/{name}/device/../version").read_text().strip()
+        return (
+            Path(f"/sys/class/video4linux/{name}/device/../version").read_text().strip()
+        )
     except OSError:
         return ""

@@ -78,7 +78,12 @@ class Film:
         self._thread = threading.Thread(target=self._encode, name="film", daemon=True)
         self._thread.start()
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+    def on_episode_start(
+        self,
+        env: gym.Env,  # noqa: ARG002 - the protocol's signature
+        observation: Observation,  # noqa: ARG002 - the protocol's signature
+        info: Info,  # noqa: ARG002
+    ) -> None:
         """Film the start."""
         self._add(0)
 
@@ -93,7 +98,9 @@ class Film:
             self._frames.put(None)
             self._thread.join()
         if self.lost:
-            _log.warning("%d frames of the film are missing: this computer was busy.", self.lost)
+            _log.warning(
+                "%d frames of the film are missing: this computer was busy.", self.lost
+            )
 
     def video(self) -> bytes | None:
         """The film as WebM, once it is finished; None without a frame, or if it failed."""
@@ -119,7 +126,10 @@ class Film:
             except Exception:  # noqa: BLE001 - pictures for people end no film
                 _log.exception("What is filmed cannot be shown.")
                 is_shown = False
-            for shown in (*[image if before is None else before] * (number - written), image):
+            for shown in (
+                *[image if before is None else before] * (number - written),
+                image,
+            ):
                 if self._error is None:
                     self._try(partial(writer.add, shown))
             written, before = number + 1, image
@@ -142,7 +152,9 @@ class CameraFeed:
 
     def __init__(self, duo: FrankaDuo, server: PageServer) -> None:
         self._duo, self._server = duo, server
-        self._shown: dict[str, tuple[Frame, str]] = {}  # what each camera's address shows
+        self._shown: dict[
+            str, tuple[Frame, str]
+        ] = {}  # what each camera's address shows
         self._ticker = SystemClock().every(PERIOD_S, self._tick, "cameras of the page")
 
     def close(self) -> None:
@@ -155,7 +167,10 @@ class CameraFeed:
             before = self._shown.get(name)
             if before is None or before[0] is not frame:
                 content = jpeg(frame.image, SHOWN_WIDTH)
-                self._shown[name] = frame, self._server.publish_image(f"camera-{name}", content)
+                self._shown[name] = (
+                    frame,
+                    self._server.publish_image(f"camera-{name}", content),
+                )
         ages = image_ages(self._duo.cameras, self._duo.clock.now())
         self._server.publish_cameras([self._about(*each) for each in ages.items()])
 

@@ -26,12 +26,16 @@ HOLDING = (
     "Something is held by the {} hand. Take it, so that it does not drop.\n"
     "l: open the left hand; r: open the right hand; b: open both; q: end."
 )
-HOME = "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
+HOME = (
+    "Clear the space of the arms. h: they go home slowly, with open grippers; q: end."
+)
 PLACE = "Place the objects:\n{}\np: placed, the arms may move; q: end."
 PLAYING = "It plays. 1 to {last}: this stage is reached; s: solved; u: undo; space: hold both arms."
 WAITING = "The policy does not answer. g: give it up."
 DECIDE = "{} k: keep it; d: discard it; q: end, and leave it undecided."
-ASK_WHY = "{}\nIt is discarded. Why did the arms stop?\n{}\nq: end, and leave it undecided."
+ASK_WHY = (
+    "{}\nIt is discarded. Why did the arms stop?\n{}\nq: end, and leave it undecided."
+)
 
 
 KeyCall = Callable[[str], object]
@@ -77,13 +81,19 @@ def ask_to_make_ready(duo: FrankaDuo, operator: Operator) -> bool:
     """
     while True:
         if duo.supervisor.fault is not None:
-            question, acts = FAULT.format(duo.supervisor.reason), {"r": duo.supervisor.recover}
+            question, acts = (
+                FAULT.format(duo.supervisor.reason),
+                {"r": duo.supervisor.recover},
+            )
             faulty = duo.hands.to_activate
             if faulty:
                 question += "\n" + ACTIVATES.format(" and ".join(faulty))
                 acts["a"] = duo.hands.activate
         elif inactive := duo.hands.inactive:
-            question, acts = INACTIVE.format(" and ".join(inactive)), {"a": duo.hands.activate}
+            question, acts = (
+                INACTIVE.format(" and ".join(inactive)),
+                {"a": duo.hands.activate},
+            )
         elif holding := duo.hands.holding:
             question = HOLDING.format(" and ".join(holding))
             acts = {side[0]: partial(duo.hands.open, [side]) for side in holding}

@@ -74,7 +74,9 @@ class Overlay:
 
     def layout(self, seed: int, split: str) -> Layout:
         """The layout of a seed, the same that the simulated environment begins with."""
-        sampled = first_valid(self._simulation, self.task.layouts(seed, split), self.task.id)
+        sampled = first_valid(
+            self._simulation, self.task.layouts(seed, split), self.task.id
+        )
         return Layout.from_json(sampled.to_json())
 
     def images(self, layout: Layout, joints: Array) -> dict[str, bytes]:
@@ -91,14 +93,19 @@ class Overlay:
         if self._renderer is None:
             from duobench.world.sim.rendering import Renderer
 
-            self._renderer = Renderer(simulation.model, height=NATIVE_HEIGHT, width=NATIVE_WIDTH)
+            self._renderer = Renderer(
+                simulation.model, height=NATIVE_HEIGHT, width=NATIVE_WIDTH
+            )
         try:
             image = self._renderer.render(simulation.data, HEAD)
             seen = self._renderer.segment(simulation.data, HEAD)
         except RenderingError:
             return {}  # outlines and numbers are there without
         alpha = np.isin(seen, self._robot_geoms()) * round(255 * GHOST_OPACITY)
-        return {"layout": jpeg(image), "ghost": _png(np.dstack([image, alpha.astype(np.uint8)]))}
+        return {
+            "layout": jpeg(image),
+            "ghost": _png(np.dstack([image, alpha.astype(np.uint8)])),
+        }
 
     def close(self) -> None:
         """Free what images need."""

@@ -11,7 +11,13 @@ import gymnasium as gym
 from duobench.core.errors import DuoBenchError, PolicyError
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder
-from duobench.envs.duo_env import TRUNCATION_REASON, DuoWrapper, ResetOptions, Start, base_of
+from duobench.envs.duo_env import (
+    TRUNCATION_REASON,
+    DuoWrapper,
+    ResetOptions,
+    Start,
+    base_of,
+)
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollout import Step, Watcher, rollout
 from duobench.policy.registry import PolicyKind, PolicyName
@@ -59,16 +65,20 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
 
 def as_real(name: PolicyName) -> PolicyName:
     """A policy by name that is told that it plays on real arms, unless its name says where."""
-    if name.kind is not PolicyKind.LEROBOT or parse_qs(name.reference.partition("?")[2]).get(
-        "domain"
-    ):
+    if name.kind is not PolicyKind.LEROBOT or parse_qs(
+        name.reference.partition("?")[2]
+    ).get("domain"):
         return name
     told = f"{name.reference}{'&' if '?' in name.reference else '?'}domain={REAL}"
     return replace(name, reference=told)
 
 
 def make_rig_recorder(
-    env: gym.Env, duo: FrankaDuo, data: DataSet | str | Path, actor: Actor, **options: Any
+    env: gym.Env,
+    duo: FrankaDuo,
+    data: DataSet | str | Path,
+    actor: Actor,
+    **options: Any,
 ) -> Recorder:
     """A `Recorder` with all cameras of a rig, in which every episode waits for a decision."""
     rig = RigRecorder(duo, waits=isinstance(duo.clock, VirtualClock))
@@ -127,7 +137,11 @@ class PlayedEpisode:
     @property
     def reasons(self) -> tuple[str, ...]:
         """What may be said to why it does not count, where a person has to; empty if it may."""
-        return () if self.fault is None or self.ended_by_success else REASONS.get(self.fault, ())
+        return (
+            ()
+            if self.fault is None or self.ended_by_success
+            else REASONS.get(self.fault, ())
+        )
 
     @property
     def ending(self) -> str:
@@ -166,7 +180,9 @@ class PolicyRunner:
         except DuoBenchError as caught:
             failure = caught
         kind, stopped = ending.info.get(FAULT_KIND), ending.info.get(TRUNCATION_REASON)
-        if failure is not None and (fault := self._duo.fault) is not None:  # on the way home
+        if (
+            failure is not None and (fault := self._duo.fault) is not None
+        ):  # on the way home
             kind, stopped = fault.kind, failure
         return PlayedEpisode(
             steps=ending.number,
@@ -202,4 +218,8 @@ class _LastStep(Watcher):
         self.terminated = False
 
     def on_step(self, step: Step) -> None:
-        self.info, self.number, self.terminated = step.info, step.number, step.terminated
+        self.info, self.number, self.terminated = (
+            step.info,
+            step.number,
+            step.terminated,
+        )

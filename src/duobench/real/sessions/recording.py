@@ -24,7 +24,11 @@ from duobench.policy import PolicyMetadata
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env
 from duobench.real.sessions.operator import Operator, TerminalView
-from duobench.real.sessions.policy_runner import PolicyRunner, find_rig_policy, make_rig_recorder
+from duobench.real.sessions.policy_runner import (
+    PolicyRunner,
+    find_rig_policy,
+    make_rig_recorder,
+)
 from duobench.real.sessions.session import RigSession, Stopped
 from duobench.results.run import needed_options
 from duobench.results.suite import find_tasks
@@ -47,7 +51,9 @@ class Playback:
         tempo: Part of its speed, at most 1; commands in between are interpolated.
     """
 
-    def __init__(self, recording: Recording, name: str = "playback", tempo: float = TEMPO) -> None:
+    def __init__(
+        self, recording: Recording, name: str = "playback", tempo: float = TEMPO
+    ) -> None:
         if not len(recording):
             raise PolicyError("The episode has no commands that could be played.")
         if not 0.0 < tempo <= 1.0:
@@ -90,7 +96,9 @@ def find_policy(name: str, tempo: float = TEMPO) -> PolicySource:
         return find_rig_policy(name)
     path = Path(name)
     recording = Recording.read(path)
-    playback = Playback(recording, f"playback of {recording.info.task}/{path.stem}", tempo)
+    playback = Playback(
+        recording, f"playback of {recording.info.task}/{path.stem}", tempo
+    )
     return PolicySource(metadata=playback.metadata, bind=lambda _env: playback)
 
 
@@ -123,8 +131,15 @@ class RigRecording(RigSession):
         after_success: float = AFTER_SUCCESS_S,
     ) -> None:
         if episodes < 1:
-            raise OptionError(f"A session records at least one episode, got {episodes}.")
-        self._operator, self._source, self._data, self._wanted = operator, source, data, episodes
+            raise OptionError(
+                f"A session records at least one episode, got {episodes}."
+            )
+        self._operator, self._source, self._data, self._wanted = (
+            operator,
+            source,
+            data,
+            episodes,
+        )
         metadata = source.metadata
         (info,) = find_tasks([task])
         horizon = horizon or info.horizon
@@ -135,9 +150,13 @@ class RigRecording(RigSession):
         """The environment, which records."""
         self._runner = PolicyRunner(self.env, source)
         if isinstance(self._runner.policy, Playback):
-            self.env.actor = Actor(kind=ActorKind.PROGRAM, name=who.name, version=who.version)
+            self.env.actor = Actor(
+                kind=ActorKind.PROGRAM, name=who.name, version=who.version
+            )
         self._layout = Layout(poses={})
-        self._options = {SPLIT: TRAIN} | ({INSTRUCTION: instruction} if instruction else {})
+        self._options = {SPLIT: TRAIN} | (
+            {INSTRUCTION: instruction} if instruction else {}
+        )
         self.view = self._terminal = TerminalView(self, operator)
         self.kept = data.kept(self.env.task)
         """Episodes of the task that are kept, those of earlier sessions counted."""
@@ -180,7 +199,11 @@ class RigRecording(RigSession):
         if outcome is None:
             self._operator.say(f"Nothing was recorded. {error}")
             return
-        how = "It is solved." if outcome.success else f"It ended at stage {outcome.stage}."
+        how = (
+            "It is solved."
+            if outcome.success
+            else f"It ended at stage {outcome.stage}."
+        )
         why = played.ending if played.reasons else error or outcome.reason or ""
         reason = self.decide(played, f"{how} {why}".strip())
         if reason:

@@ -71,7 +71,9 @@ def make_real_recorder(
         action_mode=action_mode,
         horizon=round(TIME_LIMIT_S * CONTROL_HZ),
     )
-    return make_rig_recorder(env, duo, data, actor, after_success=after_success, has_clutch=True)
+    return make_rig_recorder(
+        env, duo, data, actor, after_success=after_success, has_clutch=True
+    )
 
 
 class RigTeleoperation(Teleoperation):
@@ -84,7 +86,9 @@ class RigTeleoperation(Teleoperation):
 
     keeps = (TeleopState.RECORDING, *Teleoperation.keeps)
 
-    def __init__(self, env: Recorder, device: Device, operator: Operator, **options: Any) -> None:
+    def __init__(
+        self, env: Recorder, device: Device, operator: Operator, **options: Any
+    ) -> None:
         self._operator, self._is_stopped = operator, False
         self.on_homing: Callable[[], object] = lambda: None
         """Called before the operator is asked whether the arms may go home."""
@@ -130,7 +134,9 @@ class RigTeleoperation(Teleoperation):
         rig, given = self._real.rig, options.get(LAYOUT)
         self.note = f"{rig.held or ''} {AT_TERMINAL}".strip()
         self.on_homing()
-        question = CLEAR.format(placement(given if isinstance(given, Layout) else Layout(poses={})))
+        question = CLEAR.format(
+            placement(given if isinstance(given, Layout) else Layout(poses={}))
+        )
         is_over = self._is_stopped or not ask_to_make_ready(rig, self._operator)
         is_over = is_over or self._operator.ask(question, f"h{QUIT}") == QUIT
         if is_over or self._is_stopped:  # perhaps while it was asked
@@ -181,6 +187,8 @@ class RigTeleopPage(TeleopPage):
     def _data(self) -> mujoco.MjData:
         # Linkages of grippers can be shown open only.
         joints = self._real.backend.read().joints
-        self._picture.duo.set_configuration(DuoCommand(joints=joints, openings=np.ones(2)))
+        self._picture.duo.set_configuration(
+            DuoCommand(joints=joints, openings=np.ones(2))
+        )
         self._picture.forward()
         return self._picture.data

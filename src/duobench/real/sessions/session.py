@@ -149,10 +149,14 @@ class RigSession:
             self.write(LogKind.HOLD, text=HELD_BY_OPERATOR)
             return True
         if not isinstance(message, _ALLOWED[self.phase]):
-            raise MessageError(f"Not now: this is not for the state {self.phase.value!r}.")
+            raise MessageError(
+                f"Not now: this is not for the state {self.phase.value!r}."
+            )
         if isinstance(message, messages.GiveUp):
             if not self.give_up():
-                raise MessageError("The policy is not waited for: there is nothing to give up.")
+                raise MessageError(
+                    "The policy is not waited for: there is nothing to give up."
+                )
             return True
         if isinstance(message, (messages.Home, messages.Start)):
             # From now on, so that a hold that is pressed later takes it back, though this waits.
@@ -180,7 +184,13 @@ class RigSession:
     def begin(self) -> None:
         """Another episode: no press of the one before counts for it."""
         self.phase = Phase.PLACING
-        self.note, self.at_end, self.lost, self.is_home, self.reasons = "", None, "", False, ()
+        self.note, self.at_end, self.lost, self.is_home, self.reasons = (
+            "",
+            None,
+            "",
+            False,
+            (),
+        )
         self.judge.begin()
 
     def place(self) -> None:
@@ -210,7 +220,11 @@ class RigSession:
         """
 
     def play(
-        self, runner: PolicyRunner, seed: int, options: dict[str, Any], *watchers: Watcher
+        self,
+        runner: PolicyRunner,
+        seed: int,
+        options: dict[str, Any],
+        *watchers: Watcher,
     ) -> PlayedEpisode:
         """Have a policy play; the arms are held afterwards."""
         self.write(LogKind.START)
@@ -239,7 +253,12 @@ class RigSession:
         self.waits = True
         self.view.publish()
 
-    def on_episode_start(self, env: gym.Env, observation: Observation, info: Info) -> None:  # noqa: ARG002 - the protocol's signature
+    def on_episode_start(
+        self,
+        env: gym.Env,  # noqa: ARG002 - the protocol's signature
+        observation: Observation,  # noqa: ARG002 - the protocol's signature
+        info: Info,  # noqa: ARG002
+    ) -> None:
         """The arms are at home, and the policy begins."""
         self.phase, self.waits = Phase.PLAYING, False
         self.view.publish()

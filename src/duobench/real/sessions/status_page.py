@@ -52,7 +52,11 @@ class StatusPage:
     """
 
     def __init__(
-        self, session: RigSession, server: PageServer, overlay: Overlay, silence_s: float
+        self,
+        session: RigSession,
+        server: PageServer,
+        overlay: Overlay,
+        silence_s: float,
     ) -> None:
         self._session, self._server, self._overlay = session, server, overlay
         self.more: dict[str, Any] = {}
@@ -71,7 +75,9 @@ class StatusPage:
         server.listen(
             messages.Message,
             self._take,
-            lambda gives_way: session.lose(TAKEN_OVER if gives_way else CONNECTION_LOST),
+            lambda gives_way: session.lose(
+                TAKEN_OVER if gives_way else CONNECTION_LOST
+            ),
             WATCHING,
             anyone=(messages.Hold,),
         )
@@ -80,8 +86,15 @@ class StatusPage:
 
     def begin(self, layout: Layout, episode: Mapping[str, Any]) -> None:
         """Show another episode, and where its objects shall lie."""
-        self._layout, self._images, self._film, self._ghost_joints = layout, {}, "", None
-        places = [each for each in marks_of(self._overlay.task, layout) if each.on_table]
+        self._layout, self._images, self._film, self._ghost_joints = (
+            layout,
+            {},
+            "",
+            None,
+        )
+        places = [
+            each for each in marks_of(self._overlay.task, layout) if each.on_table
+        ]
         shown = [self._footprint(number, each) for number, each in enumerate(places, 1)]
         self._episode = {**episode, "footprints": shown}
         self.publish()
@@ -97,7 +110,11 @@ class StatusPage:
     def publish(self) -> None:
         """Show the session as it is now."""
         session = self._session
-        labels, steps, fault = session.judge.labels, session.judge.steps, session.duo.fault
+        labels, steps, fault = (
+            session.judge.labels,
+            session.judge.steps,
+            session.duo.fault,
+        )
         self._server.publish_status(
             {
                 "phase": session.phase.value,
@@ -188,7 +205,11 @@ class StatusPage:
     def _show_placing(self) -> None:
         """Show the live image, and the layout over it; the ghost again once an arm has moved."""
         layout = self._layout
-        if layout is None or not self._server.has_viewers or time.monotonic() < self._next_image:
+        if (
+            layout is None
+            or not self._server.has_viewers
+            or time.monotonic() < self._next_image
+        ):
             return
         self._next_image = time.monotonic() + LIVE_S
         image = head_image(self._session.duo)
@@ -201,7 +222,9 @@ class StatusPage:
         self._ghost_joints = joints.copy()
         for name, made in self._overlay.images(layout, joints).items():
             self._image_count += 1
-            self._images[name] = self._server.publish_image(f"{name}-{self._image_count}", made)
+            self._images[name] = self._server.publish_image(
+                f"{name}-{self._image_count}", made
+            )
 
     def _footprint(self, number: int, mark: Mark) -> dict[str, Any]:
         x, y, yaw = (round(value, 1) + 0.0 for value in (mark.x, mark.y, mark.yaw))
@@ -211,7 +234,9 @@ class StatusPage:
             "x_mm": x,
             "y_mm": y,
             "yaw_deg": yaw,
-            "outlines": [self._in_image(outline) for outline in mark.contact or mark.seen],
+            "outlines": [
+                self._in_image(outline) for outline in mark.contact or mark.seen
+            ],
         }
 
     def _in_image(self, outline: Array) -> list[list[float]]:

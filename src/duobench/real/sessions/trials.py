@@ -11,7 +11,12 @@ from datetime import UTC, datetime
 from typing import Any, cast
 
 from duobench.core.files import checksum, remove, write
-from duobench.core.versions import package_source, package_versions, record_versions, source_hashes
+from duobench.core.versions import (
+    package_source,
+    package_versions,
+    record_versions,
+    source_hashes,
+)
 from duobench.core.video import jpeg
 from duobench.data import Actor, ActorKind, DataSet
 from duobench.envs.config import LAYOUT, EnvConfig
@@ -32,7 +37,12 @@ from duobench.real.sessions.policy_runner import (
 )
 from duobench.real.sessions.session import Phase, RigSession, Stopped
 from duobench.real.sessions.status_page import SILENCE_S, StatusPage
-from duobench.real.sessions.trials_folder import LogEntry, LogKind, TrialsFolder, TrialsProgress
+from duobench.real.sessions.trials_folder import (
+    LogEntry,
+    LogKind,
+    TrialsFolder,
+    TrialsProgress,
+)
 from duobench.real.sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
 from duobench.results.records import REAL, EpisodeRecord, Judged
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
@@ -93,7 +103,8 @@ class TrialsSession(RigSession):
             sources[name] = find_rig_policy(name, (task,))
             ending.callback(sources[name].close)
         candidates = tuple(
-            _candidate(name, trained_on, sources[name], task) for name, trained_on in policies
+            _candidate(name, trained_on, sources[name], task)
+            for name, trained_on in policies
         )
         run = Run(
             candidates=shuffled(candidates, order_seed) if blind else candidates,
@@ -108,7 +119,9 @@ class TrialsSession(RigSession):
         folder.check_rig(duo.rig)
         duo.start()  # first, so that what cannot be reached begins nothing
         plan = folder.begin(
-            TrialsPlan(run=run, rater=rater or RATER, order_seed=order_seed, blind=blind)
+            TrialsPlan(
+                run=run, rater=rater or RATER, order_seed=order_seed, blind=blind
+            )
         )
         differing = folder.compared()
         self._rater = rater or plan.rater
@@ -120,7 +133,8 @@ class TrialsSession(RigSession):
         ending.callback(self._overlay.close)
         self._folder, self._plan, self._server = folder, plan, server
         self._runners = [
-            self._runner(candidate, sources[candidate.policy], data) for candidate in plan.policies
+            self._runner(candidate, sources[candidate.policy], data)
+            for candidate in plan.policies
         ]
         for runner in self._runners:
             ending.callback(runner.forget)
@@ -161,7 +175,9 @@ class TrialsSession(RigSession):
         """Write a line about the trial into the log."""
         if self._trial is not None:
             number, attempt = self._trial.number, self._attempt
-            self._log.add(LogEntry(kind=kind, trial=number, attempt=attempt, at=_now(), **more))
+            self._log.add(
+                LogEntry(kind=kind, trial=number, attempt=attempt, at=_now(), **more)
+            )
 
     def on_step(self, step: Step) -> None:
         """Show how it goes."""
@@ -211,7 +227,9 @@ class TrialsSession(RigSession):
         if reason:
             runner.forget()
             has_no_choice = bool(automatic or played.reasons)
-            self.write(LogKind.INVALID, text=reason, yes=has_no_choice, fault=played.fault)
+            self.write(
+                LogKind.INVALID, text=reason, yes=has_no_choice, fault=played.fault
+            )
             self.message = f"The trial is invalid and comes again: {reason}"
             return False
         self._folder.run.write(self._record(trial, recorder, played), video)
@@ -265,13 +283,19 @@ class TrialsSession(RigSession):
                 rater=self._rater,
                 presses=labels.all,
                 note=self.note,
-                repeated=tuple(TrialsProgress.of(self._log.entries).invalid.get(trial.number, ())),
+                repeated=tuple(
+                    TrialsProgress.of(self._log.entries).invalid.get(trial.number, ())
+                ),
                 stopped=played.stopped,
                 fault=played.fault,
                 waits=played.waits,
             ),
         )
-        return record if played.error is None else record.broken(played.error, played.steps)
+        return (
+            record
+            if played.error is None
+            else record.broken(played.error, played.steps)
+        )
 
     def _runner(
         self, candidate: Candidate, source: PolicySource, data: DataSet | None
@@ -285,12 +309,16 @@ class TrialsSession(RigSession):
             **needed_options(metadata),
         )
         if data is not None:
-            actor = Actor(kind=ActorKind.POLICY, name=metadata.name, version=metadata.version)
+            actor = Actor(
+                kind=ActorKind.POLICY, name=metadata.name, version=metadata.version
+            )
             env = make_rig_recorder(env, self.duo, data, actor)
         return PolicyRunner(env, source)
 
 
-def _candidate(name: str, trained_on: str, source: PolicySource, task: TaskInfo) -> Candidate:
+def _candidate(
+    name: str, trained_on: str, source: PolicySource, task: TaskInfo
+) -> Candidate:
     metadata = source.metadata
     usual = catalog.get(task.reference).horizon
     return Candidate(

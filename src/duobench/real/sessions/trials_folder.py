@@ -29,7 +29,13 @@ from duobench.results.records import InvalidTrial
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""
-TRIALS_BEGINNINGS = (DESCRIPTION, "rig.json", "rigs/*.json", "log.jsonl", *RUN_BEGINNINGS)
+TRIALS_BEGINNINGS = (
+    DESCRIPTION,
+    "rig.json",
+    "rigs/*.json",
+    "log.jsonl",
+    *RUN_BEGINNINGS,
+)
 """Files that an evaluation begins with; without a trial they are worth nothing."""
 REMOVED = "It counted, and its record was removed: somebody had it played again."
 CUT = "The program ended during the trial."
@@ -93,7 +99,9 @@ class TrialsProgress:
     """Attempt that counts, by the trial's number."""
     attempts: dict[int, int] = field(default_factory=dict[int, int])
     """How often a trial was begun, by its number."""
-    invalid: dict[int, list[InvalidTrial]] = field(default_factory=dict[int, list[InvalidTrial]])
+    invalid: dict[int, list[InvalidTrial]] = field(
+        default_factory=dict[int, list[InvalidTrial]]
+    )
     """Attempts that do not count, by the trial's number."""
     presses: dict[int, list[tuple[int | None, int]]] = field(default_factory=dict)
     """Stage and control step of each press in the attempt that counted last."""
@@ -110,11 +118,15 @@ class TrialsProgress:
             match entry.kind:
                 case LogKind.BEGIN:
                     if progress.valid.pop(entry.trial, None) is not None:
-                        progress.invalid.setdefault(entry.trial, []).append(counted[entry.trial])
+                        progress.invalid.setdefault(entry.trial, []).append(
+                            counted[entry.trial]
+                        )
                     progress.attempts[entry.trial] = entry.attempt
                     labels, fault = StageLabels(), None
                 case LogKind.PRESS:
-                    label = StageLabel(stage=entry.stage, step=entry.step or 0, time_s=0.0)
+                    label = StageLabel(
+                        stage=entry.stage, step=entry.step or 0, time_s=0.0
+                    )
                     labels = StageLabels((*labels.all, label))
                 case LogKind.END:
                     fault = entry.fault
@@ -122,7 +134,9 @@ class TrialsProgress:
                     progress.cut = entry.trial, entry.attempt
                 case LogKind.VALID:
                     progress.valid[entry.trial], progress.cut = entry.attempt, None
-                    progress.presses[entry.trial] = [(one.stage, one.step) for one in labels.all]
+                    progress.presses[entry.trial] = [
+                        (one.stage, one.step) for one in labels.all
+                    ]
                     counted[entry.trial] = InvalidTrial(
                         reason=REMOVED, stage=labels.stage, fault=fault, is_chosen=True
                     )
@@ -298,7 +312,8 @@ class TrialsFolder:
         return [
             trial
             for trial in plan.trials()
-            if trial.number not in progress.valid or not self.run.record(plan.key(trial)).exists()
+            if trial.number not in progress.valid
+            or not self.run.record(plan.key(trial)).exists()
         ]
 
     def compared(self) -> str:
@@ -311,11 +326,15 @@ class TrialsFolder:
         numbers = {plan.key(trial): trial.number for trial in plan.trials()}
         records = {numbers[each.key]: each for each in self.run.read_records(plan.run)}
         has_camera = self.rig.exists() and HEAD in Rig.read(self.rig).cameras
-        foreign = dict.fromkeys(progress.attempts.keys() - numbers.values(), self.log_file)
+        foreign = dict.fromkeys(
+            progress.attempts.keys() - numbers.values(), self.log_file
+        )
         unseen = set[int]()
         for number, record in records.items():
             attempt = progress.valid.get(number, 0)
-            presses = record.judged and [(one.stage, one.step) for one in record.judged.presses]
+            presses = record.judged and [
+                (one.stage, one.step) for one in record.judged.presses
+            ]
             is_other = attempt and presses != progress.presses[number]
             if is_other or number not in progress.attempts:
                 foreign[number] = self.run.record(record.key)
@@ -331,8 +350,14 @@ class TrialsFolder:
                 "moved away comes again."
             )
         found = (
-            ("counted, have no record now, and come again", progress.valid.keys() - records),
-            ("have a record that does not count, and come again", records.keys() - progress.valid),
+            (
+                "counted, have no record now, and come again",
+                progress.valid.keys() - records,
+            ),
+            (
+                "have a record that does not count, and come again",
+                records.keys() - progress.valid,
+            ),
             ("lack a photo or film", unseen),
         )
         return " ".join(

@@ -75,7 +75,9 @@ class TrialsPlan:
         for episode in self.run.suite.indices:
             rng = np.random.default_rng((self.order_seed, episode))
             for policy in rng.permutation(len(self.policies)).tolist():
-                trials.append(RigEpisode(number=len(trials), policy=policy, episode=episode))
+                trials.append(
+                    RigEpisode(number=len(trials), policy=policy, episode=episode)
+                )
         return trials
 
     def letter(self, policy: int) -> str:
@@ -87,7 +89,11 @@ class TrialsPlan:
 
         A letter would hide the name, and show which trials are of the same policy.
         """
-        return "" if self.blind else f"{self.letter(policy)}: {self.policies[policy].policy}"
+        return (
+            ""
+            if self.blind
+            else f"{self.letter(policy)}: {self.policies[policy].policy}"
+        )
 
     def episode(self, trial: RigEpisode) -> Episode:
         """The episode of a trial."""
@@ -102,7 +108,9 @@ class TrialsPlan:
         order = [each.policy for each in before.policies]
         policies = self.policies
         if sorted(order) == sorted(each.policy for each in policies):
-            policies = tuple(sorted(policies, key=lambda each: order.index(each.policy)))
+            policies = tuple(
+                sorted(policies, key=lambda each: order.index(each.policy))
+            )
         run = replace(self.run, candidates=policies)
         return replace(self, run=run, rater=before.rater, order_seed=before.order_seed)
 

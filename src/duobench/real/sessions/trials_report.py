@@ -35,7 +35,11 @@ class PolicyResult:
 
     def row(self) -> dict[str, Any]:
         """As JSON data, for the operator's page."""
-        about = {"letter": self.letter, "policy": self.policy, "trained_on": self.trained_on}
+        about = {
+            "letter": self.letter,
+            "policy": self.policy,
+            "trained_on": self.trained_on,
+        }
         return about | self.score.numbers()
 
 
@@ -117,7 +121,9 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
             page=f"{CONDITIONS}/{part.condition.name}/" if len(parts) > 1 else "",
             trained_on=part.candidate.trained_on,
             score=part.results.overall,
-            stops=counts_text(each.judged.fault or "" for each in part.records if each.judged),
+            stops=counts_text(
+                each.judged.fault or "" for each in part.records if each.judged
+            ),
         )
         for number, part in enumerate(parts)
         if part.records

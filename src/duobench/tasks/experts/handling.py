@@ -57,7 +57,9 @@ def pick(
     yield from move(arms, {side: grasp.moved(z=lift)}, speed=0.3, arrive=False)
 
 
-def pick_cube(arms: Arms, side: Side, cube: str, height: float, *, tilt: float = 0.0) -> Script:
+def pick_cube(
+    arms: Arms, side: Side, cube: str, height: float, *, tilt: float = 0.0
+) -> Script:
     """Pick up a lying cube by two of its sides, again until it is in the hand.
 
     Args:
@@ -91,7 +93,9 @@ def come_down(
         above: Height in metres from which the tools come straight down.
         speed: Mean speed in m/s of the tools on their way there.
     """
-    grasps = {side: grasp @ arms.variety.grasp_offset(1.0) for side, grasp in grasps.items()}
+    grasps = {
+        side: grasp @ arms.variety.grasp_offset(1.0) for side, grasp in grasps.items()
+    }
     for side in grasps:
         arms.openings[side.index] = opening
     start = {side: grasp.moved(z=above) for side, grasp in grasps.items()}
@@ -148,7 +152,9 @@ def carry(
         world_from_body = line(fraction)
         return {side: world_from_body @ grasp for side, grasp in grasps.items()}
 
-    yield from follow(arms, path, max(length / speed, angle / TURN_SPEED), freedom=freedom)
+    yield from follow(
+        arms, path, max(length / speed, angle / TURN_SPEED), freedom=freedom
+    )
 
 
 def put_in(

@@ -69,7 +69,9 @@ def hanging(arms: Arms, side: Side, body: str) -> SE3:
     """
     pose = arms.sim.pose(body)
     axis = pose.rotation[:, 0]
-    end_in_hand = -np.copysign(1.0, dot(axis, arms.tcp_pose(side).rotation[:, 2])) * axis
+    end_in_hand = (
+        -np.copysign(1.0, dot(axis, arms.tcp_pose(side).rotation[:, 2])) * axis
+    )
     turn = np.cross(end_in_hand, (0.0, 0.0, 1.0))
     sine = length(turn)
     if sine < _UPRIGHT_SINE:
@@ -110,7 +112,10 @@ class Bar:
     def free_end(self, arms: Arms) -> Array:
         """Direction (3,) of the bar's axis, out of the giver's hand."""
         axis = arms.sim.rotation(self.body)[:, 0]
-        return -np.copysign(1.0, dot(axis, arms.tcp_pose(self.giver).rotation[:, 0])) * axis
+        return (
+            -np.copysign(1.0, dot(axis, arms.tcp_pose(self.giver).rotation[:, 0]))
+            * axis
+        )
 
 
 def pick_bar(arms: Arms, bar: Bar) -> Script:
@@ -120,11 +125,16 @@ def pick_bar(arms: Arms, bar: Bar) -> Script:
         pose = arms.sim.pose(bar.body)
         x, y, _ = pose.translation - SHOULDERS[giver]
         yaw = nearest_turn(pose.yaw, math.pi, math.atan2(y, x) + giver.sign * _OUTWARDS)
-        x, y, _ = pose.translation + bar.grip * np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        x, y, _ = pose.translation + bar.grip * np.array(
+            [math.cos(yaw), math.sin(yaw), 0.0]
+        )
         grasp = down(x, y, bar.height, yaw=yaw, tilt=bar.tilt)
         yield from pick(arms, giver, grasp, lift=0, freedom=bar.freedom)
         excess = max(0.0, -giver.sign * yaw - _MOST_INWARDS)
-        turned = SE3.about((0, 0, 1), giver.sign * excess).rotation @ arms.targets[giver].rotation
+        turned = (
+            SE3.about((0, 0, 1), giver.sign * excess).rotation
+            @ arms.targets[giver].rotation
+        )
         lifted = SE3(turned, arms.targets[giver].translation).moved(z=_LIFT)
         yield from move(arms, {giver: lifted}, speed=0.3, arrive=False)
 

@@ -131,7 +131,11 @@ def down(x: float, y: float, z: float, *, yaw: float = 0.0, tilt: float = 0.0) -
         tilt: Turn about the axis in which the fingers open, in radians; positive tilts the gripper
             back, so that the fingertips point away from the robot.
     """
-    turn = SE3.about((0, 0, 1), yaw) @ SE3.about((1, 0, 0), math.pi) @ SE3.about((0, 1, 0), tilt)
+    turn = (
+        SE3.about((0, 0, 1), yaw)
+        @ SE3.about((1, 0, 0), math.pi)
+        @ SE3.about((0, 1, 0), tilt)
+    )
     return SE3(turn.rotation, np.array([x, y, z]))
 
 
@@ -219,7 +223,9 @@ def move(
     starts = {side: arms.targets[side] for side in goals}
     spans = [starts[side].distance(goal) for side, goal in goals.items()]
     seconds = max(max(length / speed, angle / turn_speed) for length, angle in spans)
-    lines = {side: line_to(arms, starts[side], goal, freedom) for side, goal in goals.items()}
+    lines = {
+        side: line_to(arms, starts[side], goal, freedom) for side, goal in goals.items()
+    }
 
     def path(fraction: float) -> dict[Side, SE3]:
         arms.freedom[[side.index for side in goals]] = freedom * bump(fraction)
@@ -231,16 +237,22 @@ def move(
         yield from wait_until(lambda: arrived(arms, goals, tolerance), steps)
 
 
-def line_to(arms: Arms, start: SE3, goal: SE3, freedom: float) -> Callable[[float], SE3]:
+def line_to(
+    arms: Arms, start: SE3, goal: SE3, freedom: float
+) -> Callable[[float], SE3]:
     """Poses at a fraction of the way, which is straight but for a variety's detour."""
     detour = arms.variety.detour(goal.translation - start.translation, freedom)
-    return lambda fraction: start.interpolate(goal, fraction).moved(*(bump(fraction) * detour))
+    return lambda fraction: start.interpolate(goal, fraction).moved(
+        *(bump(fraction) * detour)
+    )
 
 
 def arrived(arms: Arms, goals: Mapping[Side, SE3], tolerance: float = ARRIVED) -> bool:
     """Whether the tools are at their goals."""
     errors = [arms.tcp_pose(side).distance(goal) for side, goal in goals.items()]
-    return all(length <= tolerance and angle <= ARRIVED_TURN for length, angle in errors)
+    return all(
+        length <= tolerance and angle <= ARRIVED_TURN for length, angle in errors
+    )
 
 
 def grip(arms: Arms, *sides: Side, opening: float = CLOSED) -> Script:

@@ -96,7 +96,9 @@ VARIETIES: Mapping[str, Variety] = {v.name: v for v in (NONE, HUMAN, WIDE)}
 class VarietySample:
     """What one episode does differently, sampled as its script asks for it."""
 
-    def __init__(self, variety: Variety = NONE, task_id: str = "", seed: int = 0) -> None:
+    def __init__(
+        self, variety: Variety = NONE, task_id: str = "", seed: int = 0
+    ) -> None:
         self.variety = variety
         self._rng = variety_generator(task_id, seed, variety.name, "motion")
         self._noise_rng = variety_generator(task_id, seed, variety.name, "noise")
@@ -131,7 +133,9 @@ class VarietySample:
         """
         length = float(np.linalg.norm(way))
         share = self.variety.detour * max(0.0, length - STRAIGHT)
-        size = freedom * min(share, self.variety.max_detour) * self._rng.uniform(0.2, 1.0)
+        size = (
+            freedom * min(share, self.variety.max_detour) * self._rng.uniform(0.2, 1.0)
+        )
         direction = self._rng.normal(size=3)
         if size == 0.0:
             return np.zeros(3)
@@ -142,7 +146,9 @@ class VarietySample:
         """Pose of a grasp in the frame of the tool that would grasp as the script says."""
         v = self.variety
         halves = (v.grasp_shift, v.grasp_depth, v.grasp_turn, v.grasp_turn)
-        x, z, yaw, tilt = (around(0.0, freedom * half).sample(self._rng) for half in halves)
+        x, z, yaw, tilt = (
+            around(0.0, freedom * half).sample(self._rng) for half in halves
+        )
         return SE3.at(x, 0.0, z, yaw=yaw) @ SE3.about((0, 1, 0), tilt)
 
     def ordered(self, sides: tuple[Side, ...], y: float) -> tuple[Side, ...]:

@@ -11,13 +11,17 @@ from duobench.tasks.shifts.shift import LATENCY, LAYOUT, Shift
 
 CAMERA_METRES = (0.0, 0.005, 0.010, 0.015, 0.020, 0.030)
 """Largest offset of the head camera along each axis; wrist cameras have `WRIST_SHARE` of it."""
-CAMERA_RADIANS = tuple(math.radians(angle) for angle in (0.0, 0.75, 1.5, 2.25, 3.0, 4.0))
+CAMERA_RADIANS = tuple(
+    math.radians(angle) for angle in (0.0, 0.75, 1.5, 2.25, 3.0, 4.0)
+)
 """Largest turn of a camera about each axis, and change of its field of view."""
 WRIST_SHARE = 0.4
 
 MARGIN_METRES = (0.0, 0.01, 0.02, 0.03, 0.04, 0.05)
 """How far beyond the range of training an object may start, along each axis."""
-MARGIN_RADIANS = tuple(math.radians(angle) for angle in (0.0, 3.0, 6.0, 9.0, 12.0, 15.0))
+MARGIN_RADIANS = tuple(
+    math.radians(angle) for angle in (0.0, 3.0, 6.0, 9.0, 12.0, 15.0)
+)
 """How far an object may be turned beyond that range."""
 
 MASS_FACTORS = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0)

@@ -13,7 +13,15 @@ from duobench.core.spatial import SE3
 from duobench.core.types import HEAD, POLICY_CAMERAS
 from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import level_for
-from duobench.tasks.shifts.shift import CAMERA, INSTRUCTION, LAYOUT, LOOK, PHYSICS, SENSING, Shift
+from duobench.tasks.shifts.shift import (
+    CAMERA,
+    INSTRUCTION,
+    LAYOUT,
+    LOOK,
+    PHYSICS,
+    SENSING,
+    Shift,
+)
 from duobench.tasks.task import Placement, Task
 from duobench.world.looks.catalog import random_look
 from duobench.world.looks.look import CameraOffset, Look, Material
@@ -61,10 +69,14 @@ def shifted_look(shift: Shift, key: EpisodeKey, usual: Look) -> Look:
         look = _other_look(level, key.generator(LOOK), look)
     level = level_for(shift, CAMERA, key.task)
     if level:
-        look = replace(look, cameras={**look.cameras, **_cameras(level, key.generator(CAMERA))})
+        look = replace(
+            look, cameras={**look.cameras, **_cameras(level, key.generator(CAMERA))}
+        )
     level = level_for(shift, SENSING, key.task)
     if level:
-        look = replace(look, noise=float(np.hypot(look.noise, levels.IMAGE_NOISE[level])))
+        look = replace(
+            look, noise=float(np.hypot(look.noise, levels.IMAGE_NOISE[level]))
+        )
     return look
 
 
@@ -94,7 +106,9 @@ def _cameras(level: int, rng: np.random.Generator) -> dict[str, CameraOffset]:
         share = 1.0 if name == HEAD else levels.WRIST_SHARE
         directions = rng.uniform(-1.0, 1.0, 7)
         x, y, z = (directions[:3] * share * levels.CAMERA_METRES[level]).tolist()
-        roll, pitch, yaw, zoom = (directions[3:] * levels.CAMERA_RADIANS[level]).tolist()
+        roll, pitch, yaw, zoom = (
+            directions[3:] * levels.CAMERA_RADIANS[level]
+        ).tolist()
         offsets[name] = CameraOffset(
             position=(x, y, z), rotation=(roll, pitch, yaw), field_of_view=zoom
         )
@@ -155,7 +169,9 @@ def shifted_task(task: Task, shift: Shift) -> Task:
         return task
     return replace(
         task,
-        placements={name: _outside(each, level) for name, each in task.placements.items()},
+        placements={
+            name: _outside(each, level) for name, each in task.placements.items()
+        },
     )
 
 

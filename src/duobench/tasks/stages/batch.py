@@ -52,13 +52,19 @@ class ProgressBatch:
         self._stages, self._simulations = stages, simulations
         constraints, count = constraints_of(stages), simulations.count
         self._memories, self._clocks = memories_in(constraints), clocks_in(constraints)
-        self._same, self._partial = _sorted(part for each in constraints for part in each.walk())
+        self._same, self._partial = _sorted(
+            part for each in constraints for part in each.walk()
+        )
         self.stage: Counts = np.zeros(count, dtype=np.int64)
         """The highest stage so far of each episode (n,)."""
         self.final_holds: Booleans = np.zeros(count, dtype=np.bool_)
         """Whether the last stage's constraints hold right now (n,)."""
-        self._remembered = {memory: np.zeros(count, dtype=np.bool_) for memory in self._memories}
-        self._lasted = {clock: np.zeros(count, dtype=np.int64) for clock in self._clocks}
+        self._remembered = {
+            memory: np.zeros(count, dtype=np.bool_) for memory in self._memories
+        }
+        self._lasted = {
+            clock: np.zeros(count, dtype=np.int64) for clock in self._clocks
+        }
         self._lost: Counts = np.zeros((len(stages), count), dtype=np.int64)
         self._heights = {name: np.zeros(count) for name in simulations.props}
         self._all = np.ones(count, dtype=np.bool_)
@@ -77,9 +83,13 @@ class ProgressBatch:
         return ProgressState(
             stage=int(self.stage[episode]),
             final_holds=bool(self.final_holds[episode]),
-            remembered=tuple(bool(self._remembered[m][episode]) for m in self._memories),
+            remembered=tuple(
+                bool(self._remembered[m][episode]) for m in self._memories
+            ),
             lasted=tuple(int(self._lasted[clock][episode]) for clock in self._clocks),
-            start_heights=tuple((name, float(h[episode])) for name, h in self._heights.items()),
+            start_heights=tuple(
+                (name, float(h[episode])) for name, h in self._heights.items()
+            ),
             lost=tuple(self._lost[:, episode].tolist()),
         )
 
@@ -97,7 +107,9 @@ class ProgressBatch:
     def update(self, where: Booleans) -> None:
         """Judge the current state of some episodes (n,); the others stay as they are."""
         self._answers, self._known = {}, {}
-        self._view = self._look(self._simulations, self._heights, self._simulations.variants)
+        self._view = self._look(
+            self._simulations, self._heights, self._simulations.variants
+        )
         for clock, before in self._lasted.items():
             holds = self._ask(clock.of, where)
             if clock.reset is None:
@@ -110,20 +122,31 @@ class ProgressBatch:
         for number, stage in enumerate(self._stages, 1):
             higher = where & (self.stage < number)
             self.stage[higher & self._ask(stage.holds, higher)] = number
-        for number, (stage, lost) in enumerate(zip(self._stages, self._lost, strict=True)):
+        for number, (stage, lost) in enumerate(
+            zip(self._stages, self._lost, strict=True)
+        ):
             reached = where & (self.stage > number)
             gone = 0 if stage.stays is None else ~self._ask(stage.stays, reached)
             self._lost[number] = np.where(reached, (lost + 1) * gone, lost)
-        self._remembered = {memory: self._recalled(memory, where) for memory in self._memories}
+        self._remembered = {
+            memory: self._recalled(memory, where) for memory in self._memories
+        }
 
     def nearness(self) -> NDArray[np.float64]:
         """What `Progress.nearness` gives, for all episodes (n,)."""
         self._answers, self._known = {}, {}
-        self._view = self._look(self._simulations, self._heights, self._simulations.variants)
-        measure = Nearness(
-            self._view, lambda predicate: self._ask(predicate, self._all), self._lasted.__getitem__
+        self._view = self._look(
+            self._simulations, self._heights, self._simulations.variants
         )
-        near = [measure.of(stage.holds) + np.zeros(len(self.stage)) for stage in self._stages]
+        measure = Nearness(
+            self._view,
+            lambda predicate: self._ask(predicate, self._all),
+            self._lasted.__getitem__,
+        )
+        near = [
+            measure.of(stage.holds) + np.zeros(len(self.stage))
+            for stage in self._stages
+        ]
         return np.choose(self.stage, [*near, np.zeros(len(self.stage))])
 
     def _recalled(self, memory: Memory, where: Booleans) -> Booleans:
@@ -133,15 +156,23 @@ class ProgressBatch:
             after &= ~self._ask(memory.reset, where)
         return np.where(where, after, before)
 
-    def _look(self, simulation: Any, heights: Any, variants: Any, episode: int = -1) -> StateView:
+    def _look(
+        self, simulation: Any, heights: Any, variants: Any, episode: int = -1
+    ) -> StateView:
         """A step as predicates see it: of all episodes, or of one, with what it remembers."""
-        remembered = (m for m, holds in self._remembered.items() if episode >= 0 and holds[episode])
+        remembered = (
+            m
+            for m, holds in self._remembered.items()
+            if episode >= 0 and holds[episode]
+        )
         return StateView(
             simulation=simulation,
             start_heights=heights,
             variants=variants,
             remembered=frozenset(remembered),
-            lasted={clock: int(lasted[episode]) for clock, lasted in self._lasted.items()},
+            lasted={
+                clock: int(lasted[episode]) for clock, lasted in self._lasted.items()
+            },
         )
 
     def _ask(self, predicate: Predicate, where: Booleans) -> Booleans:
@@ -155,7 +186,9 @@ class ProgressBatch:
         return answer
 
     def _answer(self, predicate: Predicate, where: Booleans) -> Booleans:
-        narrow = predicate in self._partial  # so that what takes one at a time is asked seldom
+        narrow = (
+            predicate in self._partial
+        )  # so that what takes one at a time is asked seldom
         match predicate:
             case Not():
                 holds = ~self._ask(predicate.parts[0], where)
@@ -175,7 +208,11 @@ class ProgressBatch:
             case HeldFor():
                 holds = self._lasted[predicate.clock] >= predicate.steps
             case _:
-                holds = self._one_by_one(predicate, where) if narrow else self._test(predicate)
+                holds = (
+                    self._one_by_one(predicate, where)
+                    if narrow
+                    else self._test(predicate)
+                )
         return holds
 
     def _test(self, predicate: Predicate) -> Booleans:
@@ -187,9 +224,13 @@ class ProgressBatch:
         empty = np.zeros((2, len(where)), dtype=np.bool_)
         known, answer = self._known.setdefault(predicate, empty)
         for number in np.flatnonzero(where & ~known).tolist():
-            heights = {name: float(height[number]) for name, height in self._heights.items()}
+            heights = {
+                name: float(height[number]) for name, height in self._heights.items()
+            }
             world = self._simulations.world(number)
-            answer[number] = predicate.test(self._look(world, heights, world.variants, number))
+            answer[number] = predicate.test(
+                self._look(world, heights, world.variants, number)
+            )
         known |= where
         return answer
 
@@ -214,7 +255,9 @@ def _sorted(
             takes_one = any(same[part] in partial for part in predicate.parts)
         elif not isinstance(predicate, Since | HeldFor):
             # What combines or remembers answers its test for one simulation alone.
-            plain = (type(p) is Predicate and same[p] not in partial for p in predicate.parts)
+            plain = (
+                type(p) is Predicate and same[p] not in partial for p in predicate.parts
+            )
             takes_one = not (predicate.vectorized and all(plain))
         same[predicate] = firsts.setdefault(key, predicate)
         if takes_one:

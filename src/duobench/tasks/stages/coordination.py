@@ -97,11 +97,17 @@ def carriage(
     bodies = (prop, *handles)
     in_both = grasped_apart(handles[0], handles[1])
     in_air = all_of(*(off_table(body, support) for body in bodies))
-    on_table = any_of(*(touching(body, TABLE) for body in bodies)).called(f"{prop} is on the table")
+    on_table = any_of(*(touching(body, TABLE) for body in bodies)).called(
+        f"{prop} is on the table"
+    )
     on_support = touching(prop, support)
-    carried = all_of(in_both, in_air, raised(prop, height)).called(f"both arms carry {prop}")
+    carried = all_of(in_both, in_air, raised(prop, height)).called(
+        f"both arms carry {prop}"
+    )
     # The jolt of landing may shake pads off a handle for a moment: what counts is the one before.
-    dropped = on_support & ~in_both & since(in_air & ~in_both, reset=in_both | on_support)
+    dropped = (
+        on_support & ~in_both & since(in_air & ~in_both, reset=in_both | on_support)
+    )
     dropped = dropped.called(f"{prop} comes down on {support} without both hands")
     # In the air by one hand, or by none: what was done so far is void until it stands where both
     # may begin anew, from where hands that tremble may lift one end of it a little earlier.
@@ -111,8 +117,12 @@ def carriage(
     ended = any_of(on_table, interrupted(in_both), dropped)
 
     def carried_from(begin: Predicate) -> Predicate:
-        void = since(let_go, reset=begin).called(f"{prop} was in the air, and not in both hands")
-        return since((carried & ~void).called(f"both arms carry {prop} all the way"), reset=ended)
+        void = since(let_go, reset=begin).called(
+            f"{prop} was in the air, and not in both hands"
+        )
+        return since(
+            (carried & ~void).called(f"both arms carry {prop} all the way"), reset=ended
+        )
 
     # What both have carried over its place and lost there stands where both have brought it.
     brought = since(carried_from(on_table) & place, reset=on_table | ~place)
@@ -122,7 +132,9 @@ def carriage(
     # Fingers open between two control steps: the object was lower than at the first one.
     nearly_low = low_over(prop, support, top, PUT_HEIGHT + HOP_HEIGHT)
     just_held = in_both | since(in_both & nearly_low, reset=~in_both)
-    landed = all_of(low, raised(prop, top - LANDING_DEPTH), place, just_held, on_the_way)
+    landed = all_of(
+        low, raised(prop, top - LANDING_DEPTH), place, just_held, on_the_way
+    )
     landed = landed.called(f"both arms put {prop} down on {support}")
     # Fingers that open make it hop, and what one hand lets go first tips onto its support.
     in_hand = grasped_by_any(*handles)

@@ -9,7 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from duobench.core.types import SIDES, Side
-from duobench.tasks.stages.logic import Predicate, StateView, all_of, any_of, held_for, since
+from duobench.tasks.stages.logic import (
+    Predicate,
+    StateView,
+    all_of,
+    any_of,
+    held_for,
+    since,
+)
 from duobench.tasks.stages.passage import Passage
 from duobench.tasks.stages.predicates import (
     FLICKER_SECONDS,
@@ -54,7 +61,9 @@ class Handover:
         """
         beyond = any_of(*self.in_hand.values(), self.put(there))
         moments = self.held, self.met, self.received
-        lifted, met, received = (any_of(*by_side.values(), beyond) for by_side in moments)
+        lifted, met, received = (
+            any_of(*by_side.values(), beyond) for by_side in moments
+        )
         return lifted, met, received
 
     @property
@@ -71,11 +80,13 @@ class Handover:
         return any_of(*(self._put_by(side, there) for side in SIDES))
 
     def _put_by(self, side: Side, there: Predicate) -> Predicate:
-        event = (self.in_hand[side] & there).called(f"{side} has {self.prop} at its place")
-        put = since(event, reset=~there | self.disturbed[side])
-        return put.told_of(f"when {side} let {self.prop} go", self.in_hand[side]).called(
-            f"{side} has received {self.prop} and put it down"
+        event = (self.in_hand[side] & there).called(
+            f"{side} has {self.prop} at its place"
         )
+        put = since(event, reset=~there | self.disturbed[side])
+        return put.told_of(
+            f"when {side} let {self.prop} go", self.in_hand[side]
+        ).called(f"{side} has received {self.prop} and put it down")
 
 
 def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
@@ -92,7 +103,9 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
     """
     held = {side: lifted(side, prop, *supports) for side in SIDES}
     alone = {
-        side: (held[side] & ~touches(side.other, prop)).called(f"{side} alone holds {prop}")
+        side: (held[side] & ~touches(side.other, prop)).called(
+            f"{side} alone holds {prop}"
+        )
         for side in SIDES
     }
     both = all_of(*held.values()).called(f"both arms hold {prop} in the air")
@@ -119,10 +132,15 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
             for side in SIDES
         }
         brought_in = {
-            side: since(meeting[side], reset=any_of(meeting[side.other], put_down, ~way.within))
+            side: since(
+                meeting[side], reset=any_of(meeting[side.other], put_down, ~way.within)
+            )
             for side in SIDES
         }
-        brings = {side: brought_in[side] | (last[side] & ~brought_in[side.other]) for side in SIDES}
+        brings = {
+            side: brought_in[side] | (last[side] & ~brought_in[side.other])
+            for side in SIDES
+        }
         giver = {
             side: since(
                 (way.crossing & brings[side]).called(f"{side} brings {prop} through"),
@@ -136,11 +154,15 @@ def handover(prop: str, *supports: str, way: Passage | None = None) -> Handover:
     }
     received = {
         side: all_of(
-            alone[side], giver[side.other], since(both, reset=alone[side.other] | put_down)
+            alone[side],
+            giver[side.other],
+            since(both, reset=alone[side.other] | put_down),
         ).called(f"{side} receives {prop} from {side.other}")
         for side in SIDES
     }
-    disturbed = {side: touches(side.other, prop) | touching(prop, TABLE) for side in SIDES}
+    disturbed = {
+        side: touches(side.other, prop) | touching(prop, TABLE) for side in SIDES
+    }
     in_hand = {
         side: all_of(
             grasped(side, prop),

@@ -43,10 +43,14 @@ class Port:
     def position(self, simulation: Questions) -> Sequence[float]:
         """Position (3,) in the table frame, in metres."""
         offset = simulation.turned(self.body, self.pose.translation.tolist())
-        return [a + b for a, b in zip(offset, simulation.origin(self.body), strict=True)]
+        return [
+            a + b for a, b in zip(offset, simulation.origin(self.body), strict=True)
+        ]
 
 
-def led_in(simulation: Questions, peg: Port, socket: Port, depth: float, offset: float) -> bool:
+def led_in(
+    simulation: Questions, peg: Port, socket: Port, depth: float, offset: float
+) -> bool:
     """Whether a peg's tip is in a socket, however the peg is turned there.
 
     Args:
@@ -139,7 +143,9 @@ def in_any_way(
     each = [question(peg, socket) for peg, socket in ways]
 
     def otherwise(state: StateView) -> str:
-        away = [math.hypot(*tip_in(state.simulation, peg, socket)) for peg, socket in ways]
+        away = [
+            math.hypot(*tip_in(state.simulation, peg, socket)) for peg, socket in ways
+        ]
         return ", ".join(each[away.index(min(away))].unmet(state))
 
     return any_of(*each).called(each[0].name, otherwise)

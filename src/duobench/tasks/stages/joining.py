@@ -58,7 +58,9 @@ class Joining:
     """They were joined at an earlier step and have not come apart since."""
 
 
-def joining(peg: Port, sockets: Sequence[Port], depth: float, *, unless: Predicate) -> Joining:
+def joining(
+    peg: Port, sockets: Sequence[Port], depth: float, *, unless: Predicate
+) -> Joining:
     """The predicates for two bodies.
 
     Args:
@@ -76,5 +78,7 @@ def joining(peg: Port, sockets: Sequence[Port], depth: float, *, unless: Predica
     ready = (by_both & ~touched).called(f"{by_both.name} before the peg is in a socket")
     joined = deep & by_both & ~unless & since(ready, reset=spoilt)
     joined = joined.called("both arms join the two")
-    kept = since(joined, reset=apart).told_of("when each arm last held one of the two", by_both)
+    kept = since(joined, reset=apart).told_of(
+        "when each arm last held one of the two", by_both
+    )
     return Joining(joined=joined, kept=kept)

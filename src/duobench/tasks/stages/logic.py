@@ -80,7 +80,9 @@ class StateView:
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
-    _relative: dict[tuple[str, str], tuple[float, float, float]] = field(default_factory=dict)
+    _relative: dict[tuple[str, str], tuple[float, float, float]] = field(
+        default_factory=dict
+    )
 
     def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
         """Origin of a body in the frame of another body, in metres, computed once."""
@@ -146,7 +148,9 @@ class Predicate:
     def __repr__(self) -> str:
         return self.name
 
-    def called(self, name: str, otherwise: Callable[[StateView], str] | None = None) -> Self:
+    def called(
+        self, name: str, otherwise: Callable[[StateView], str] | None = None
+    ) -> Self:
         """The same question in other words, for messages."""
         return replace(self, name=name, otherwise=otherwise or self.otherwise)
 
@@ -234,11 +238,15 @@ class AnyOf(Predicate):
 
     def _unmet(self, state: StateView) -> Words:
         alternatives = [part for part in self._alternatives() if part.possible(state)]
-        alternatives = [part for part in alternatives if part.begun(state)] or alternatives
+        alternatives = [
+            part for part in alternatives if part.begun(state)
+        ] or alternatives
         if not alternatives:
             return (f"in this layout it cannot be that {self.name}",)
         reasons = [part.unmet(state) for part in alternatives]
-        shared = tuple(reason for reason in reasons[0] if all(reason in own for own in reasons))
+        shared = tuple(
+            reason for reason in reasons[0] if all(reason in own for own in reasons)
+        )
         if any(len(own) == len(shared) for own in reasons):
             return shared
         names: list[str] = []
@@ -289,7 +297,9 @@ class Since(Predicate):
         if why:
             return (why,)
         # What is made of memories is explained by them.
-        return (event.begun(state) and event.unmet(state)) or (f"not so far: {event.name}",)
+        return (event.begun(state) and event.unmet(state)) or (
+            f"not so far: {event.name}",
+        )
 
     def look_back(self, state: StateView, remembered: frozenset[Memory]) -> str | None:
         """Why it is not remembered after this step, where the step tells.
@@ -311,7 +321,10 @@ class Since(Predicate):
 
 @shared
 def since(
-    predicate: Predicate, *, reset: Predicate | None = None, only: Predicate | None = None
+    predicate: Predicate,
+    *,
+    reset: Predicate | None = None,
+    only: Predicate | None = None,
 ) -> Since:
     """`predicate` held at some earlier step of this episode, and `reset` has not held since.
 
@@ -323,7 +336,9 @@ def since(
         only: A part of both, without which neither holds.
     """
     memory = Memory(event=predicate, reset=reset, only=only)
-    name = f"since {predicate.name}" + ("" if reset is None else f" without {reset.name}")
+    name = f"since {predicate.name}" + (
+        "" if reset is None else f" without {reset.name}"
+    )
     parts = (predicate,) if reset is None else (predicate, reset)
     return Since(name, lambda state: memory in state.remembered, parts, memory=memory)
 
@@ -338,11 +353,18 @@ class Kept:
 
     def value(self, state: StateView) -> float:
         """The number, rounded down to whole units; 0 where nothing has held so far."""
-        return self.unit * sum(2**place for place, bit in enumerate(self.bits) if bit.ask(state))
+        return self.unit * sum(
+            2**place for place, bit in enumerate(self.bits) if bit.ask(state)
+        )
 
 
 def kept(
-    name: str, number: Callable[[StateView], float], *, when: Predicate, unit: float, most: float
+    name: str,
+    number: Callable[[StateView], float],
+    *,
+    when: Predicate,
+    unit: float,
+    most: float,
 ) -> Kept:
     """A number as it was at the last step at which `when` held, kept in memories of `since`.
 
@@ -358,7 +380,8 @@ def kept(
 
     def bit(place: int) -> Since:
         digit = leaf(
-            f"digit {place} of {name}", lambda state: number(state) / unit // 2**place % 2 >= 1
+            f"digit {place} of {name}",
+            lambda state: number(state) / unit // 2**place % 2 >= 1,
         )
         return since(when & digit, reset=when & ~digit, only=when)
 
@@ -391,7 +414,9 @@ def _steps(seconds: float) -> int:
 
 
 @shared
-def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = None) -> Predicate:
+def held_for(
+    predicate: Predicate, seconds: float, *, reset: Predicate | None = None
+) -> Predicate:
     """`predicate` has held for some time: without a break, or in all.
 
     Args:

@@ -53,7 +53,9 @@ class Nearness:
         if near is None:
             holds = self._holds(predicate)
             near = (
-                1.0 if holds is True else holds + (1.0 - holds) * ALMOST * self._not_yet(predicate)
+                1.0
+                if holds is True
+                else holds + (1.0 - holds) * ALMOST * self._not_yet(predicate)
             )
             self._known[predicate] = near
         return near
@@ -69,12 +71,16 @@ class Nearness:
             case AnyOf():
                 near = reduce(np.maximum, [self.of(part) for part in parts], 0.0)
             case AtLeast():
-                nearest = np.sort(np.array([self.of(part) + 0.0 for part in parts]), axis=0)[::-1]
+                nearest = np.sort(
+                    np.array([self.of(part) + 0.0 for part in parts]), axis=0
+                )[::-1]
                 near = sum(nearest[: predicate.count]) / predicate.count
             case Since():
                 near = ALMOST * self.of(predicate.memory.event)
             case HeldFor():
-                so_far = np.minimum(self._lasted(predicate.clock) / predicate.steps, 1.0)
+                so_far = np.minimum(
+                    self._lasted(predicate.clock) / predicate.steps, 1.0
+                )
                 near = (self.of(predicate.clock.of) + so_far) / 2
             case _ if predicate.off is not None:
                 near = 1.0 / (1.0 + np.maximum(predicate.off(self._view), 0.0))

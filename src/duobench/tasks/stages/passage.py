@@ -65,7 +65,10 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
 
         def off(state: StateView) -> float:
             beyond, off_axis = where(state)
-            away = np.maximum(abs(beyond) - depth, 0.0), np.maximum(off_axis - radius, 0.0)
+            away = (
+                np.maximum(abs(beyond) - depth, 0.0),
+                np.maximum(off_axis - radius, 0.0),
+            )
             return hypot(*away) / USUAL_WAY
 
         def otherwise(state: StateView) -> str:
@@ -94,7 +97,9 @@ def passage(prop: str, hole: Hole, *, length: float, held: Predicate) -> Passage
         all_of(~near, was_near, ~in_hole).called(f"{prop} comes around {hole.body}"),
         reset=all_of(near, was_far, ~in_hole),
     ).called(f"{prop} has come around {hole.body}")
-    crossing = all_of(~near, was_near, in_front(hole.radius), ~led_around, held | was_held)
+    crossing = all_of(
+        ~near, was_near, in_front(hole.radius), ~led_around, held | was_held
+    )
     crossing = crossing.called(f"{prop} crosses {hole.body}")
     came_through = since(crossing, reset=near).called(f"{prop} has crossed {hole.body}")
     return Passage(

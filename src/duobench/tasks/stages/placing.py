@@ -82,7 +82,9 @@ def lifted_off(prop: str, body: str, top: float) -> Predicate:
 
 
 @shared
-def put(prop: str, there: Predicate, *sides: Side, again: Predicate | None = None) -> Predicate:
+def put(
+    prop: str, there: Predicate, *sides: Side, again: Predicate | None = None
+) -> Predicate:
     """A gripper has let go of it at its place, or holds it there, and there it has been since.
 
     A hand has brought it there: what was dropped from above is not put by a hand that grasps it
@@ -112,4 +114,6 @@ def left_alone(*props: str) -> Predicate:
 
 def placed(*conditions: Predicate) -> Predicate:
     """All of them have held for half a second without a break."""
-    return held_for(all_of(*conditions).called("all is at rest in its place"), REST_SECONDS)
+    return held_for(
+        all_of(*conditions).called("all is at rest in its place"), REST_SECONDS
+    )

@@ -4,7 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from duobench.tasks.stages.logic import Predicate, StateView, all_of, any_of, leaf, since
+from duobench.tasks.stages.logic import (
+    Predicate,
+    StateView,
+    all_of,
+    any_of,
+    leaf,
+    since,
+)
 from duobench.tasks.stages.predicates import CylinderRegion, inside, touching, upright
 from duobench.world.scene.naming import TABLE
 
@@ -27,7 +34,11 @@ class Pouring:
 
 
 def pouring(
-    things: Sequence[str], vessel: str, room: tuple[float, float, float], *, held: Predicate
+    things: Sequence[str],
+    vessel: str,
+    room: tuple[float, float, float],
+    *,
+    held: Predicate,
 ) -> Pouring:
     """The predicates for things and a vessel.
 
@@ -50,7 +61,10 @@ def pouring(
         lie = sum(thing.ask(state) for thing in lying)
         return f"{lie} of {len(lying)} lie in {vessel}"
 
-    some, all_within = any_of(*within), all_of(*within).called(f"all are in {vessel}", count)
+    some, all_within = (
+        any_of(*within),
+        all_of(*within).called(f"all are in {vessel}", count),
+    )
     some_lie = any_of(*lying).called(f"something lies in {vessel}", count)
     all_lie = all_of(*lying).called(f"all lie in {vessel}", count)
     # What was in it on the table does not count, until it is empty again.

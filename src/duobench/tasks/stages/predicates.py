@@ -11,7 +11,15 @@ import numpy as np
 
 from duobench.core.spatial import hypot
 from duobench.core.types import LONGEST, SIDES, Side, check_unit
-from duobench.tasks.stages.logic import Predicate, StateView, all_of, any_of, held_for, leaf, shared
+from duobench.tasks.stages.logic import (
+    Predicate,
+    StateView,
+    all_of,
+    any_of,
+    held_for,
+    leaf,
+    shared,
+)
 from duobench.world.objects.prop import MOST_TURNED
 from duobench.world.scene.naming import TABLE
 
@@ -106,7 +114,9 @@ def supports(arm: Side, lid: str) -> Predicate:
         sim = state.simulation
         return sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
 
-    whole = grasped(arm, lid) | leaf(f"{arm} pushes {lid} open", pushes, off=_reach(arm, lid))
+    whole = grasped(arm, lid) | leaf(
+        f"{arm} pushes {lid} open", pushes, off=_reach(arm, lid)
+    )
     return whole.called(
         f"{arm} supports {lid}",
         lambda _state: f"{arm} neither pushes {lid} towards open nor grasps it",
@@ -180,8 +190,12 @@ def raised(prop: str, height: float) -> Predicate:
 
     return leaf(
         f"{prop} is raised by {height * 1000:.0f} mm",
-        lambda state: state.simulation.min_height(prop) >= state.start_heights[prop] + height,
-        otherwise=lambda state: f"{prop} is raised by {mm(so_far(state))}, not by {mm(height)}",
+        lambda state: (
+            state.simulation.min_height(prop) >= state.start_heights[prop] + height
+        ),
+        otherwise=lambda state: (
+            f"{prop} is raised by {mm(so_far(state))}, not by {mm(height)}"
+        ),
         off=lambda state: (height - so_far(state)) / height,
     )
 
@@ -195,14 +209,18 @@ def lifted(arm: Side, prop: str, *supports: str) -> Predicate:
         prop: Name of a prop.
         supports: Names of further bodies that it must not be in contact with.
     """
-    whole = all_of(grasped(arm, prop), off_table(prop, *supports), raised(prop, LIFTED_HEIGHT))
+    whole = all_of(
+        grasped(arm, prop), off_table(prop, *supports), raised(prop, LIFTED_HEIGHT)
+    )
     return whole.called(f"{arm} lifts {prop}")
 
 
 @shared
 def lifted_by_any(prop: str, *supports: str) -> Predicate:
     """Lifted by at least one arm; see `lifted`."""
-    return any_of(*(lifted(side, prop, *supports) for side in SIDES)).called(f"an arm lifts {prop}")
+    return any_of(*(lifted(side, prop, *supports) for side in SIDES)).called(
+        f"an arm lifts {prop}"
+    )
 
 
 @shared
@@ -215,7 +233,9 @@ def released(body: str) -> Predicate:
     return leaf(
         f"{body} is released",
         lambda state: state.simulation.contacts.released(body),
-        otherwise=lambda state: f"{' and '.join(touching_it(state))} still touches {body}",
+        otherwise=lambda state: (
+            f"{' and '.join(touching_it(state))} still touches {body}"
+        ),
     )
 
 

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING
 
 from duobench.core.errors import TaskError, UnknownNameError
 from duobench.core.types import CONTROL_HZ
-from duobench.tasks.stages.logic import Clock, HeldFor, Memory, Predicate, Since, StateView, Words
+from duobench.tasks.stages.logic import (
+    Clock,
+    HeldFor,
+    Memory,
+    Predicate,
+    Since,
+    StateView,
+    Words,
+)
 from duobench.tasks.stages.nearness import Nearness
 from duobench.tasks.stages.predicates import VariantIs
 
@@ -35,7 +43,10 @@ class Stage:
     is to be done now, though the stage was reached. None if nothing can be lost."""
 
     def __post_init__(self) -> None:
-        given: list[object] = [self.holds, *([] if self.stays is None else [self.stays])]
+        given: list[object] = [
+            self.holds,
+            *([] if self.stays is None else [self.stays]),
+        ]
         for value in given:
             if not isinstance(value, Predicate):
                 raise TaskError(
@@ -64,7 +75,9 @@ def memories_in(predicates: Iterable[Predicate]) -> tuple[Memory, ...]:
 def clocks_in(predicates: Iterable[Predicate]) -> tuple[Clock, ...]:
     """The clocks of these predicates, each once, inner ones first."""
     inner = (part for predicate in predicates for part in predicate.walk())
-    return tuple(dict.fromkeys(part.clock for part in inner if isinstance(part, HeldFor)))
+    return tuple(
+        dict.fromkeys(part.clock for part in inner if isinstance(part, HeldFor))
+    )
 
 
 def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
@@ -121,11 +134,16 @@ def check_names(
     """
     heights = {name: simulation.min_height(name) for name in simulation.props}
     state = StateView(
-        simulation=simulation, start_heights=heights, variants=variants, remembered=frozenset()
+        simulation=simulation,
+        start_heights=heights,
+        variants=variants,
+        remembered=frozenset(),
     )
     parts: dict[Predicate, Stage] = {}
     for stage in stages:
-        inner = (part for predicate in constraints_of([stage]) for part in predicate.walk())
+        inner = (
+            part for predicate in constraints_of([stage]) for part in predicate.walk()
+        )
         parts |= {part: stage for part in inner if part not in parts}
     for part, stage in parts.items():
         try:
@@ -217,7 +235,9 @@ class Progress:
     @property
     def standing(self) -> int:
         """The stage from which to go on: the last one before the lowest that was lost since."""
-        return next((n for n, lost in enumerate(self._lost) if lost >= LOST_STEPS), self.stage)
+        return next(
+            (n for n, lost in enumerate(self._lost) if lost >= LOST_STEPS), self.stage
+        )
 
     def nearness(self, simulation: Simulation) -> float:
         """How near the next stage is, from 0 to below 1, as `stages.nearness` measures it.
@@ -227,7 +247,9 @@ class Progress:
         if self.success:
             return 0.0
         state = self._view(simulation)
-        measure = Nearness(state, lambda predicate: predicate.ask(state), self._lasted.__getitem__)
+        measure = Nearness(
+            state, lambda predicate: predicate.ask(state), self._lasted.__getitem__
+        )
         return float(measure.of(self._stages[self.stage].holds))
 
     def reset(self, simulation: Simulation, variants: Mapping[str, str]) -> None:
@@ -240,7 +262,9 @@ class Progress:
         self._variants = dict(variants)
         self._remembered = frozenset()
         self._lasted = dict.fromkeys(self._clocks, 0)
-        self._start_heights = {name: simulation.min_height(name) for name in simulation.props}
+        self._start_heights = {
+            name: simulation.min_height(name) for name in simulation.props
+        }
         self.stage = 0
         self.final_holds = False
         self._lost = [0] * self.max_stage

@@ -111,26 +111,39 @@ def rolling(
         held_for(~lifted, REGRASP_SECONDS + step),
     )
     lain = since(
-        held_for((dropped & ~rolls).called(f"{ball} lies still"), SLIP_SECONDS), reset=lifted
+        held_for((dropped & ~rolls).called(f"{ball} lies still"), SLIP_SECONDS),
+        reset=lifted,
     )
     side = room.high[0] - room.low[0]
     ways = [partial(_from_corner, ball, room, axis) for axis in (0, 1)]
 
-    def strayed(when: Predicate, unit: float, far: Callable[[float, float], bool]) -> Predicate:
+    def strayed(
+        when: Predicate, unit: float, far: Callable[[float, float], bool]
+    ) -> Predicate:
         """The ball is far from where it was, in whole units, when something last held."""
-        places = [kept(f"place of {ball}", way, when=when, unit=unit, most=side) for way in ways]
+        places = [
+            kept(f"place of {ball}", way, when=when, unit=unit, most=side)
+            for way in ways
+        ]
         bits = tuple(bit for place in places for bit in place.bits)
 
         def test(state: StateView) -> bool:
-            x, y = (way(state) - at.value(state) for way, at in zip(ways, places, strict=True))
+            x, y = (
+                way(state) - at.value(state)
+                for way, at in zip(ways, places, strict=True)
+            )
             return far(x, y)
 
         return Predicate(f"{ball} has strayed", test, bits)
 
     pitch, middle = side / cells, PLACE_UNIT / 2
-    in_other_cell = strayed(lifted, pitch, lambda x, y: not 0.0 <= min(x, y) <= max(x, y) < pitch)
+    in_other_cell = strayed(
+        lifted, pitch, lambda x, y: not 0.0 <= min(x, y) <= max(x, y) < pitch
+    )
     moved = strayed(
-        dropped & ~lain, PLACE_UNIT, lambda x, y: hypot(x - middle, y - middle) > MOST_MOVED
+        dropped & ~lain,
+        PLACE_UNIT,
+        lambda x, y: hypot(x - middle, y - middle) > MOST_MOVED,
     )
     after = f"while {board} was not held up by both arms"
     again = lifted & since(dropped & since(lifted), reset=lifted)
@@ -143,7 +156,9 @@ def rolling(
     )
     start = (lifted & at_start).called(f"{ball} is at the start on the lifted {board}")
     begun = since(start, reset=spoilt)
-    left = all_of(lifted, ~spoilt, ~at_start, begun).called(f"{ball} rolls away from the start")
+    left = all_of(lifted, ~spoilt, ~at_start, begun).called(
+        f"{ball} rolls away from the start"
+    )
     underway = since(left, reset=spoilt)
     come = all_of(~spoilt, ~dropped, at_goal, underway).called(f"{ball} is at the goal")
     return Rolling(

@@ -111,18 +111,21 @@ def support(
 
     def held_open(side: Side) -> Predicate:
         """It is open, and neither that arm nor the object holds it."""
-        apart = (is_open & ~grazed[side]).called(f"{lid} is open, {side} arm and {prop} away")
+        apart = (is_open & ~grazed[side]).called(
+            f"{lid} is open, {side} arm and {prop} away"
+        )
         return held_for(apart, UNSUPPORTED_SECONDS)
 
     bears = {side: supports(side.other, lid) for side in SIDES}
     supported: Mapping[Side, Predicate] = {
-        side: all_of(lifted(side, prop, fixture, lid), bears[side], held_open(side)).called(
-            f"{side} lifts {prop} while {side.other} holds {lid} open"
-        )
+        side: all_of(
+            lifted(side, prop, fixture, lid), bears[side], held_open(side)
+        ).called(f"{side} lifts {prop} while {side.other} holds {lid} open")
         for side in SIDES
     }
     void = {
-        side: ~is_open | held_for(arm_touches(side.other, prop), FLICKER_SECONDS) for side in SIDES
+        side: ~is_open | held_for(arm_touches(side.other, prop), FLICKER_SECONDS)
+        for side in SIDES
     }
     # Not an arm that has been away from where it held the lid, or that has pulled it from there,
     # which is measured only once it matters.
@@ -140,13 +143,16 @@ def support(
         pulled = all_of(begun, grazed[side], shuts(holder, lid))
         shut = held_for(pulled, SHUT_SECONDS, reset=supported[side])
         robbed[side] = since(
-            all_of(shut, pulled, _shut_from(held_at, lid)), reset=supported[side] & ~there
+            all_of(shut, pulled, _shut_from(held_at, lid)),
+            reset=supported[side] & ~there,
         ).called(f"{holder} has turned {lid} shut")
         idle = begun & ~bears[side]
         beyond = (idle & ~backs(holder, lid, backing)) if backing else idle
         away = (idle & ~_near(holder, lid, held_at, backing)) if backing else idle
         gone[side] = any_of(
-            held_for(beyond.called(f"{holder} is away from {lid}"), UNSUPPORTED_SECONDS),
+            held_for(
+                beyond.called(f"{holder} is away from {lid}"), UNSUPPORTED_SECONDS
+            ),
             held_for(
                 away.called(f"{holder} is not where it held {lid}"),
                 RELIEVED_SECONDS,

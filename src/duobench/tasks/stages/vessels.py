@@ -6,7 +6,13 @@ from math import inf
 
 from duobench.tasks.stages.logic import Predicate, all_of
 from duobench.tasks.stages.placing import DROP_HEIGHT, lifted_off, low_over, put
-from duobench.tasks.stages.predicates import CylinderRegion, inside, still, touching, upright
+from duobench.tasks.stages.predicates import (
+    CylinderRegion,
+    inside,
+    still,
+    touching,
+    upright,
+)
 from duobench.world.scene.naming import TABLE
 
 STANDING_TILT_DEGREES = 20.0
@@ -32,7 +38,9 @@ class Vessel:
 
     def over(self, prop: str) -> Predicate:
         """The prop is in it, or so little above its rim that it is put in when it is let go."""
-        return inside(prop, self._region(inf)) & low_over(prop, self.body, self.rim, DROP_HEIGHT)
+        return inside(prop, self._region(inf)) & low_over(
+            prop, self.body, self.rim, DROP_HEIGHT
+        )
 
     def holds(self, prop: str) -> Predicate:
         """The prop lies still in it, and it stands; what flies through or hangs above does not."""

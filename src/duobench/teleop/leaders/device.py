@@ -66,7 +66,10 @@ class LeaderDevice:
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
         """When they were read last, in seconds."""
-        self.led_by, self.executed_ms = source.device, math.nan  # no page has sent what they do
+        self.led_by, self.executed_ms = (
+            source.device,
+            math.nan,
+        )  # no page has sent what they do
 
     @property
     def clutch(self) -> tuple[bool, bool]:

@@ -73,9 +73,14 @@ class GelloArm:
             raise LeaderError(f"signs are 1 or -1, got {self.signs}.")
         ids = (*self.ids, self.gripper_id)
         if len(set(ids)) != len(ids) or not all(0 <= each <= _MOST_ID for each in ids):
-            raise LeaderError(f"Servos have different ids from 0 to {_MOST_ID}, got {ids}.")
+            raise LeaderError(
+                f"Servos have different ids from 0 to {_MOST_ID}, got {ids}."
+            )
         numbers = (*self.offsets, self.gripper_open, self.gripper_closed)
-        if not all(map(math.isfinite, numbers)) or self.gripper_open == self.gripper_closed:
+        if (
+            not all(map(math.isfinite, numbers))
+            or self.gripper_open == self.gripper_closed
+        ):
             raise LeaderError(
                 "Offsets and the two ends of a gripper are finite, and the ends differ; got "
                 f"{self.offsets}, {self.gripper_open}, {self.gripper_closed}."
@@ -94,7 +99,9 @@ class GelloConfig:
 
     def __post_init__(self) -> None:
         if self.left.port == self.right.port:
-            raise LeaderError(f"Each arm has a port of its own, got {self.left.port} for both.")
+            raise LeaderError(
+                f"Each arm has a port of its own, got {self.left.port} for both."
+            )
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -117,9 +124,13 @@ class _Bus:
         except OSError as error:
             raise LeaderError(f"Cannot open {arm.port}: {error}") from error
         if not is_open:
-            raise LeaderError(f"{arm.port} knows no {baud} bits a second; 57600 is usual.")
+            raise LeaderError(
+                f"{arm.port} knows no {baud} bits a second; 57600 is usual."
+            )
         self._ids = (*arm.ids, arm.gripper_id)
-        self._query = sdk.GroupSyncRead(self._port, packets, PRESENT_POSITION, POSITION_BYTES)
+        self._query = sdk.GroupSyncRead(
+            self._port, packets, PRESENT_POSITION, POSITION_BYTES
+        )
         for each in self._ids:
             pings = (packets.ping(self._port, each)[1] for _ in range(PINGS))
             if sdk.COMM_SUCCESS not in pings:
@@ -131,7 +142,9 @@ class _Bus:
             self._query.addParam(each)
         self._newest: tuple[float, Array] | None = None
         self._is_closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"gello {arm.port}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, name=f"gello {arm.port}", daemon=True
+        )
         self._thread.start()
 
     def read(self) -> Array | None:
@@ -166,7 +179,10 @@ class _Bus:
             time.sleep(POLL_S)
         if self._query.rxPacket() != self._success:
             return None
-        return [self._query.getData(each, PRESENT_POSITION, POSITION_BYTES) for each in self._ids]
+        return [
+            self._query.getData(each, PRESENT_POSITION, POSITION_BYTES)
+            for each in self._ids
+        ]
 
 
 class GelloSource:
@@ -180,7 +196,9 @@ class GelloSource:
 
     def connect(self) -> None:
         """Open both ports, and begin to read."""
-        load_extra("dynamixel_sdk", "teleop", "GELLO arms need dynamixel-sdk", LeaderError)
+        load_extra(
+            "dynamixel_sdk", "teleop", "GELLO arms need dynamixel-sdk", LeaderError
+        )
         try:
             for arm in (self._config.left, self._config.right)[len(self._buses) :]:
                 self._buses.append(_Bus(arm, self._config.baud))

@@ -32,9 +32,15 @@ class LeRobotSource:
 
     def __init__(self, teleoperator: Any, device: str | None = None) -> None:
         self._teleoperator = teleoperator
-        self.device = device or f"lerobot {getattr(teleoperator, 'name', 'teleoperator')}"
-        plain = {key.removesuffix(POSITION): key for key in teleoperator.action_features}
-        if set(plain) != set(JOINT_NAMES) or len(plain) != len(teleoperator.action_features):
+        self.device = (
+            device or f"lerobot {getattr(teleoperator, 'name', 'teleoperator')}"
+        )
+        plain = {
+            key.removesuffix(POSITION): key for key in teleoperator.action_features
+        }
+        if set(plain) != set(JOINT_NAMES) or len(plain) != len(
+            teleoperator.action_features
+        ):
             raise LeaderError(
                 f"{self.device} gives {', '.join(teleoperator.action_features) or 'nothing'}; two "
                 f"leader arms give exactly {JOINT_NAMES[0]}{POSITION} to "
@@ -65,8 +71,12 @@ class LeRobotSource:
         try:
             config = kinds[kind](**options)
         except (TypeError, ValueError) as error:
-            raise LeaderError(f"The teleoperator {kind!r} cannot be made: {error}") from error
-        return cls(teleoperators.make_teleoperator_from_config(config), f"lerobot {kind}")
+            raise LeaderError(
+                f"The teleoperator {kind!r} cannot be made: {error}"
+            ) from error
+        return cls(
+            teleoperators.make_teleoperator_from_config(config), f"lerobot {kind}"
+        )
 
     def connect(self) -> None:
         """Reach the leaders, or raise a `LeaderError`."""

@@ -99,11 +99,18 @@ class ArmKinematics:
     def forward(self, joints: Array) -> SE3:
         """Tool pose in the table frame at joint positions (7,)."""
         self._configuration.update(joints)
-        pose = self._configuration.get_transform_frame_to_world(tcp_name(self._side), "site")
+        pose = self._configuration.get_transform_frame_to_world(
+            tcp_name(self._side), "site"
+        )
         return SE3(pose.rotation().as_matrix(), pose.translation())
 
     def step(
-        self, joints: Array, target: SE3, dt: float, posture: Array, before: Array | None
+        self,
+        joints: Array,
+        target: SE3,
+        dt: float,
+        posture: Array,
+        before: Array | None,
     ) -> Array:
         """Joint targets (7,) for the step towards a tool pose; see `Kinematics.step`."""
         import mink
@@ -124,7 +131,9 @@ class ArmKinematics:
             change = change / 2
         return start
 
-    def _change(self, start: Array, dt: float, posture: Array, last: Array | None) -> Array | None:
+    def _change(
+        self, start: Array, dt: float, posture: Array, last: Array | None
+    ) -> Array | None:
         """The best step from `start`, where the configuration is; None if DAQP finds none."""
         import daqp
 
@@ -140,14 +149,18 @@ class ArmKinematics:
         solution, _, outcome, _ = daqp.solve(hessian, linear, _NO_ROWS, high, low)
         return solution if outcome == OPTIMAL else None
 
-    def _bounds(self, start: Array, dt: float, last: Array | None) -> tuple[Array, Array]:
+    def _bounds(
+        self, start: Array, dt: float, last: Array | None
+    ) -> tuple[Array, Array]:
         """How far each joint may move in a step: range, speed, and change of speed."""
         most = self._speeds * dt
         low = np.maximum(-most, LIMIT_GAIN * (self._low - start))
         high = np.minimum(most, LIMIT_GAIN * (self._high - start))
         if last is None:
             return low, high
-        return np.clip(last - MAX_CHANGE, low, high), np.clip(last + MAX_CHANGE, low, high)
+        return np.clip(last - MAX_CHANGE, low, high), np.clip(
+            last + MAX_CHANGE, low, high
+        )
 
     def _error(self, joints: Array, posture: Array) -> float:
         """What a solution makes small: the squared errors of tool and posture, by their costs."""
@@ -197,7 +210,11 @@ class Kinematics:
         for side, target in targets.items():
             row = side.index
             solution = self._arms[side].step(
-                result[row], target, dt, posture[row], None if before is None else before[row]
+                result[row],
+                target,
+                dt,
+                posture[row],
+                None if before is None else before[row],
             )
             result[row] = np.rint(solution * GRID) / GRID
         return result

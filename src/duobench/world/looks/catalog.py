@@ -21,15 +21,31 @@ _KEY = (1.55, 0.0, 2.30)
 """Where the light of the workcell stands."""
 _WINDOW = (-0.8, -2.2, 1.6)
 
-_LOW_SUN = Light(position=(0.24, 2.2, 1.7), colour=(0.72, 0.69, 0.64), highlight=0.3, shadow=True)
-_LAMP = Light(position=(0.24, -1.6, 2.2), colour=(0.54, 0.45, 0.34), highlight=0.2, shadow=True)
+_LOW_SUN = Light(
+    position=(0.24, 2.2, 1.7), colour=(0.72, 0.69, 0.64), highlight=0.3, shadow=True
+)
+_LAMP = Light(
+    position=(0.24, -1.6, 2.2), colour=(0.54, 0.45, 0.34), highlight=0.2, shadow=True
+)
 
-_OAK = Material(colour=(0.66, 0.43, 0.25), texture="wood", second_colour=(0.25, 0.13, 0.06))
-_PARQUET = Material(colour=(0.62, 0.42, 0.25), texture="wood", second_colour=(0.24, 0.13, 0.07))
-_MARBLE = Material(colour=(0.60, 0.63, 0.66), texture="marble", second_colour=(0.22, 0.25, 0.30))
-_TILES = Material(colour=(0.62, 0.55, 0.46), texture="tiles", second_colour=(0.25, 0.21, 0.18))
-_BRICKS = Material(colour=(0.80, 0.74, 0.68), texture="bricks", second_colour=(0.42, 0.17, 0.11))
-_CHECKER = Material(colour=(0.75, 0.62, 0.20), texture="checker", second_colour=(0.28, 0.20, 0.42))
+_OAK = Material(
+    colour=(0.66, 0.43, 0.25), texture="wood", second_colour=(0.25, 0.13, 0.06)
+)
+_PARQUET = Material(
+    colour=(0.62, 0.42, 0.25), texture="wood", second_colour=(0.24, 0.13, 0.07)
+)
+_MARBLE = Material(
+    colour=(0.60, 0.63, 0.66), texture="marble", second_colour=(0.22, 0.25, 0.30)
+)
+_TILES = Material(
+    colour=(0.62, 0.55, 0.46), texture="tiles", second_colour=(0.25, 0.21, 0.18)
+)
+_BRICKS = Material(
+    colour=(0.80, 0.74, 0.68), texture="bricks", second_colour=(0.42, 0.17, 0.11)
+)
+_CHECKER = Material(
+    colour=(0.75, 0.62, 0.20), texture="checker", second_colour=(0.28, 0.20, 0.42)
+)
 _CONCRETE = Material(colour=(0.50, 0.52, 0.50), texture="concrete")
 
 LOOKS: Mapping[str, Look] = {
@@ -44,7 +60,9 @@ LOOKS: Mapping[str, Look] = {
     ),
     "dark": Look(
         lights=(
-            Light(position=_KEY, colour=(0.26, 0.25, 0.24), highlight=0.12, shadow=True),
+            Light(
+                position=_KEY, colour=(0.26, 0.25, 0.24), highlight=0.12, shadow=True
+            ),
             Light(position=_WINDOW, colour=(0.05, 0.06, 0.08)),
         ),
         ambient=(0.18, 0.18, 0.20),
@@ -53,7 +71,9 @@ LOOKS: Mapping[str, Look] = {
     "warm_light": Look(lights=(_LAMP,), ambient=(0.44, 0.39, 0.32)),
     "wood_table": Look(parts={"table": _OAK, "floor": _CONCRETE}),
     "marble_table": Look(parts={"table": _MARBLE, "floor": _TILES}),
-    "cluttered_background": Look(parts={"walls": _BRICKS, "floor": _PARQUET}, clutter=32),
+    "cluttered_background": Look(
+        parts={"walls": _BRICKS, "floor": _PARQUET}, clutter=32
+    ),
     "distractor_colours": Look(
         parts={
             "table": Material(colour=(0.32, 0.42, 0.52)),
@@ -82,7 +102,9 @@ LOOKS: Mapping[str, Look] = {
             "right_wrist": CameraOffset(
                 position=(-0.005, 0.005, 0.003), rotation=(-0.03, 0.03, -0.04)
             ),
-            "overview": CameraOffset(position=(0.05, 0.03, -0.03), rotation=(0.02, 0.02, 0.03)),
+            "overview": CameraOffset(
+                position=(0.05, 0.03, -0.03), rotation=(0.02, 0.02, 0.03)
+            ),
         }
     ),
     "noisy": Look(noise=0.045, blur=0.003, exposure=-0.3),
@@ -119,7 +141,9 @@ def look(name: str) -> Look:
         raise UnknownNameError("look", name, (*LOOKS, f"{RANDOM}SEED"))
     seed = name.removeprefix(RANDOM)
     if not re.fullmatch(r"[0-9]{1,18}", seed):
-        raise OptionError(f"A random look is named {RANDOM}SEED, as {RANDOM}7; got {name!r}.")
+        raise OptionError(
+            f"A random look is named {RANDOM}SEED, as {RANDOM}7; got {name!r}."
+        )
     return random_look(int(seed))
 
 
@@ -176,12 +200,16 @@ def _material(
     contrast: float,
 ) -> Material:
     return Material(
-        colour=_colour(rng, (0.0, 0.5), values), texture=_choice(rng, textures), contrast=contrast
+        colour=_colour(rng, (0.0, 0.5), values),
+        texture=_choice(rng, textures),
+        contrast=contrast,
     )
 
 
 def _colour(
-    rng: np.random.Generator, saturations: tuple[float, float], values: tuple[float, float]
+    rng: np.random.Generator,
+    saturations: tuple[float, float],
+    values: tuple[float, float],
 ) -> RGB:
     return colorsys.hsv_to_rgb(
         _uniform(rng, 0, 1), _uniform(rng, *saturations), _uniform(rng, *values)
@@ -230,4 +258,6 @@ def _offset(rng: np.random.Generator) -> CameraOffset:
     x, y, z = rng.uniform(-CAMERA_SHIFT, CAMERA_SHIFT, 3).tolist()
     roll, pitch, yaw = rng.uniform(-CAMERA_TURN, CAMERA_TURN, 3).tolist()
     turn = _uniform(rng, -CAMERA_TURN, CAMERA_TURN)
-    return CameraOffset(position=(x, y, z), rotation=(roll, pitch, yaw), field_of_view=turn)
+    return CameraOffset(
+        position=(x, y, z), rotation=(roll, pitch, yaw), field_of_view=turn
+    )

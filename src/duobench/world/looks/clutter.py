@@ -40,13 +40,16 @@ def pieces(count: int, seed: int) -> tuple[Furniture, ...]:
 def _piece(rng: np.random.Generator) -> Furniture:
     (x0, x1), (y0, y1) = ROOM_X, ROOM_Y
     width, height, depth = (
-        rng.uniform(*ends) for ends in (WIDTHS, HEIGHTS, (0.4 * (DEPTH - GAP), DEPTH - GAP))
+        rng.uniform(*ends)
+        for ends in (WIDTHS, HEIGHTS, (0.4 * (DEPTH - GAP), DEPTH - GAP))
     )
     is_round = bool(rng.uniform() < 0.3)  # noqa: PLR2004 - three of ten
     if is_round:
         width = depth
     along, wall = rng.uniform(-1.0, 1.0), int(rng.integers(4))
-    colour = colorsys.hsv_to_rgb(rng.uniform(), rng.uniform(0.2, 0.8), rng.uniform(0.25, 0.85))
+    colour = colorsys.hsv_to_rgb(
+        rng.uniform(), rng.uniform(0.2, 0.8), rng.uniform(0.25, 0.85)
+    )
     inset = GAP + depth / 2
     if wall < 2:  # noqa: PLR2004 - the two walls across x
         x = (x0 + inset, x1 - inset)[wall]

@@ -54,7 +54,10 @@ def shifted(rgb: RGB, amount: float, seed: int) -> RGB:
         if max(rgb) - min(rgb) < _GREY:
             around, colourful = h % 1.0, saturation + TINT * abs(s)
         else:
-            around, colourful = (hue + HUE_SHIFT * h) % 1.0, saturation * (1 + SATURATION_SHIFT * s)
+            around, colourful = (
+                (hue + HUE_SHIFT * h) % 1.0,
+                saturation * (1 + SATURATION_SHIFT * s),
+            )
         bright = min(value * (1 + VALUE_SHIFT * v), 1.0)
         new = colorsys.hsv_to_rgb(around, min(colourful, 1.0), bright)
         if colour_name(new) == colour_name(rgb):

@@ -20,7 +20,9 @@ _STARTS = 1 << 18
 """Places in a long row of random numbers where the noise of an image may begin."""
 
 
-def apply(look: Look, image: Image, time: float, positions: Array, camera: int) -> Image:
+def apply(
+    look: Look, image: Image, time: float, positions: Array, camera: int
+) -> Image:
     """A rendered image (height, width, 3) as the look's camera takes it.
 
     Noise is a function of the look's seed and noise, the image's size, the camera's number and
@@ -42,7 +44,9 @@ def _blurred(image: Image, deviation: float) -> Image:
     """The image, convolved with a Gaussian of a standard deviation in pixels, along each axis."""
     weights = _weights(deviation)
     radius = len(weights) // 2
-    for axis in range(2 if radius else 0):  # each row is a line along the axis, in memory too
+    for axis in range(
+        2 if radius else 0
+    ):  # each row is a line along the axis, in memory too
         rows = image.reshape(len(image) if axis else 1, image.shape[axis], -1)
         ends = [np.repeat(rows[:, [end]], radius, axis=1) for end in (0, -1)]
         padded = np.concatenate([ends[0], rows, ends[1]], axis=1).astype(np.uint16)
@@ -67,7 +71,9 @@ def _weights(deviation: float) -> NDArray[np.uint16]:
 @lru_cache(maxsize=8)
 def _curve(stops: float) -> Image:
     """The new number for each of the 256."""
-    return np.clip(np.rint(np.arange(256) * 2 ** (stops / GAMMA)), 0, 255).astype(np.uint8)
+    return np.clip(np.rint(np.arange(256) * 2 ** (stops / GAMMA)), 0, 255).astype(
+        np.uint8
+    )
 
 
 @lru_cache(maxsize=4)

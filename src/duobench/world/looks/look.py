@@ -57,7 +57,9 @@ class Material:
             raise OptionError(
                 f"A material has a texture or an image, got {self.texture!r} and {self.image!r}."
             )
-        if self.second_colour is not None and (self.colour is None or self.texture is None):
+        if self.second_colour is not None and (
+            self.colour is None or self.texture is None
+        ):
             raise OptionError("A second colour needs a texture and a first colour.")
 
 
@@ -101,7 +103,9 @@ class CameraOffset:
 
     def __post_init__(self) -> None:
         if not (_is_vector(self.position) and _is_vector(self.rotation)):
-            raise OptionError(f"The offset of a camera is three finite numbers each, got {self}.")
+            raise OptionError(
+                f"The offset of a camera is three finite numbers each, got {self}."
+            )
         limit = MAX_FIELD_OF_VIEW_OFFSET
         _check_range("field_of_view", self.field_of_view, -limit, limit)
 
@@ -155,9 +159,13 @@ class Look:
         _check_range("blur", self.blur, 0.0, 0.05)
         _check_range("noise", self.noise, 0.0, 0.5)
         if not isinstance(self.seed, int) or self.seed < 0:
-            raise OptionError(f"The seed of a look is a whole number from 0 on, got {self.seed}.")
+            raise OptionError(
+                f"The seed of a look is a whole number from 0 on, got {self.seed}."
+            )
         if not 0 <= self.clutter <= MAX_CLUTTER:
-            raise OptionError(f"A look has 0 to {MAX_CLUTTER} pieces, got {self.clutter}.")
+            raise OptionError(
+                f"A look has 0 to {MAX_CLUTTER} pieces, got {self.clutter}."
+            )
         lights = self.lights or ()
         shadows = sum(light.shadow for light in lights)
         if len(lights) > MAX_LIGHTS or shadows > 1:
@@ -183,7 +191,9 @@ def _is_vector(numbers: tuple[float, ...]) -> bool:
 
 
 def _check_colour(name: str, colour: RGB | None) -> None:
-    if colour is None or (_is_vector(colour) and all(0.0 <= part <= 1.0 for part in colour)):
+    if colour is None or (
+        _is_vector(colour) and all(0.0 <= part <= 1.0 for part in colour)
+    ):
         return
     raise OptionError(f"{name} is red, green and blue from 0 to 1, got {colour}.")
 

@@ -21,24 +21,33 @@ _SQUARE = 0.10
 """Side of a square of a chequered surface, in metres."""
 
 
-def texture(name: str, shape: tuple[int, int], size: tuple[float, float], seed: int = 0) -> Pattern:
+def texture(
+    name: str, shape: tuple[int, int], size: tuple[float, float], seed: int = 0
+) -> Pattern:
     """One of `TEXTURES` over a flat surface: brightness (height, width), 0 to 1.
 
     The shape is in texels, the size in metres: patterns have their natural size on it.
     """
     rng = np.random.Generator(np.random.PCG64([seed, *name.encode()]))
-    return np.clip(TEXTURES[name](_Canvas(shape, size, rng)), 0.0, 1.0).astype(np.float32)
+    return np.clip(TEXTURES[name](_Canvas(shape, size, rng)), 0.0, 1.0).astype(
+        np.float32
+    )
 
 
 class _Canvas:
     """A surface to fill: where each texel is, and random numbers on it."""
 
     def __init__(
-        self, shape: tuple[int, int], size: tuple[float, float], rng: np.random.Generator
+        self,
+        shape: tuple[int, int],
+        size: tuple[float, float],
+        rng: np.random.Generator,
     ) -> None:
         self.shape, self.size, self.rng = shape, size, rng
         height, width = shape
-        self.y = ((np.arange(height, dtype=np.float32) + 0.5) / height * size[0])[:, None]
+        self.y = ((np.arange(height, dtype=np.float32) + 0.5) / height * size[0])[
+            :, None
+        ]
         """Metres from the first row, (height, 1)."""
         self.x = ((np.arange(width, dtype=np.float32) + 0.5) / width * size[1])[None, :]
         """Metres from the first column, (1, width)."""
@@ -82,7 +91,9 @@ def _wood(canvas: _Canvas) -> Pattern:
     shade = canvas.random(-0.16, 0.16, count)[plank][:, None]
     streaks = 0.16 * canvas.noise((0.006, 0.6)) + 0.10 * canvas.noise((0.02, 0.3))
     phase = canvas.random(0, 1, count)[plank][:, None]
-    rings = 0.07 * np.sin(2 * np.pi * (canvas.y + phase + 0.03 * canvas.noise((0.08, 0.5))) / 0.03)
+    rings = 0.07 * np.sin(
+        2 * np.pi * (canvas.y + phase + 0.03 * canvas.noise((0.08, 0.5))) / 0.03
+    )
     seam = 0.4 * (np.abs(canvas.y / _BOARD % 1.0 - 0.5) > 0.5 - 0.003 / _BOARD)
     return 0.70 + shade + streaks + rings - seam
 
@@ -103,7 +114,9 @@ def _concrete(canvas: _Canvas) -> Pattern:
 def _fabric(canvas: _Canvas) -> Pattern:
     """A coarse weave."""
     thread = 0.03
-    weave = np.sin(2 * np.pi * canvas.x / thread) * np.sin(2 * np.pi * canvas.y / thread)
+    weave = np.sin(2 * np.pi * canvas.x / thread) * np.sin(
+        2 * np.pi * canvas.y / thread
+    )
     return 0.55 + 0.28 * weave + 0.22 * canvas.octaves(0.2, 3)
 
 
@@ -129,7 +142,9 @@ def _bricks(canvas: _Canvas) -> Pattern:
     column = (x / length).astype(int)
     shade = canvas.random(-0.15, 0.15, (int(row.max()) + 1, int(column.max()) + 1))
     joint = _edge(canvas.y, height) | _edge(x, length)
-    return np.where(joint, 1.0, 0.42 + shade[row, column] + 0.1 * canvas.octaves(0.1, 2))
+    return np.where(
+        joint, 1.0, 0.42 + shade[row, column] + 0.1 * canvas.octaves(0.1, 2)
+    )
 
 
 def _checker(canvas: _Canvas) -> Pattern:

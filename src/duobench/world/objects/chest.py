@@ -77,7 +77,14 @@ def chest(name: str, *, body: Colour, lid: Colour) -> Prop:
     return Prop(
         name=name,
         solid=lambda: chest_box(body),
-        parts=(Part(name="lid", solid=lambda: chest_lid(lid), pose=SE3.at(*HINGE), hinge=hinge),),
+        parts=(
+            Part(
+                name="lid",
+                solid=lambda: chest_lid(lid),
+                pose=SE3.at(*HINGE),
+                hinge=hinge,
+            ),
+        ),
         fixed=True,
     )
 
@@ -104,7 +111,9 @@ def _post(y: float) -> tuple[Shape, Shape]:
     The head reaches into the foot, further back there than where it leaves it.
     """
     stop = SE3.about((0, 1, 0), LID_LIMITS[1])
-    low, high = (stop.apply([-s, 0.0, LID_UNDERSIDE + WALL + POST_PLAY]) for s in POST_REACH)
+    low, high = (
+        stop.apply([-s, 0.0, LID_UNDERSIDE + WALL + POST_PLAY]) for s in POST_REACH
+    )
     rim = RIM_HEIGHT - HINGE[2]
     outline = (
         (POST_FOOT, rim),
@@ -117,7 +126,9 @@ def _post(y: float) -> tuple[Shape, Shape]:
     along_y = SE3.at(HINGE[0], y, HINGE[2]) @ SE3.about((1, 0, 0), math.pi / 2)
     depth = POST_DEPTH + WALL
     foot = SE3.at(HINGE[0] - WALL + depth / 2, y, RIM_HEIGHT / 2)
-    return box(depth, POST_WIDTH, RIM_HEIGHT, at=foot), prism(outline, POST_WIDTH, at=along_y)
+    return box(depth, POST_WIDTH, RIM_HEIGHT, at=foot), prism(
+        outline, POST_WIDTH, at=along_y
+    )
 
 
 def chest_lid(rgba: Colour) -> Solid:
@@ -125,18 +136,24 @@ def chest_lid(rgba: Colour) -> Solid:
     length = LID_LENGTH + LIP
     along_y = SE3.about((1, 0, 0), math.pi / 2)
     shapes = (
-        box(length, LID_WIDTH, WALL, at=SE3.at(-length / 2, 0, LID_UNDERSIDE + WALL / 2)),
+        box(
+            length, LID_WIDTH, WALL, at=SE3.at(-length / 2, 0, LID_UNDERSIDE + WALL / 2)
+        ),
         cylinder(BARREL_RADIUS, LID_WIDTH, at=along_y),
     )
     return _drilled(shapes, rgba, SE3(), THREAD_RADIUS)
 
 
-def _drilled(shapes: tuple[Shape, ...], rgba: Colour, axis: SE3, radius: float) -> Solid:
+def _drilled(
+    shapes: tuple[Shape, ...], rgba: Colour, axis: SE3, radius: float
+) -> Solid:
     """The union of shapes with a hole for the hinge's screws along y through `axis`."""
     import manifold3d
 
     # A value of its own: in one expression with the hole, the triangles would be others.
     whole = union_of(shapes)
-    drill = manifold3d.Manifold.cylinder(2 * OUTER_Y, radius, radius, CIRCLE_SEGMENTS // 2, True)
+    drill = manifold3d.Manifold.cylinder(
+        2 * OUTER_Y, radius, radius, CIRCLE_SEGMENTS // 2, True
+    )
     hole = placed(drill, axis @ SE3.about((1, 0, 0), math.pi / 2))
     return Solid(shapes=shapes, rgba=rgba, mesh=mesh_of(whole - hole))

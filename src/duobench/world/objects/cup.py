@@ -1,7 +1,14 @@
 """An eight-sided cup, and marbles to fill it."""
 
 from duobench.core.spatial import SE3
-from duobench.world.objects.shapes import Colour, circle, polygon, prism, ring_wall, sphere
+from duobench.world.objects.shapes import (
+    Colour,
+    circle,
+    polygon,
+    prism,
+    ring_wall,
+    sphere,
+)
 from duobench.world.objects.solid import Solid, mesh_of
 
 WALLS = 8
@@ -65,7 +72,11 @@ def marble(rgba: Colour) -> Solid:
 
 HEAP = tuple(
     (x, y, WALL + MARBLE_RADIUS)
-    for radius, count in ((0.0, 1), (2.08 * MARBLE_RADIUS, 6), (4.32 * MARBLE_RADIUS, 13))
+    for radius, count in (
+        (0.0, 1),
+        (2.08 * MARBLE_RADIUS, 6),
+        (4.32 * MARBLE_RADIUS, 13),
+    )
     for x, y in (radius * circle(count)).tolist()
 )
 """Where twenty marbles lie in a full cup, without touching, in its frame and metres: rings of one,

@@ -56,7 +56,12 @@ def gate() -> Solid:
                 shapes=(plate,),
                 holes=(_upright(wide, wide, foot, BASE[2] + OVERLAP),),
             ),
-            Piece(name="post", shapes=(post,), holes=_slot(top), print_turn=POST_PRINT_TURN),
+            Piece(
+                name="post",
+                shapes=(post,),
+                holes=_slot(top),
+                print_turn=POST_PRINT_TURN,
+            ),
             Piece(
                 name="ring",
                 rgba=_ORANGE,
@@ -86,7 +91,9 @@ def _bars() -> tuple[Shape, ...]:
     )
 
 
-def _upright(x: float, y: float, low: float, high: float, *, at_x: float = 0.0) -> Shape:
+def _upright(
+    x: float, y: float, low: float, high: float, *, at_x: float = 0.0
+) -> Shape:
     """A box of x by y over the middle of the base, from one height to another."""
     return box(x, y, high - low, at=SE3.at(at_x, 0.0, (low + high) / 2))
 
@@ -98,7 +105,10 @@ def _slot(top: float) -> tuple[Shape, ...]:
     side = (POST - width) / 2 + OVERLAP
     return (
         _upright(POST + 2 * OVERLAP, across, floor + height, top + OVERLAP),
-        *(_upright(side, across, floor, top, at_x=i * (width + side) / 2) for i in (-1, 1)),
+        *(
+            _upright(side, across, floor, top, at_x=i * (width + side) / 2)
+            for i in (-1, 1)
+        ),
     )
 
 
@@ -107,7 +117,9 @@ def _notch(top: float) -> Shape:
     width, height = KEY
     floor = top - RING_THICKNESS
     across = RING_THICKNESS + 2 * OVERLAP
-    return _upright(width + 2 * JOINT_PLAY, across, floor - OVERLAP, floor + height + JOINT_PLAY)
+    return _upright(
+        width + 2 * JOINT_PLAY, across, floor - OVERLAP, floor + height + JOINT_PLAY
+    )
 
 
 def mat() -> Solid:

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from duobench.core.spatial import SE3
-from duobench.world.objects.shapes import Z_TO_X, Array, Colour, Shape, box, circle, hull
+from duobench.world.objects.shapes import (
+    Z_TO_X,
+    Array,
+    Colour,
+    Shape,
+    box,
+    circle,
+    hull,
+)
 from duobench.world.objects.solid import Solid, manifold_of, mesh_of, placed
 
 ACROSS_FLATS = 0.034
@@ -47,7 +55,9 @@ class PolygonHole:
         return radius * circle(self.corners, self.phase)
 
 
-HEXAGON = PolygonHole(corners=6, apothem=ACROSS_FLATS / 2 + CLEARANCE, x=-CELL[0], phase=0.0)
+HEXAGON = PolygonHole(
+    corners=6, apothem=ACROSS_FLATS / 2 + CLEARANCE, x=-CELL[0], phase=0.0
+)
 SQUARE = PolygonHole(corners=4, apothem=0.017, x=0.0, phase=math.pi / 4)
 """34 mm wide; the peg needs 37.9 mm, however it is turned."""
 TRIANGLE = PolygonHole(corners=3, apothem=0.012, x=CELL[0], phase=math.pi / 2)
@@ -107,7 +117,11 @@ def _walls(hole: PolygonHole) -> list[Shape]:
         rim = np.vstack([edge[ends], between])
         points = [
             *((x, y, z) for x, y in rim for z in (BOARD_FLOOR, BOARD_HEIGHT)),
-            *((x, y, z) for x, y in shaft[ends] for z in (BOARD_FLOOR, BOARD_HEIGHT - CHAMFER)),
+            *(
+                (x, y, z)
+                for x, y in shaft[ends]
+                for z in (BOARD_FLOOR, BOARD_HEIGHT - CHAMFER)
+            ),
             *((x, y, BOARD_HEIGHT) for x, y in mouth[ends]),
         ]
         pieces.append(hull(points, at=SE3.at(x=hole.x)))

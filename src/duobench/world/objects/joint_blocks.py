@@ -36,7 +36,9 @@ LIGHT_TIP = SE3.at(BAR[0] / 2 + PEG_LENGTH) @ Z_TO_X
 FRONT_MOUTH = SE3.at(BAR[0] / 2) @ Z_TO_X
 BACK_MOUTH = SE3.at(-BAR[0] / 2, yaw=math.pi) @ Z_TO_X
 """Mouths of the dark bar's sockets in its frame, z outwards."""
-WALL_TIP = SE3.at(-WALL_PLATE[0] / 2 - PEG_LENGTH, 0.0, PEG_HEIGHT, yaw=math.pi) @ Z_TO_X
+WALL_TIP = (
+    SE3.at(-WALL_PLATE[0] / 2 - PEG_LENGTH, 0.0, PEG_HEIGHT, yaw=math.pi) @ Z_TO_X
+)
 """Tip of the wall's peg in the wall's frame, z outwards, towards the robot."""
 
 LIGHT_PRINT_TURN = SE3.about((0, 1, 0), -math.pi / 2)
@@ -50,7 +52,10 @@ def _peg(root: SE3) -> tuple[Shape, ...]:
     """A chamfered square peg that stands on `root` along its z and reaches a little below it."""
     half, straight = PEG_WIDTH / 2, PEG_LENGTH - CHAMFER_LENGTH
     shaft = box(
-        PEG_WIDTH, PEG_WIDTH, straight + OVERLAP, at=root @ SE3.at(z=(straight - OVERLAP) / 2)
+        PEG_WIDTH,
+        PEG_WIDTH,
+        straight + OVERLAP,
+        at=root @ SE3.at(z=(straight - OVERLAP) / 2),
     )
     corners = [(i * half, j * half) for i in (-1, 1) for j in (-1, 1)]
     tip = [(CHAMFER_TAPER * x, CHAMFER_TAPER * y, CHAMFER_LENGTH) for x, y in corners]
@@ -80,10 +85,18 @@ def dark_bar(rgba: Colour) -> Solid:
 def _hole(end: SE3) -> tuple[Shape, Shape]:
     """A socket as a solid: its shaft, and its mouth, at +x of `end`."""
     shaft = box(
-        SOCKET_DEPTH, SOCKET_WIDTH, SOCKET_WIDTH, at=end @ SE3.at((BAR[0] - SOCKET_DEPTH) / 2)
+        SOCKET_DEPTH,
+        SOCKET_WIDTH,
+        SOCKET_WIDTH,
+        at=end @ SE3.at((BAR[0] - SOCKET_DEPTH) / 2),
     )
-    rims = ((BAR[0] / 2 - MOUTH, SOCKET_WIDTH / 2), (BAR[0] / 2, SOCKET_WIDTH / 2 + MOUTH))
-    corners = [(x, i * half, j * half) for x, half in rims for i in (-1, 1) for j in (-1, 1)]
+    rims = (
+        (BAR[0] / 2 - MOUTH, SOCKET_WIDTH / 2),
+        (BAR[0] / 2, SOCKET_WIDTH / 2 + MOUTH),
+    )
+    corners = [
+        (x, i * half, j * half) for x, half in rims for i in (-1, 1) for j in (-1, 1)
+    ]
     return shaft, hull(corners, at=end)
 
 
@@ -123,4 +136,6 @@ def wall(rgba: Colour) -> Solid:
     """An upright plate with a peg towards the robot; its frame is under its middle."""
     depth, _, height = WALL_PLATE
     root = SE3(WALL_TIP.rotation, np.array([-depth / 2, 0.0, PEG_HEIGHT]))
-    return Solid(shapes=(box(*WALL_PLATE, at=SE3.at(z=height / 2)), *_peg(root)), rgba=rgba)
+    return Solid(
+        shapes=(box(*WALL_PLATE, at=SE3.at(z=height / 2)), *_peg(root)), rgba=rgba
+    )

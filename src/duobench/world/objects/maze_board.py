@@ -10,9 +10,25 @@ from collections.abc import Iterable
 from itertools import product
 
 from duobench.core.spatial import SE3
-from duobench.world.objects.mazes import CELLS, CORNERS, MAZES, SEGMENTS, Cell, Maze, Segment
+from duobench.world.objects.mazes import (
+    CELLS,
+    CORNERS,
+    MAZES,
+    SEGMENTS,
+    Cell,
+    Maze,
+    Segment,
+)
 from duobench.world.objects.prop import Variant
-from duobench.world.objects.shapes import JOINT_PLAY, Colour, Shape, box, hull, prism, sphere
+from duobench.world.objects.shapes import (
+    JOINT_PLAY,
+    Colour,
+    Shape,
+    box,
+    hull,
+    prism,
+    sphere,
+)
 from duobench.world.objects.solid import Image, Piece, Solid, images_of, mass_properties
 
 PITCH = 0.040
@@ -116,7 +132,9 @@ def wall_variants() -> dict[str, Variant]:
     first = len(_frame_images())
     return {
         str(index): Variant(
-            without_shapes=frozenset(numbers[s] for s in SEGMENTS if s not in maze.walls),
+            without_shapes=frozenset(
+                numbers[s] for s in SEGMENTS if s not in maze.walls
+            ),
             without_images=frozenset(
                 first + number
                 for number, shown in enumerate(
@@ -192,7 +210,14 @@ def _loose_floor() -> Iterable[Shape]:
     narrow = wide - SHOULDER
     yield box(2 * narrow, 2 * narrow, 2 * BLUNT, at=SE3.at(z=BLUNT - BASE))
     levels = ((narrow, BLUNT - BASE), (wide, -UPRIGHT), (wide, 0.0))
-    yield hull([(x * half, y * half, z) for half, z in levels for x in (-1, 1) for y in (-1, 1)])
+    yield hull(
+        [
+            (x * half, y * half, z)
+            for half, z in levels
+            for x in (-1, 1)
+            for y in (-1, 1)
+        ]
+    )
 
 
 def _outside() -> Iterable[Shape]:
@@ -207,7 +232,13 @@ def _outside() -> Iterable[Shape]:
 def _shoulders() -> Iterable[Shape]:
     """What a loose floor lies on: four wedges at the rim's inner faces, half in it."""
     outer, end, high = INNER + ROOT, INNER - SHOULDER, -UPRIGHT
-    section = ((outer, -BASE), (end, -BASE), (end, BLUNT - BASE), (INNER, high), (outer, high))
+    section = (
+        (outer, -BASE),
+        (end, -BASE),
+        (end, BLUNT - BASE),
+        (INNER, high),
+        (outer, high),
+    )
     for turn in _quarter_turns():
         corners = [(x, side * INNER, z) for x, z in section for side in (-1, 1)]
         yield hull([tuple(turn.apply(corner).tolist()) for corner in corners])

@@ -21,7 +21,12 @@ CELLS = 5
 
 Cell = tuple[int, int]
 """Column and row, counted along the board's x and y."""
-CORNERS: tuple[Cell, ...] = ((0, 0), (CELLS - 1, 0), (0, CELLS - 1), (CELLS - 1, CELLS - 1))
+CORNERS: tuple[Cell, ...] = (
+    (0, 0),
+    (CELLS - 1, 0),
+    (0, CELLS - 1),
+    (CELLS - 1, CELLS - 1),
+)
 """Where starts and goals are."""
 
 

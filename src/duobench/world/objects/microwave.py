@@ -92,8 +92,16 @@ def _oven() -> Solid:
             box(back, WIDTH, height, at=SE3.at((DEPTH - back) / 2, 0, middle_z)),
             box(depth, SIDE, height, at=SE3.at(middle_x, (WIDTH - SIDE) / 2, middle_z)),
             box(depth, controls, height, at=SE3.at(middle_x, controls_y, middle_z)),
-            box(relief, 0.13, 0.22, at=SE3.at(FRONT, controls_y, middle_z), rgba=_PANEL),
-            box(2 * relief, 0.09, 0.03, at=SE3.at(FRONT, controls_y, 0.225), rgba=_DISPLAY),
+            box(
+                relief, 0.13, 0.22, at=SE3.at(FRONT, controls_y, middle_z), rgba=_PANEL
+            ),
+            box(
+                2 * relief,
+                0.09,
+                0.03,
+                at=SE3.at(FRONT, controls_y, 0.225),
+                rgba=_DISPLAY,
+            ),
         ),
         rgba=_BODY,
     )

@@ -94,8 +94,13 @@ def _handle() -> Solid:
     length = HANDLE_OFFSET - math.sqrt(RADIUS**2 - (aside + ARM / 2) ** 2) + _ROOT
     return Solid(
         shapes=(
-            cylinder(BAR_RADIUS, BAR_LENGTH + ARM, at=SE3.about((0, 1, 0), math.pi / 2)),
-            *(box(ARM, length, ARM, at=SE3.at(x, -length / 2)) for x in (-aside, aside)),
+            cylinder(
+                BAR_RADIUS, BAR_LENGTH + ARM, at=SE3.about((0, 1, 0), math.pi / 2)
+            ),
+            *(
+                box(ARM, length, ARM, at=SE3.at(x, -length / 2))
+                for x in (-aside, aside)
+            ),
         ),
         rgba=_HANDLE_COLOUR,
         density=ALUMINIUM_DENSITY,

@@ -51,7 +51,11 @@ class Built(Generic[T]):
             raise TaskError(
                 f"The {self._name} of {vars(instance)['name']!r} is a {self._kind.__name__}, or a "
                 f"function that makes one; got a {type(value).__name__}."
-                + (" A shape alone is Solid(shapes=(shape,), rgba=RED)." if is_shape else "")
+                + (
+                    " A shape alone is Solid(shapes=(shape,), rgba=RED)."
+                    if is_shape
+                    else ""
+                )
             )
 
 

@@ -87,16 +87,22 @@ class Shape:
         Round shapes are sampled finely enough for a lowest point within 0.1 mm at these sizes.
         """
         if self.kind is ShapeKind.BOX:
-            signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
+            signs = np.array(
+                [[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)]
+            )
             local = signs * np.array(self.size) / 2
         elif self.kind is ShapeKind.CYLINDER:
             radius, height = self.size
             ring = radius * circle(CIRCLE_SEGMENTS)
-            local = np.vstack([at_height(ring, -height / 2), at_height(ring, height / 2)])
+            local = np.vstack(
+                [at_height(ring, -height / 2), at_height(ring, height / 2)]
+            )
         elif self.kind is ShapeKind.SPHERE:
             angles = np.linspace(0, math.pi, CIRCLE_SEGMENTS // 2 + 1)
             ring = circle(CIRCLE_SEGMENTS)
-            local = np.vstack([at_height(math.sin(a) * ring, math.cos(a)) for a in angles])
+            local = np.vstack(
+                [at_height(math.sin(a) * ring, math.cos(a)) for a in angles]
+            )
             local = local * self.size[0]
         else:
             local = np.array(self.points)
@@ -166,10 +172,14 @@ def cylinder(
         at: Pose of its centre in the solid's frame; the identity by default.
         rgba: Colour, where it differs from the solid's.
     """
-    return Shape(kind=ShapeKind.CYLINDER, size=(radius, height), pose=at or SE3(), rgba=rgba)
+    return Shape(
+        kind=ShapeKind.CYLINDER, size=(radius, height), pose=at or SE3(), rgba=rgba
+    )
 
 
-def sphere(radius: float, *, at: SE3 | None = None, rgba: Colour | None = None) -> Shape:
+def sphere(
+    radius: float, *, at: SE3 | None = None, rgba: Colour | None = None
+) -> Shape:
     """A ball.
 
     Args:
@@ -181,7 +191,10 @@ def sphere(radius: float, *, at: SE3 | None = None, rgba: Colour | None = None) 
 
 
 def hull(
-    points: Sequence[Sequence[float]], *, at: SE3 | None = None, rgba: Colour | None = None
+    points: Sequence[Sequence[float]],
+    *,
+    at: SE3 | None = None,
+    rgba: Colour | None = None,
 ) -> Shape:
     """The convex hull of points.
 
@@ -214,5 +227,7 @@ def prism(
         shadow: Whether it casts one.
     """
     flat = np.asarray(outline, dtype=np.float64)
-    points = np.vstack([at_height(flat, -height / 2), at_height(flat * taper, height / 2)])
+    points = np.vstack(
+        [at_height(flat, -height / 2), at_height(flat * taper, height / 2)]
+    )
     return replace(hull(points.tolist(), at=at, rgba=rgba), shadow=shadow)

@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 
 from duobench.core.spatial import SE3
 from duobench.core.types import Array, check_several
-from duobench.world.objects.shapes import CIRCLE_SEGMENTS, Colour, Shape, ShapeKind, check_colour
+from duobench.world.objects.shapes import (
+    CIRCLE_SEGMENTS,
+    Colour,
+    Shape,
+    ShapeKind,
+    check_colour,
+)
 
 if TYPE_CHECKING:
     import manifold3d
@@ -122,7 +128,9 @@ def manifold_of(shape: Shape) -> manifold3d.Manifold:
     if shape.kind is ShapeKind.BOX:
         local = m.cube(shape.size, True)
     elif shape.kind is ShapeKind.CYLINDER:
-        local = m.cylinder(shape.size[1], shape.size[0], shape.size[0], CIRCLE_SEGMENTS, True)
+        local = m.cylinder(
+            shape.size[1], shape.size[0], shape.size[0], CIRCLE_SEGMENTS, True
+        )
     elif shape.kind is ShapeKind.SPHERE:
         local = m.sphere(shape.size[0], CIRCLE_SEGMENTS)
     else:
@@ -167,7 +175,10 @@ def pieces_of(solid: Solid) -> tuple[Mesh, ...]:
     """
     if not solid.pieces:
         return (printable(solid),)
-    return tuple(mesh_of(union_of(piece.shapes) - union_of(piece.holes)) for piece in solid.pieces)
+    return tuple(
+        mesh_of(union_of(piece.shapes) - union_of(piece.holes))
+        for piece in solid.pieces
+    )
 
 
 def manifold_from(mesh: Mesh) -> manifold3d.Manifold:
@@ -215,7 +226,9 @@ def mass_properties(solid: Solid) -> MassProperties:
     # The integral of x_i x_j over a tetrahedron with one corner at the origin.
     second = np.empty((3, 3))
     for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)):
-        mixed = (corners[:, :, i] * corners[:, :, j]).sum(axis=1) + sums[:, i] * sums[:, j]
+        mixed = (corners[:, :, i] * corners[:, :, j]).sum(axis=1) + sums[:, i] * sums[
+            :, j
+        ]
         second[i, j] = second[j, i] = math.fsum((sixfold * mixed).tolist()) / 120
     centre = np.array(first) / volume
     about_centre = second - volume * centre[:, None] * centre

@@ -118,7 +118,8 @@ def describe_cameras() -> dict[str, dict[str, Any]]:
     """
     tool_from_wrist = SE3.at(z=-TCP_OFFSET) @ FLANGE_FROM_WRIST
     wrists = {
-        wrist_name(side): _describe(WRIST_FOCAL, f"{side}_tool", tool_from_wrist) for side in SIDES
+        wrist_name(side): _describe(WRIST_FOCAL, f"{side}_tool", tool_from_wrist)
+        for side in SIDES
     }
     return {HEAD: _describe(HEAD_FOCAL, "table", TABLE_FROM_HEAD), **wrists}
 
@@ -131,7 +132,11 @@ def _describe(focal: float, frame: str, frame_from_mujoco: SE3) -> dict[str, Any
     matrix[:3, 3] = frame_from_camera.translation
     return {
         "size": [NATIVE_HEIGHT, NATIVE_WIDTH],
-        "intrinsics": [[focal, 0.0, middle[0]], [0.0, focal, middle[1]], [0.0, 0.0, 1.0]],
+        "intrinsics": [
+            [focal, 0.0, middle[0]],
+            [0.0, focal, middle[1]],
+            [0.0, 0.0, 1.0],
+        ],
         "frame": frame,
         "frame_from_camera": (matrix + 0.0).tolist(),  # without negative zeros
     }

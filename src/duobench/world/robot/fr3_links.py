@@ -68,7 +68,9 @@ LINKS = (
         centre=(4.128e-07, -0.0181251, -0.0386036),
         axes_wxyz=(0.998098, -0.0605364, 0.00380499, 0.0110109),
         inertia=(0.0239286, 0.0227246, 0.00610634),
-        joint=Joint(limits=(-2.7437, 2.7437), torque=87, armature=0.195, friction=1.137, kp=4500),
+        joint=Joint(
+            limits=(-2.7437, 2.7437), torque=87, armature=0.195, friction=1.137, kp=4500
+        ),
         visuals=(("link1", WHITE),),
     ),
     ArmLink(
@@ -77,7 +79,9 @@ LINKS = (
         centre=(0.00318289, -0.0743222, 0.00881461),
         axes_wxyz=(0.502599, 0.584437, -0.465998, 0.434366),
         inertia=(0.0629567, 0.0411924, 0.0246371),
-        joint=Joint(limits=(-1.7837, 1.7837), torque=87, armature=0.195, friction=1.137, kp=4500),
+        joint=Joint(
+            limits=(-1.7837, 1.7837), torque=87, armature=0.195, friction=1.137, kp=4500
+        ),
         visuals=(("link2", WHITE),),
     ),
     ArmLink(
@@ -87,7 +91,9 @@ LINKS = (
         centre=(0.0407016, -0.00482006, -0.0289731),
         axes_wxyz=(0.921025, -0.244161, 0.155272, 0.260745),
         inertia=(0.0267409, 0.0189869, 0.0171587),
-        joint=Joint(limits=(-2.9007, 2.9007), torque=87, armature=0.195, friction=1.137, kp=3500),
+        joint=Joint(
+            limits=(-2.9007, 2.9007), torque=87, armature=0.195, friction=1.137, kp=3500
+        ),
         visuals=(("link3_0", WHITE), ("link3_1", BLACK)),
     ),
     ArmLink(
@@ -97,7 +103,13 @@ LINKS = (
         centre=(-0.0459101, 0.0630493, -0.00851879),
         axes_wxyz=(0.438018, 0.803311, 0.00937812, 0.403414),
         inertia=(0.05139, 0.0372717, 0.0160047),
-        joint=Joint(limits=(-3.0421, -0.1518), torque=87, armature=0.195, friction=1.137, kp=3500),
+        joint=Joint(
+            limits=(-3.0421, -0.1518),
+            torque=87,
+            armature=0.195,
+            friction=1.137,
+            kp=3500,
+        ),
         visuals=(("link4_0", WHITE), ("link4_1", BLACK)),
     ),
     ArmLink(
@@ -107,7 +119,9 @@ LINKS = (
         centre=(-0.00160396, 0.0292536, -0.0972966),
         axes_wxyz=(0.919031, 0.125604, 0.0751531, -0.366003),
         inertia=(0.0579335, 0.0449144, 0.0130634),
-        joint=Joint(limits=(-2.8065, 2.8065), torque=12, armature=0.074, friction=0.763, kp=2000),
+        joint=Joint(
+            limits=(-2.8065, 2.8065), torque=12, armature=0.074, friction=0.763, kp=2000
+        ),
         visuals=(("link5_0", WHITE), ("link5_2", BLACK)),
     ),
     ArmLink(
@@ -116,7 +130,9 @@ LINKS = (
         centre=(0.0597131, -0.0410295, -0.0101693),
         axes_wxyz=(0.621301, 0.552665, 0.510011, 0.220081),
         inertia=(0.0175039, 0.0161123, 0.00193529),
-        joint=Joint(limits=(0.5445, 4.5169), torque=12, armature=0.074, friction=0.44, kp=2000),
+        joint=Joint(
+            limits=(0.5445, 4.5169), torque=12, armature=0.074, friction=0.44, kp=2000
+        ),
         visuals=(("link6_1", WHITE), ("link6_2", WHITE), ("link6_6", BLACK)),
     ),
     ArmLink(
@@ -126,7 +142,9 @@ LINKS = (
         centre=(0.00452258, 0.00862619, -0.0161633),
         axes_wxyz=(0.727579, 0.0978688, -0.24906, 0.63168),
         inertia=(0.000223836, 0.000223642, 5.64132e-07),
-        joint=Joint(limits=(-3.0159, 3.0159), torque=12, armature=0.074, friction=0.248, kp=2000),
+        joint=Joint(
+            limits=(-3.0159, 3.0159), torque=12, armature=0.074, friction=0.248, kp=2000
+        ),
         visuals=(("link7_1", WHITE), ("link7_2", WHITE), ("link7_3", BLACK)),
     ),
 )

@@ -23,8 +23,12 @@ LINK7_FROM_TCP = SE3.at(z=FLANGE_OFFSET + TCP_OFFSET)
 """Pose of the tool centre point in link 7; both have the same orientation."""
 
 BASE_POSES = {
-    Side.LEFT: SE3.from_wxyz((0.865641, -0.436978, 0.0225312, -0.243326), (0.0, 0.05018, 0.342)),
-    Side.RIGHT: SE3.from_wxyz((0.865641, 0.436978, 0.0225312, 0.243326), (0.0, -0.05018, 0.342)),
+    Side.LEFT: SE3.from_wxyz(
+        (0.865641, -0.436978, 0.0225312, -0.243326), (0.0, 0.05018, 0.342)
+    ),
+    Side.RIGHT: SE3.from_wxyz(
+        (0.865641, 0.436978, 0.0225312, 0.243326), (0.0, -0.05018, 0.342)
+    ),
 }
 """World from arm base [manufacturer's duo workcell, as used by Robot Control Stack]."""
 SHOULDERS = {side: base.apply(LINKS[1].position) for side, base in BASE_POSES.items()}
@@ -32,7 +36,9 @@ SHOULDERS = {side: base.apply(LINKS[1].position) for side, base in BASE_POSES.it
 
 
 _Z = (0.0, 0.0, 1.0)
-_FRAMES = tuple(SE3.from_wxyz(link.wxyz, link.position) for link in LINKS if link.joint is not None)
+_FRAMES = tuple(
+    SE3.from_wxyz(link.wxyz, link.position) for link in LINKS if link.joint is not None
+)
 """Pose of each link that turns in the one before it, at joint position 0; link 0 is the base."""
 
 
@@ -50,7 +56,9 @@ def tcp_poses(joints: ArrayLike) -> Array:
     Each is x y z qx qy qz qw with qx >= 0; joint positions (2, 7) are in radians, left then right.
     """
     rows = np.asarray(joints, dtype=np.float64).reshape(len(SIDES), ARM_JOINTS)
-    poses = np.array([tool_pose(side, row).tquat for side, row in zip(SIDES, rows, strict=True)])
+    poses = np.array(
+        [tool_pose(side, row).tquat for side, row in zip(SIDES, rows, strict=True)]
+    )
     poses[poses[:, 3] < 0.0, 3:] *= -1.0
     return poses
 
@@ -67,9 +75,14 @@ def tool_jacobians(joints: Array) -> Array:
         position = position + rotation @ frame.translation
         rotation = rotation @ frame.rotation
         axes[..., number, :], origins[..., number, :] = rotation[..., 2], position
-        cosine, sine = np.cos(joints[..., number, None]), np.sin(joints[..., number, None])
+        cosine, sine = (
+            np.cos(joints[..., number, None]),
+            np.sin(joints[..., number, None]),
+        )
         x, y = rotation[..., 0], rotation[..., 1]
-        rotation = np.stack([cosine * x + sine * y, cosine * y - sine * x, rotation[..., 2]], -1)
+        rotation = np.stack(
+            [cosine * x + sine * y, cosine * y - sine * x, rotation[..., 2]], -1
+        )
     tool = position + rotation @ LINK7_FROM_TCP.translation
     return np.swapaxes(np.cross(axes, tool[..., None, :] - origins), -1, -2)
 

@@ -16,7 +16,15 @@ JOINT_RANGES.setflags(write=False)
 VELOCITY_LIMITS = (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26)
 """Joint velocity limits in rad/s [Franka data sheet]."""
 
-_LEFT_HOME = (0.48797692, -0.57224476, -0.58536988, -2.57958827, 0.86400183, 2.0530809, -0.85965005)
+_LEFT_HOME = (
+    0.48797692,
+    -0.57224476,
+    -0.58536988,
+    -2.57958827,
+    0.86400183,
+    2.0530809,
+    -0.85965005,
+)
 HOME_JOINTS = np.array([_LEFT_HOME, np.multiply(_LEFT_HOME, (-1, 1, -1, 1, -1, 1, -1))])
 """Home configuration (2, 7) in radians; the right arm mirrors the left."""
 HOME_JOINTS.setflags(write=False)
@@ -32,7 +40,9 @@ of the servos, 0.1 in all of them, and friction."""
 
 
 def duo_limits(
-    speed_fractions: tuple[float, float] = (1.0, 1.0), margin: float = 0.0, lag: float = math.inf
+    speed_fractions: tuple[float, float] = (1.0, 1.0),
+    margin: float = 0.0,
+    lag: float = math.inf,
 ) -> DuoLimits:
     """Limits of both arms, which use a part of the joints' speed limits, left then right.
 
@@ -81,4 +91,6 @@ def speed_limits(joints: Array) -> tuple[Array, Array]:
     """
     down = np.sqrt(_TWICE * np.maximum(joints - _LOW, 0.0)) - _OFFSETS
     up = np.sqrt(_TWICE * np.maximum(_HIGH - joints, 0.0)) - _OFFSETS
-    return -np.minimum(np.maximum(down, 0.0), _MOST), np.minimum(np.maximum(up, 0.0), _MOST)
+    return -np.minimum(np.maximum(down, 0.0), _MOST), np.minimum(
+        np.maximum(up, 0.0), _MOST
+    )

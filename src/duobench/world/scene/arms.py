@@ -4,7 +4,12 @@ import mujoco
 
 from duobench.core.types import ARM_JOINTS, SIDES, Side
 from duobench.world.robot.fr3_links import LINKS, WHITE, Joint
-from duobench.world.robot.frames import BASE_POSES, FLANGE_OFFSET, LINK7_FROM_FLANGE, LINK7_FROM_TCP
+from duobench.world.robot.frames import (
+    BASE_POSES,
+    FLANGE_OFFSET,
+    LINK7_FROM_FLANGE,
+    LINK7_FROM_TCP,
+)
 from duobench.world.scene.cameras import add_wrist_camera
 from duobench.world.scene.meshes import add_link, add_mesh
 from duobench.world.scene.naming import arm_joint_names, flange_name, tcp_name
@@ -49,12 +54,17 @@ def _add_kinematics(spec: mujoco.MjSpec, side: Side) -> list[mujoco.MjsBody]:
         if link.joint is not None:
             _add_joint(spec, bodies[-1], arm_joint_names(side)[number - 1], link.joint)
     bodies[0].pos, bodies[0].quat = BASE_POSES[side].translation, BASE_POSES[side].wxyz
-    for name, pose in ((flange_name(side), LINK7_FROM_FLANGE), (tcp_name(side), LINK7_FROM_TCP)):
+    for name, pose in (
+        (flange_name(side), LINK7_FROM_FLANGE),
+        (tcp_name(side), LINK7_FROM_TCP),
+    ):
         bodies[-1].add_site(name=name, pos=pose.translation, size=[0.001] * 3, group=4)
     return bodies
 
 
-def _add_joint(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, joint: Joint) -> None:
+def _add_joint(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, joint: Joint
+) -> None:
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -77,7 +87,9 @@ def _add_joint(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, joint: Join
     servo.set_to_position(kp=joint.kp, kv=joint.kp / 10)
 
 
-def _add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]) -> None:
+def _add_geometry(
+    spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody]
+) -> None:
     for number, (link, body) in enumerate(zip(LINKS, bodies, strict=True)):
         for name, rgba in link.visuals:
             image = add_mesh(spec, body, f"fr3/{name}:visual")
@@ -85,7 +97,9 @@ def _add_geometry(spec: mujoco.MjSpec, side: Side, bodies: list[mujoco.MjsBody])
             visual_only(image, shadow=rgba == WHITE or name in _STOPPERS)
         hull = add_mesh(spec, body, f"fr3/link{number}:hull")
         hull.name = f"{side}/link{number}_hull"
-        collide_unseen(hull, DISTAL[side] if number >= _FIRST_DISTAL_LINK else PROXIMAL[side])
+        collide_unseen(
+            hull, DISTAL[side] if number >= _FIRST_DISTAL_LINK else PROXIMAL[side]
+        )
     # The forearm and the wrist two joints on share space by design; the range of joint 6 keeps
     # them apart.
     spec.add_exclude(bodyname1=f"{side}/link5", bodyname2=f"{side}/link{ARM_JOINTS}")

@@ -14,7 +14,12 @@ from duobench.world.robot.cameras import (
     WRIST_FOCAL,
     View,
 )
-from duobench.world.scene.surfaces import DISTAL, CollisionGroup, add_box, collide_as_metal
+from duobench.world.scene.surfaces import (
+    DISTAL,
+    CollisionGroup,
+    add_box,
+    collide_as_metal,
+)
 
 ZED_BASELINE, D405_BASELINE = 0.063, 0.018
 """Distance between the two lenses of a camera in metres [data sheets]."""
@@ -44,7 +49,9 @@ def add_head_camera(world: mujoco.MjsBody) -> None:
     _add_camera(world, HEAD, pose, HEAD_FOCAL)
     # The left lens is half a baseline (31.5 mm) to the left of the housing's middle.
     middle = ZED_BASELINE / 2
-    housing = add_box(world, pose @ SE3.at(middle, 0.0, 0.014), (0.1244, 0.0304, 0.0260), _HOUSING)
+    housing = add_box(
+        world, pose @ SE3.at(middle, 0.0, 0.014), (0.1244, 0.0304, 0.0260), _HOUSING
+    )
     housing.name = f"{HEAD}/housing"
     collide_as_metal(housing, CollisionGroup.FIXTURE)
     for x in (0.0, ZED_BASELINE):
@@ -55,7 +62,9 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
     """Add a RealSense D405 (42 x 42 x 23 mm) in front of the gripper, its bracket and camera."""
     pose = flange_from_body @ FLANGE_FROM_WRIST
     _add_camera(flange, wrist_name(side), pose, WRIST_FOCAL)
-    housing = add_box(flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.042, 0.042, 0.0230), _ALUMINIUM)
+    housing = add_box(
+        flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.042, 0.042, 0.0230), _ALUMINIUM
+    )
     add_box(flange, pose @ SE3.at(0.0, 0.0, 0.001), (0.038, 0.030, 0.0012), _GLASS)
     for x in (-D405_BASELINE / 2, D405_BASELINE / 2):
         add_box(flange, pose @ SE3.at(x, 0.0, 0.0008), (0.007, 0.007, 0.0012), _LENS)
@@ -68,4 +77,6 @@ def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) 
 def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:
     """Add the camera for people."""
     pose = view.pose
-    world.add_camera(name=OVERVIEW, pos=pose.translation, quat=pose.wxyz, fovy=view.fovy_deg)
+    world.add_camera(
+        name=OVERVIEW, pos=pose.translation, quat=pose.wxyz, fovy=view.fovy_deg
+    )

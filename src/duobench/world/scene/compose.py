@@ -18,7 +18,12 @@ from duobench.world.objects.solid import (
     manifold_from,
     mass_properties,
 )
-from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, OVERVIEW_VIEW, View
+from duobench.world.robot.cameras import (
+    NATIVE_HEIGHT,
+    NATIVE_WIDTH,
+    OVERVIEW_VIEW,
+    View,
+)
 from duobench.world.robot.workcell import FLOOR_Z, ROOM_HEIGHT, ROOM_X, ROOM_Y
 from duobench.world.scene.arms import add_robot
 from duobench.world.scene.cameras import add_head_camera, add_overview_camera
@@ -68,7 +73,9 @@ _OPTIONS = f"""
 """
 
 
-def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoco.MjSpec:
+def compose(
+    props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW
+) -> mujoco.MjSpec:
     """The model's specification with a task's objects, each of which has a unique name.
 
     The camera for people has the given view. Body, joint and geom names are those of `scene.naming`
@@ -96,8 +103,12 @@ def compose(props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> mujoc
 def _check_in_room(view: View) -> None:
     """Reject an eye outside: walls and ceiling would be visible from behind, or not at all."""
     room = {"x": ROOM_X, "y": ROOM_Y, "z": (FLOOR_Z, FLOOR_Z + ROOM_HEIGHT)}
-    if not all(low < at < high for at, (low, high) in zip(view.eye, room.values(), strict=True)):
-        ends = ", ".join(f"{axis} {low:.2f} to {high:.2f}" for axis, (low, high) in room.items())
+    if not all(
+        low < at < high for at, (low, high) in zip(view.eye, room.values(), strict=True)
+    ):
+        ends = ", ".join(
+            f"{axis} {low:.2f} to {high:.2f}" for axis, (low, high) in room.items()
+        )
         raise DuoBenchError(
             f"A camera for people stands inside the room ({ends} m); the eye {view.eye} does not."
         )
@@ -157,7 +168,9 @@ def _add_hinge(body: mujoco.MjsBody, name: str, hinge: Hinge) -> None:
     )
 
 
-def _fill(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, group: CollisionGroup) -> None:
+def _fill(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, group: CollisionGroup
+) -> None:
     properties = mass_properties(solid)
     body.explicitinertial = True
     body.mass = properties.mass
@@ -165,7 +178,9 @@ def _fill(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, group: Collis
     i = properties.inertia
     body.fullinertia = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     kinds = [shape.kind for shape in solid.shapes]
-    rendered_alone = solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
+    rendered_alone = (
+        solid.mesh is None and len(kinds) == 1 and kinds[0] in _RENDERED_WELL
+    )
     for number, shape in enumerate(solid.shapes):
         geom = _add_shape(spec, body, f"{body.name}:{number}", shape)
         geom.rgba, geom.friction = shape.rgba or solid.rgba, solid.friction
@@ -176,8 +191,12 @@ def _fill(spec: mujoco.MjSpec, body: mujoco.MjsBody, solid: Solid, group: Collis
     if not rendered_alone:
         for number, image in enumerate(_images(solid)):
             name = f"{body.name}:image{number}"
-            add_visual_mesh(spec, name, add_ribs(image.mesh) if image.shadow else image.mesh)
-            geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+            add_visual_mesh(
+                spec, name, add_ribs(image.mesh) if image.shadow else image.mesh
+            )
+            geom = body.add_geom(
+                name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name
+            )
             geom.rgba = image.rgba
             visual_only(geom, shadow=image.shadow)
 
@@ -229,6 +248,8 @@ def add_ribs(mesh: Mesh) -> Mesh:
             continue
         points = np.vstack(section)
         vertices.append(at_height(points, height))
-        faces.append(np.asarray(manifold3d.triangulate(section), dtype=np.int32) + count)
+        faces.append(
+            np.asarray(manifold3d.triangulate(section), dtype=np.int32) + count
+        )
         count += len(points)
     return Mesh(vertices=np.vstack(vertices), faces=np.vstack(faces))

@@ -34,7 +34,9 @@ def robot_meshes() -> Mapping[str, Mesh]:
     try:
         data = resources.files("duobench.world.scene").joinpath(FILE).read_bytes()
     except OSError as error:
-        raise AssetError(f"The meshes of the robot cannot be read ({error}). {_ADVICE}") from error
+        raise AssetError(
+            f"The meshes of the robot cannot be read ({error}). {_ADVICE}"
+        ) from error
     return decode(data)
 
 
@@ -82,7 +84,9 @@ def add_mesh(
             # Reduced meshes need not be watertight; none of them carries mass.
             inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
         )
-    return body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, pos=position, quat=wxyz)
+    return body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, pos=position, quat=wxyz
+    )
 
 
 CREASE = math.radians(8.0)
@@ -95,7 +99,9 @@ _SAME = 1e-4
 """Normals that differ by less than this, in each component, are one."""
 
 
-def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = CREASE) -> Array:
+def corner_normals(
+    vertices: Array, faces: NDArray[np.integer], crease: float = CREASE
+) -> Array:
     """One unit normal for every corner of every triangle.
 
     A corner's normal is the mean over the triangles around its vertex that are turned by at most
@@ -121,7 +127,9 @@ def corner_normals(vertices: Array, faces: NDArray[np.integer], crease: float = 
     one = np.repeat(np.arange(len(corners)), pairs)
     rank = np.arange(len(one)) - np.repeat(pairs.cumsum() - pairs, pairs)
     other = by_vertex[start[corners[one]] + rank]
-    near = np.einsum("px,px->p", normals[one // 3], normals[other // 3]) >= math.cos(crease)
+    near = np.einsum("px,px->p", normals[one // 3], normals[other // 3]) >= math.cos(
+        crease
+    )
     one, other = one[near], other[near]
     total = np.zeros((len(corners), 3))
     np.add.at(total, one, normals[other // 3] * angles[other, None])
@@ -132,7 +140,9 @@ def _unit(vectors: Array) -> Array:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), _TINY)
 
 
-def add_visual_mesh(spec: mujoco.MjSpec, name: str, mesh: Mesh, crease: float = CREASE) -> str:
+def add_visual_mesh(
+    spec: mujoco.MjSpec, name: str, mesh: Mesh, crease: float = CREASE
+) -> str:
     """Add a mesh with normals to a model under construction, and return its name.
 
     MuJoCo takes one normal a vertex, so a vertex on a sharp edge is there once for each side. The

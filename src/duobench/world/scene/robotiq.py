@@ -200,7 +200,9 @@ _PAD_OFFSET = 0.043258
 _PAD_MASS = 0.00175
 
 
-def add_gripper(spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_z: float) -> None:
+def add_gripper(
+    spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_z: float
+) -> None:
     """Hang a gripper with its linkage, constraints and actuator on the flange of a body.
 
     The flange is at height `flange_z` in the body's frame, in metres.
@@ -214,7 +216,9 @@ def add_gripper(spec: mujoco.MjSpec, side: Side, flange: mujoco.MjsBody, flange_
         # The coupling is a ring between flange and base, which cast its shadow.
         visual_only(image, shadow=name not in _COUPLING)
     _, position, wxyz, _ = _BASE_VISUALS[0]
-    collide_unseen(add_mesh(spec, base, "robotiq_2f85/base:hull", position, wxyz), DISTAL[side])
+    collide_unseen(
+        add_mesh(spec, base, "robotiq_2f85/base:hull", position, wxyz), DISTAL[side]
+    )
     for finger, parts in FINGERS.items():
         _add_finger(spec, side, finger, parts, base)
     _add_constraints(spec, prefix)
@@ -249,7 +253,9 @@ def _add_finger(
             visual_only(image)
             if name != "tongue":
                 back = tuple(map(operator.add, position, part.hull_setback))
-                collide_unseen(add_mesh(spec, body, f"{mesh}:hull", back, wxyz), DISTAL[side])
+                collide_unseen(
+                    add_mesh(spec, body, f"{mesh}:hull", back, wxyz), DISTAL[side]
+                )
     # The rubber pad, and the metal tongue behind it.
     pad = add_link(bodies["follower"], f"{prefix}_pad", _PAD)
     fingertip = bodies["follower"].add_geom(

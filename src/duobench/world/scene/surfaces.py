@@ -28,9 +28,15 @@ class CollisionGroup(IntFlag):
 _EVERYTHING = 63
 
 
-PROXIMAL = {Side.LEFT: CollisionGroup.LEFT_PROXIMAL, Side.RIGHT: CollisionGroup.RIGHT_PROXIMAL}
+PROXIMAL = {
+    Side.LEFT: CollisionGroup.LEFT_PROXIMAL,
+    Side.RIGHT: CollisionGroup.RIGHT_PROXIMAL,
+}
 """Links 0 to 5 of an arm."""
-DISTAL = {Side.LEFT: CollisionGroup.LEFT_DISTAL, Side.RIGHT: CollisionGroup.RIGHT_DISTAL}
+DISTAL = {
+    Side.LEFT: CollisionGroup.LEFT_DISTAL,
+    Side.RIGHT: CollisionGroup.RIGHT_DISTAL,
+}
 """Links 6 and 7, gripper and wrist camera of an arm."""
 
 
@@ -41,7 +47,9 @@ def collide_as(geom: mujoco.MjsGeom, group: CollisionGroup) -> None:
     carry the same relation.
     """
     geom.contype = int(group)
-    geom.conaffinity = _EVERYTHING if group is CollisionGroup.OBJECT else _EVERYTHING - int(group)
+    geom.conaffinity = (
+        _EVERYTHING if group is CollisionGroup.OBJECT else _EVERYTHING - int(group)
+    )
 
 
 def visual_only(geom: mujoco.MjsGeom, *, shadow: bool = True) -> None:

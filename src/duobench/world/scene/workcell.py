@@ -74,7 +74,9 @@ def _add_room(spec: mujoco.MjSpec) -> None:
     wall_material = _add_matte(spec, "wall", 0.35, wall_light())
     ceiling_material = _add_matte(spec, "ceiling", 0.4)
     ground = world.add_body(name=FLOOR)
-    floor = _add_plane(ground, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR, floor_material)
+    floor = _add_plane(
+        ground, SE3.at(x, y, FLOOR_Z), (half_x, half_y), _FLOOR, floor_material
+    )
     floor.name = FLOOR
     collide_as(floor, CollisionGroup.FIXTURE)
     above = SE3.at(x, y, FLOOR_Z + ROOM_HEIGHT) @ SE3.about((1, 0, 0), np.pi)
@@ -121,10 +123,15 @@ def _soft_box(
 
 
 def _add_matte(
-    spec: mujoco.MjSpec, name: str, emission: float, light: NDArray[np.float64] | None = None
+    spec: mujoco.MjSpec,
+    name: str,
+    emission: float,
+    light: NDArray[np.float64] | None = None,
 ) -> str:
     """Add a material without highlights, with light of its own and baked-in brightness."""
-    material = spec.add_material(name=name, specular=0.0, shininess=0.0, emission=emission)
+    material = spec.add_material(
+        name=name, specular=0.0, shininess=0.0, emission=emission
+    )
     if light is not None:
         grey = np.rint(255 * light).astype(np.uint8)
         spec.add_texture(
@@ -163,9 +170,21 @@ def _add_table(spec: mujoco.MjSpec) -> None:
         add_box(world, leg, (0.05, 0.05, height), _STEEL, shadow=False)
     rail = -TABLE_THICKNESS - 0.03
     for leg_y in legs_y:
-        add_box(world, SE3.at(x, leg_y, rail), (length - 0.12, 0.04, 0.06), _STEEL, shadow=False)
+        add_box(
+            world,
+            SE3.at(x, leg_y, rail),
+            (length - 0.12, 0.04, 0.06),
+            _STEEL,
+            shadow=False,
+        )
     for leg_x in legs_x:
-        add_box(world, SE3.at(leg_x, y, rail), (0.04, width - 0.12, 0.06), _STEEL, shadow=False)
+        add_box(
+            world,
+            SE3.at(leg_x, y, rail),
+            (0.04, width - 0.12, 0.06),
+            _STEEL,
+            shadow=False,
+        )
 
 
 def _add_mount(spec: mujoco.MjSpec) -> None:
@@ -183,12 +202,18 @@ def _add_mount(spec: mujoco.MjSpec) -> None:
         for t in (1, -1)
     ]
     shape = hull(np.vstack([*faces, foot]).tolist())
-    mesh = add_visual_mesh(spec, "mount/block", mesh_of(manifold_of(shape)), crease=FLAT)
-    block = world.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, rgba=_ALUMINIUM)
+    mesh = add_visual_mesh(
+        spec, "mount/block", mesh_of(manifold_of(shape)), crease=FLAT
+    )
+    block = world.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, rgba=_ALUMINIUM
+    )
     visual_only(block)
     top = HEAD_POSITION[2] + 0.012
     low = 0.35
-    post = add_box(world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL)
+    post = add_box(
+        world, SE3.at(-0.060, 0.0, (low + top) / 2), (0.03, 0.03, top - low), _STEEL
+    )
     at = SE3.at(-0.034, -0.0305, HEAD_POSITION[2] + 0.004)
     holder = add_box(world, at, (0.022, 0.05, 0.012), _STEEL)
     parts = {"column": column, "block": block, "post": post, "holder": holder}
@@ -222,7 +247,11 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
 
 
 def _add_plane(
-    body: mujoco.MjsBody, pose: SE3, half_size: tuple[float, float], rgba: Colour, material: str
+    body: mujoco.MjsBody,
+    pose: SE3,
+    half_size: tuple[float, float],
+    rgba: Colour,
+    material: str,
 ) -> mujoco.MjsGeom:
     geom = body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE,

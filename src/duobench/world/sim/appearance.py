@@ -19,7 +19,14 @@ from duobench.core.spatial import rotation_by
 from duobench.core.types import SIDES, Array
 from duobench.world.looks.clutter import Furniture, pieces
 from duobench.world.looks.colours import RGB, shifted
-from duobench.world.looks.look import EVERY_OBJECT, PARTS, CameraOffset, Light, Look, Material
+from duobench.world.looks.look import (
+    EVERY_OBJECT,
+    PARTS,
+    CameraOffset,
+    Light,
+    Look,
+    Material,
+)
 from duobench.world.looks.textures import texture
 from duobench.world.robot.workcell import (
     ROOM_HEIGHT,
@@ -106,7 +113,10 @@ def _part_texture(material: Material, part: str, seed: int) -> Texture:
     size, count = _SURFACES[part]
     texels = _texture(material, count, size, seed)
     if part == "walls":
-        texels, light = np.swapaxes(texels, 0, 1), wall_light()  # columns from the ceiling down
+        texels, light = (
+            np.swapaxes(texels, 0, 1),
+            wall_light(),
+        )  # columns from the ceiling down
     elif part == "floor":
         light = floor_light()
     else:
@@ -119,10 +129,14 @@ def _part_texture(material: Material, part: str, seed: int) -> Texture:
 @lru_cache(maxsize=32)
 def _object_texture(material: Material, seed: int) -> Texture:
     size = _FACE, _FACE
-    return np.vstack([_texture(material, _FACE_TEXELS, size, seed + face) for face in range(6)])
+    return np.vstack(
+        [_texture(material, _FACE_TEXELS, size, seed + face) for face in range(6)]
+    )
 
 
-def _texture(material: Material, count: int, size: tuple[float, float], seed: int) -> Texture:
+def _texture(
+    material: Material, count: int, size: tuple[float, float], seed: int
+) -> Texture:
     """The texture or image of a material, `count` texels along both, on a surface in metres."""
     if material.image is not None:
         return _image(material.image, count)
@@ -173,9 +187,13 @@ class Appearance:
                 self.by_geom |= dict.fromkeys(geoms, GeomMaterial(rgb, number))
         self._pieces = [_as_geom(piece) for piece in pieces(look.clutter, look.seed)]
         self._first_material, self._first_texture = model.nmat, model.ntex
-        self._cameras = {model.camera(name).id: offset for name, offset in look.cameras.items()}
+        self._cameras = {
+            model.camera(name).id: offset for name, offset in look.cameras.items()
+        }
         ambient = np.mean(model.vis.headlight.ambient)
-        self._emission = None if look.ambient is None else float(np.mean(look.ambient) / ambient)
+        self._emission = (
+            None if look.ambient is None else float(np.mean(look.ambient) / ambient)
+        )
 
     def _add_objects(self, objects: dict[str, list[int]], colours: list[RGB]) -> None:
         """Give every visible geom of an object its colour and texture."""
@@ -200,7 +218,11 @@ class Appearance:
         if material.texture is None and material.image is None:
             return None
         seed = self.look.seed
-        texels = _part_texture(material, part, seed) if part else _object_texture(material, seed)
+        texels = (
+            _part_texture(material, part, seed)
+            if part
+            else _object_texture(material, seed)
+        )
         self.textures.append(texels)
         return len(self.textures) - 1
 
@@ -211,7 +233,9 @@ class Appearance:
             for lens in scene.camera:
                 _move(lens, offset)
 
-    def apply(self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int) -> None:
+    def apply(
+        self, scene: mujoco.MjvScene, geoms: tuple[mujoco.MjvGeom, ...], camera: int
+    ) -> None:
         """Change a scene that the engine has just made, all but its shapes and where they are.
 
         Its geoms have room for the furniture, and the camera is the one that looks at it.
@@ -234,7 +258,13 @@ class Appearance:
             geom = geoms[scene.ngeom]
             mujoco.mjv_initGeom(geom, *piece)
             # The engine leaves these as they were in the memory.
-            geom.objtype, geom.objid, geom.segid, geom.dataid, geom.texid = 0, -1, -1, -1, -1
+            geom.objtype, geom.objid, geom.segid, geom.dataid, geom.texid = (
+                0,
+                -1,
+                -1,
+                -1,
+                -1,
+            )
             geom.transparent = 0
             geom.category = _DECOR  # which casts no shadow
             scene.ngeom += 1
@@ -258,7 +288,11 @@ def _light(scene: mujoco.MjvScene, lights: tuple[Light, ...]) -> None:
         direction /= np.linalg.norm(direction)
         light.headlight = 0
         light.type, light.id, light.texid = model.type, model.id, -1
-        light.exponent, light.cutoff, light.attenuation[:] = 0.0, model.cutoff, model.attenuation
+        light.exponent, light.cutoff, light.attenuation[:] = (
+            0.0,
+            model.cutoff,
+            model.attenuation,
+        )
         light.ambient[:] = 0.0
         light.pos[:] = SHADOW_CENTRE - _LIGHT_DISTANCE * direction
         light.dir[:] = direction

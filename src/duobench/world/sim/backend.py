@@ -104,15 +104,21 @@ class SimBackend:
         """Give images in another look from now on; physics and model stay as they are."""
         if look == self._look:
             return
-        Appearance(self.simulation.model, look)  # rejects it before anything has changed
+        Appearance(
+            self.simulation.model, look
+        )  # rejects it before anything has changed
         self._look = look
 
-    def images(self, cameras: Sequence[str], shape: tuple[int, int]) -> dict[str, Image]:
+    def images(
+        self, cameras: Sequence[str], shape: tuple[int, int]
+    ) -> dict[str, Image]:
         """Render the current state; see `DuoBackend.images`."""
         start = time.perf_counter()
         if shape not in self._renderers:
             height, width = shape
-            self._renderers[shape] = Renderer(self.simulation.model, height=height, width=width)
+            self._renderers[shape] = Renderer(
+                self.simulation.model, height=height, width=width
+            )
         renderer = self._renderers[shape]
         renderer.set_look(self._look)
         images = renderer.render_all(self.simulation.data, cameras)

@@ -39,7 +39,10 @@ class SimulationBatch(Questions):
     # --- state and motion ------------------------------------------------------------------------
 
     def load(
-        self, worlds: Integers, variants: Sequence[Mapping[str, str]], physics: Sequence[Array]
+        self,
+        worlds: Integers,
+        variants: Sequence[Mapping[str, str]],
+        physics: Sequence[Array],
     ) -> None:
         """Begin, or continue, some simulations with a layout's choices and a state each."""
         for number, chosen in zip(worlds.tolist(), variants, strict=True):
@@ -47,7 +50,8 @@ class SimulationBatch(Questions):
         self._load(worlds, physics)
         names = self._variants[worlds[0]]
         self.variants = {
-            name: np.array([chosen.get(name) for chosen in self._variants]) for name in names
+            name: np.array([chosen.get(name) for chosen in self._variants])
+            for name in names
         }
         self._chosen.clear()
         self.forget()
@@ -92,7 +96,9 @@ class SimulationBatch(Questions):
         """What a function answers of all simulations at once, or of one after the other (k, n)."""
         if vectorized:  # of what is fixed, a number is the same in all
             return [np.broadcast_to(number, self.count) for number in question(self)]
-        return np.array([question(self.world(number)) for number in range(self.count)]).T
+        return np.array(
+            [question(self.world(number)) for number in range(self.count)]
+        ).T
 
     def commands(self) -> Array:
         """The last commands (n, 16), as the actuators hold them."""
@@ -114,7 +120,9 @@ class SimulationBatch(Questions):
 
     def tool_poses(self) -> Array:
         """Tool centre points (n, 14), as `Duo.read` gives them."""
-        positions, rotations = (array[:, self.simulation.duo.sites] for array in self._tool_frames)
+        positions, rotations = (
+            array[:, self.simulation.duo.sites] for array in self._tool_frames
+        )
         turns = np.empty((*positions.shape[:2], 4))
         nines = rotations.reshape(-1, 9).astype(np.float64, copy=False)
         for turn, rotation in zip(turns.reshape(-1, 4), nines, strict=True):
@@ -133,7 +141,9 @@ class SimulationBatch(Questions):
         """The numbers (k, n) that belong to what each layout chose."""
         key = choice, id(rows)
         if key not in self._chosen:
-            self._chosen[key] = np.array([rows[value] for value in self.variants[choice]]).T
+            self._chosen[key] = np.array(
+                [rows[value] for value in self.variants[choice]]
+            ).T
         return self._chosen[key]
 
     def _numbers(self, array: Array, row: int | slice) -> Array:

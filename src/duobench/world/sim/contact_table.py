@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from duobench.core.spatial import hypot, sum_of_products
 from duobench.core.types import SIDES, Array, Side
-from duobench.world.sim.contacts import MIN_LEVER, MIN_PRESS_COSINE, ContactOwners, HingeAxis
+from duobench.world.sim.contacts import (
+    MIN_LEVER,
+    MIN_PRESS_COSINE,
+    ContactOwners,
+    HingeAxis,
+)
 
 if TYPE_CHECKING:
     import mujoco
@@ -40,7 +45,9 @@ class ContactTable(ContactOwners):
         copies: list[list[NDArray[Any]]] = [[], [], [], []]
         for world in worlds.tolist():
             contact = data_of(world).contact
-            for kept, name in zip(copies, ("geom", "dist", "frame", "pos"), strict=True):
+            for kept, name in zip(
+                copies, ("geom", "dist", "frame", "pos"), strict=True
+            ):
                 kept.append(getattr(contact, name).copy())
         counts = [len(distances) for distances in copies[1]]
         self.take(np.repeat(worlds, counts), *map(np.concatenate, copies))
@@ -63,7 +70,10 @@ class ContactTable(ContactOwners):
         worlds, geoms, distances, frames, points = self._copies
         touch = np.flatnonzero(distances <= 0.0)  # a geom margin alone is no contact
         # Column by column: rows of two or three numbers are gathered several times slower.
-        worlds, one, other = worlds[touch], *(self._of_geom[each[touch]] for each in geoms.T)
+        worlds, one, other = (
+            worlds[touch],
+            *(self._of_geom[each[touch]] for each in geoms.T),
+        )
         self._touching.fill(False)
         self._touching[one, other, worlds] = True
         self._touching[other, one, worlds] = True
@@ -72,7 +82,8 @@ class ContactTable(ContactOwners):
         self._worlds, self._one, self._other = worlds[robot], one[robot], other[robot]
         touch = touch[robot]
         self._normals, self._points = (
-            np.stack([column[touch] for column in rows.T[:3]]) for rows in (frames, points)
+            np.stack([column[touch] for column in rows.T[:3]])
+            for rows in (frames, points)
         )
         self._presses.fill(False)
         for side in SIDES:
@@ -80,13 +91,21 @@ class ContactTable(ContactOwners):
             across = (centres[:, right] - centres[:, left]).T
             across = across / hypot(*across)
             for finger, inwards in zip(self._limbs[side][:2], (1.0, -1.0), strict=True):
-                found, partner, sign = self._contacts_of(self._one == finger, self._other == finger)
+                found, partner, sign = self._contacts_of(
+                    self._one == finger, self._other == finger
+                )
                 along = across[:, self._worlds[found]]
-                cosine = inwards * sign * sum_of_products(self._normals[:, found], along)
+                cosine = (
+                    inwards * sign * sum_of_products(self._normals[:, found], along)
+                )
                 presses = cosine > MIN_PRESS_COSINE
-                self._presses[finger, partner[presses], self._worlds[found[presses]]] = True
+                self._presses[
+                    finger, partner[presses], self._worlds[found[presses]]
+                ] = True
 
-    def _contacts_of(self, first: Booleans, second: Booleans) -> tuple[Integers, Integers, Array]:
+    def _contacts_of(
+        self, first: Booleans, second: Booleans
+    ) -> tuple[Integers, Integers, Array]:
         """Contacts that have a part as their first or second geom: number, partner, sign."""
         found = np.flatnonzero(first | second)
         first = first[found]

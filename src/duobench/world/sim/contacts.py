@@ -98,11 +98,13 @@ class ContactOwners(ABC):
         self._index: dict[str, int] = {}
         bodies = (model.body(body).name for body in model.geom_bodyid)
         self._owners = [
-            self._index.setdefault(_owner_of_body(body), len(self._index)) for body in bodies
+            self._index.setdefault(_owner_of_body(body), len(self._index))
+            for body in bodies
         ]
         """Row of each geom's owner."""
         self._limbs = {
-            side: [self._index[limb_owner(side, limb)] for limb in Limb] for side in SIDES
+            side: [self._index[limb_owner(side, limb)] for limb in Limb]
+            for side in SIDES
         }
         self._pad_bodies = {
             side: [model.body(name).id for name in pad_names(side)] for side in SIDES
@@ -135,7 +137,9 @@ class ContactOwners(ABC):
 
     def arm(self, side: Side, owner: str) -> Any:
         """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
-        return self._touch(self._limbs[side][-1], self._row(owner)) | self.gripper(side, owner)
+        return self._touch(self._limbs[side][-1], self._row(owner)) | self.gripper(
+            side, owner
+        )
 
     def released(self, owner: str) -> Any:
         """Whether neither gripper is in contact with an owner."""
@@ -180,7 +184,9 @@ class Contacts(ContactOwners):
         for (first, second), distance in zip(self._pairs, self._distances, strict=True):
             if distance <= 0.0:
                 one, other = owners[first], owners[second]
-                touching.add(one * stride + other if one < other else other * stride + one)
+                touching.add(
+                    one * stride + other if one < other else other * stride + one
+                )
         self._touching = touching
         self._grasped.clear()
         self._solved = False
@@ -188,7 +194,9 @@ class Contacts(ContactOwners):
     def partners(self, owner: str) -> frozenset[str]:
         """All owners in contact with one."""
         row = self._row(owner)
-        return frozenset(name for name, other in self._index.items() if self._touch(row, other))
+        return frozenset(
+            name for name, other in self._index.items() if self._touch(row, other)
+        )
 
     def pushes(self, side: Side, owner: str, hinge: HingeAxis) -> bool:
         """Whether a contact of any part of an arm turns an owner towards the open end of its hinge.
@@ -197,7 +205,11 @@ class Contacts(ContactOwners):
         """
         contact = self._data.contact
         return self.arm(side, owner) and any(
-            sign * dot(contact.frame[number, :3], hinge.opening_at(contact.pos[number].tolist()))
+            sign
+            * dot(
+                contact.frame[number, :3],
+                hinge.opening_at(contact.pos[number].tolist()),
+            )
             >= MIN_LEVER
             for number, sign in self._normals(self._limbs[side], self._row(owner))
         )
@@ -273,7 +285,9 @@ class Contacts(ContactOwners):
                 lever = dot(ends[3:] - ends[:3], opening) / gap
                 cosine = lever / radius
                 beside = gap * math.sqrt(max(0.0, 1.0 - cosine * cosine))
-                least = MIN_PRESS_COSINE if beside <= MOST_BESIDE else _MIN_BACKING_COSINE
+                least = (
+                    MIN_PRESS_COSINE if beside <= MOST_BESIDE else _MIN_BACKING_COSINE
+                )
                 if lever >= MIN_LEVER and cosine >= least:
                     yield gap, radius
 

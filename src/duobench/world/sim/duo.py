@@ -48,8 +48,12 @@ class Duo:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         joint, site = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
-        joints = [[resolve(model, joint, name) for name in arm_joint_names(s)] for s in SIDES]
-        fingers = [f"{gripper_name(s)}/{finger}_driver" for s in SIDES for finger in FINGERS]
+        joints = [
+            [resolve(model, joint, name) for name in arm_joint_names(s)] for s in SIDES
+        ]
+        fingers = [
+            f"{gripper_name(s)}/{finger}_driver" for s in SIDES for finger in FINGERS
+        ]
         drivers = [resolve(model, joint, name) for name in fingers]
         self.joints = model.jnt_qposadr[joints].astype(np.int64)
         """Addresses of the arm joints in qpos (2, 7)."""
@@ -71,7 +75,9 @@ class Duo:
     def clipped(self, targets: Array, limits: DuoLimits | None = None) -> Array:
         """The command nearest to some targets (16,) within limits, the arms' own at first."""
         last, measured = self.command().flat, self.read().flat
-        return (limits or self.limits).clip(targets, last, measured, self.joint_velocities())
+        return (limits or self.limits).clip(
+            targets, last, measured, self.joint_velocities()
+        )
 
     def interpolate(self, command: DuoCommand) -> Iterator[None]:
         """Lead the controls linearly from where they are to a command.
@@ -147,7 +153,9 @@ def commands_of(controls: Array) -> Array:
 
 def _actuators(model: mujoco.MjModel) -> slice:
     """Where the robot's actuators are in ctrl: in a row, in the order of a flat command."""
-    names = [name for side in SIDES for name in (*arm_joint_names(side), gripper_name(side))]
+    names = [
+        name for side in SIDES for name in (*arm_joint_names(side), gripper_name(side))
+    ]
     first = resolve(model, mujoco.mjtObj.mjOBJ_ACTUATOR, names[0])
     actuators = slice(first, first + len(names))
     present = names_of(model, mujoco.mjtObj.mjOBJ_ACTUATOR)

@@ -21,13 +21,20 @@ class Layout:
 
     def __post_init__(self) -> None:
         for name, pose in self.poses.items():
-            if not (np.isfinite(pose.rotation).all() and np.isfinite(pose.translation).all()):
-                raise LayoutError(f"The pose of {name!r} is not finite: {pose.tquat.tolist()}.")
+            if not (
+                np.isfinite(pose.rotation).all() and np.isfinite(pose.translation).all()
+            ):
+                raise LayoutError(
+                    f"The pose of {name!r} is not finite: {pose.tquat.tolist()}."
+                )
 
     def to_json(self) -> dict[str, Any]:
         """As plain data: poses as x y z qx qy qz qw."""
         return {
-            "poses": {name: [float(v) for v in pose.tquat] for name, pose in self.poses.items()},
+            "poses": {
+                name: [float(v) for v in pose.tquat]
+                for name, pose in self.poses.items()
+            },
             "variants": dict(self.variants),
         }
 
@@ -35,7 +42,9 @@ class Layout:
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """From what `to_json` gave."""
         try:
-            poses = {name: SE3.from_tquat(values) for name, values in data["poses"].items()}
+            poses = {
+                name: SE3.from_tquat(values) for name, values in data["poses"].items()
+            }
             return cls(poses=poses, variants=dict(data.get("variants", {})))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise LayoutError(

@@ -42,7 +42,10 @@ _PROBE_MODEL = (
     '<mujoco><worldbody><camera pos="0 0 1"/><light pos="0 0 1"/><geom size="0.3"/></worldbody>'
     "</mujoco>"
 )
-_SEGMENTATION = [mujoco.mjtRndFlag.mjRND_SEGMENT.value, mujoco.mjtRndFlag.mjRND_IDCOLOR.value]
+_SEGMENTATION = [
+    mujoco.mjtRndFlag.mjRND_SEGMENT.value,
+    mujoco.mjtRndFlag.mjRND_IDCOLOR.value,
+]
 
 
 def answer(backend: str, seconds: float) -> None:
@@ -53,7 +56,9 @@ def answer(backend: str, seconds: float) -> None:
     try:
         renderer = OffscreenRenderer(model, 64, 64, 1, backend)
     except RenderingError as error:
-        sys.exit(in_words(error.__cause__ or error))  # the parent gives the advice, once
+        sys.exit(
+            in_words(error.__cause__ or error)
+        )  # the parent gives the advice, once
     deadline = time.monotonic() + seconds
     image = renderer.render(data, {"": 0})[""]
     while time.monotonic() < deadline:
@@ -83,20 +88,30 @@ class OffscreenRenderer:
             mujoco.mjr_resizeOffscreen(width, height, self._mujoco_context)
         except Exception as error:
             self._context.free()
-            raise RenderingError(f"OpenGL cannot render the scene: {in_words(error)}") from error
+            raise RenderingError(
+                f"OpenGL cannot render the scene: {in_words(error)}"
+            ) from error
         self._shadows = self._mujoco_context.shadowFBO, self._mujoco_context.shadowSize
         # A dummy shadow map, for images that use the shadows of the one before.
-        mujoco.mjr_addAux(0, _DUMMY_SHADOW_MAP, _DUMMY_SHADOW_MAP, 0, self._mujoco_context)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._mujoco_context)
+        mujoco.mjr_addAux(
+            0, _DUMMY_SHADOW_MAP, _DUMMY_SHADOW_MAP, 0, self._mujoco_context
+        )
+        mujoco.mjr_setBuffer(
+            mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._mujoco_context
+        )
         self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + MAX_CLUTTER)
         self._scene.flags[_EFFECTS] = 0
         self._geoms = self._scene.geoms
         self._option = mujoco.MjvOption()
-        self._option.geomgroup[:] = np.arange(len(self._option.geomgroup)) < VISIBLE_GROUPS
+        self._option.geomgroup[:] = (
+            np.arange(len(self._option.geomgroup)) < VISIBLE_GROUPS
+        )
         self._option.sitegroup[:] = 0
         shadowless = model.geom_group == SHADOWLESS_GEOM_GROUP
         self._shadowless = set(np.flatnonzero(shadowless).tolist())
-        self._objects = np.flatnonzero(~shadowless & (model.geom_group < VISIBLE_GROUPS))
+        self._objects = np.flatnonzero(
+            ~shadowless & (model.geom_group < VISIBLE_GROUPS)
+        )
         self._view = mujoco.MjvCamera()
         self._view.type = mujoco.mjtCamera.mjCAMERA_FIXED.value
         self._rectangle = mujoco.MjrRect(0, 0, width, height)
@@ -115,7 +130,9 @@ class OffscreenRenderer:
                 upload(self._model, self._mujoco_context, appearance.textures)
             self._appearance = appearance
 
-    def render(self, data: mujoco.MjData, cameras: Mapping[str, int]) -> dict[str, Image]:
+    def render(
+        self, data: mujoco.MjData, cameras: Mapping[str, int]
+    ) -> dict[str, Image]:
         """One image of each camera; their numbers by name."""
         images = {}
         for name, camera in cameras.items():
@@ -217,7 +234,9 @@ def _offsets(samples: int) -> NDArray[np.float64]:
     return (0.5 + np.arange(samples)[:, None] * steps) % 1.0 - 0.5
 
 
-def _shift_lens(lens: mujoco.MjvGLCamera, shape: tuple[int, ...], x: float, y: float) -> None:
+def _shift_lens(
+    lens: mujoco.MjvGLCamera, shape: tuple[int, ...], x: float, y: float
+) -> None:
     """Look by parts of a pixel further to the right and up."""
     height = lens.frustum_top - lens.frustum_bottom
     half_width = lens.frustum_width or height / 2 * shape[1] / shape[0]
@@ -234,7 +253,9 @@ def _shift_light(light: mujoco.MjvLight, size: float, u: float, v: float) -> Non
     across = across / np.linalg.norm(across)
     along = np.cross(direction, across)
     radius, angle = size * math.sqrt(u + 0.5), 2 * math.pi * v
-    direction = direction + radius * (math.cos(angle) * across + math.sin(angle) * along)
+    direction = direction + radius * (
+        math.cos(angle) * across + math.sin(angle) * along
+    )
     light.dir[:] = direction / np.linalg.norm(direction)
 
 
@@ -246,7 +267,9 @@ _NAMES = 10_000
 its first texture, so flat textures have even ones and those of objects odd ones."""
 
 
-def upload(model: mujoco.MjModel, context: mujoco.MjrContext, textures: Sequence[Texture]) -> None:
+def upload(
+    model: mujoco.MjModel, context: mujoco.MjrContext, textures: Sequence[Texture]
+) -> None:
     """Make textures the materials `model.nmat` and following of a model's context, in their order.
 
     They are square (n, n, 3), or six squares below each other (6 n, n, 3). The engine uploads
@@ -262,7 +285,9 @@ def upload(model: mujoco.MjModel, context: mujoco.MjrContext, textures: Sequence
         flat = height == width
         spec.add_texture(
             name=f"{number}",
-            type=mujoco.mjtTexture.mjTEXTURE_2D if flat else mujoco.mjtTexture.mjTEXTURE_CUBE,
+            type=mujoco.mjtTexture.mjTEXTURE_2D
+            if flat
+            else mujoco.mjtTexture.mjTEXTURE_CUBE,
             builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
             width=width,
             height=height,
@@ -294,5 +319,7 @@ def _filter_quickly(kind: int, name: int) -> None:
 
     target = GL_1_3.GL_TEXTURE_CUBE_MAP if kind == _CUBE else GL_1_0.GL_TEXTURE_2D
     GL_1_1.glBindTexture(target, name)
-    GL_1_0.glTexParameteri(target, GL_1_0.GL_TEXTURE_MIN_FILTER, GL_1_0.GL_LINEAR_MIPMAP_NEAREST)
+    GL_1_0.glTexParameteri(
+        target, GL_1_0.GL_TEXTURE_MIN_FILTER, GL_1_0.GL_LINEAR_MIPMAP_NEAREST
+    )
     GL_1_1.glBindTexture(target, 0)

@@ -119,7 +119,11 @@ def choose(processes: int = 1) -> str:
     failures = ""
     for backend in _candidates():
         outcome = probe(backend)
-        if isinstance(outcome, RenderingInfo) and not outcome.software and processes > 1:
+        if (
+            isinstance(outcome, RenderingInfo)
+            and not outcome.software
+            and processes > 1
+        ):
             parallel = min(processes, PARALLEL_PROBES)
             outcome = probe(backend, processes=parallel, seconds=PARALLEL_PROBE_S)
             if isinstance(outcome, str):
@@ -136,7 +140,9 @@ def choose(processes: int = 1) -> str:
         if outcome.startswith(DEVICE):
             raise RenderingError(outcome)
         failures += f"\n  {backend}: {outcome}"
-    raise RenderingError(f"No offscreen OpenGL works on this machine:{failures}\n{_advice()}")
+    raise RenderingError(
+        f"No offscreen OpenGL works on this machine:{failures}\n{_advice()}"
+    )
 
 
 def _asked() -> str:
@@ -156,13 +162,17 @@ def _asked() -> str:
 
 def _candidates() -> Sequence[str]:
     """Libraries to try where no person has chosen."""
-    if DEVICE in os.environ:  # a device of EGL was asked for: nothing else takes its place
+    if (
+        DEVICE in os.environ
+    ):  # a device of EGL was asked for: nothing else takes its place
         return BACKENDS[:1]
     bound = os.environ.get("PYOPENGL_PLATFORM", "").lower()
     return (bound,) if bound in BACKENDS else BACKENDS
 
 
-def probe(backend: str, *, processes: int = 1, seconds: float = 0.0) -> RenderingInfo | str:
+def probe(
+    backend: str, *, processes: int = 1, seconds: float = 0.0
+) -> RenderingInfo | str:
     """Let some child processes render with a backend at the same time.
 
     Each goes on rendering for some seconds after its first image. Returns what rendered, or, where
@@ -172,7 +182,9 @@ def probe(backend: str, *, processes: int = 1, seconds: float = 0.0) -> Renderin
     call += f"offscreen.answer({backend!r}, {seconds!r})"
     environment = child_environment(backend)
     with ThreadPoolExecutor(processes) as pool:
-        outcomes = list(pool.map(_outcome, [call] * processes, [environment] * processes))
+        outcomes = list(
+            pool.map(_outcome, [call] * processes, [environment] * processes)
+        )
     failures = [outcome for outcome in outcomes if isinstance(outcome, str)]
     return failures[0] if failures else outcomes[0]
 
@@ -234,7 +246,9 @@ def _check_device(library: Any) -> None:
         count = len(library.EGL.eglQueryDevicesEXT())
     except Exception:  # noqa: BLE001 - what was raised before tells more
         return
-    there = "there is 1, number 0" if count == 1 else f"there are {count}, from number 0"
+    there = (
+        "there is 1, number 0" if count == 1 else f"there are {count}, from number 0"
+    )
     raise RenderingError(
         f"{DEVICE}={os.environ[DEVICE]!r} is no graphics device that renders: {there}. Set it to "
         "another number, or unset it: then the first that works is taken."
@@ -243,8 +257,14 @@ def _check_device(library: Any) -> None:
 
 def _advice() -> str:
     """Advice where nothing renders."""
-    suspects = [f"{name}={os.environ[name]!r}" for name in _SUSPECTS if name in os.environ]
-    first = f"Perhaps because of {', '.join(suspects)}: unset it first.\n" if suspects else ""
+    suspects = [
+        f"{name}={os.environ[name]!r}" for name in _SUSPECTS if name in os.environ
+    ]
+    first = (
+        f"Perhaps because of {', '.join(suspects)}: unset it first.\n"
+        if suspects
+        else ""
+    )
     return first + HELP
 
 
@@ -267,5 +287,9 @@ def info_of(backend: str) -> RenderingInfo:
     )
     software = backend == "osmesa" or is_software_renderer(renderer)
     return RenderingInfo(
-        backend=backend, renderer=renderer, vendor=vendor, version=version, software=software
+        backend=backend,
+        renderer=renderer,
+        vendor=vendor,
+        version=version,
+        software=software,
     )

@@ -47,11 +47,15 @@ def problems(simulation: Simulation, layout: Layout) -> list[str]:
         if height < -MAX_OVERLAP:
             faults.append(f"{name} is below the table top")
         if height > MAX_HEIGHT:
-            faults.append(f"{name} is {height:g} m above the table, more than {MAX_HEIGHT} m")
+            faults.append(
+                f"{name} is {height:g} m above the table, more than {MAX_HEIGHT} m"
+            )
     return faults
 
 
-def first_valid(simulation: Simulation, candidates: Iterator[Layout], task: str) -> Layout:
+def first_valid(
+    simulation: Simulation, candidates: Iterator[Layout], task: str
+) -> Layout:
     """The first of at most `MAX_SAMPLES` candidates that has no problems.
 
     The simulation is left in that layout, with the arms at home.

@@ -27,23 +27,35 @@ if TYPE_CHECKING:
 class Questions(ABC):
     """The questions; a subclass has the engine's arrays, and says how a row is read."""
 
-    def __init__(self, props: Mapping[str, Prop], model: mujoco.MjModel, data: Any) -> None:
+    def __init__(
+        self, props: Mapping[str, Prop], model: mujoco.MjModel, data: Any
+    ) -> None:
         """Resolve names into ids, and look at the engine's data, of one simulation or of many."""
         from mujoco import mjtJoint
 
         # Views of the engine's memory; they live as long as its data.
-        self._xpos, self._xmat, self._qpos, self._qvel = data.xpos, data.xmat, data.qpos, data.qvel
+        self._xpos, self._xmat, self._qpos, self._qvel = (
+            data.xpos,
+            data.xmat,
+            data.qpos,
+            data.qvel,
+        )
         self._xanchor, self._xaxis = data.xanchor, data.xaxis
         self._xipos, self._site_xpos = data.xipos, data.site_xpos
         self._tools = {side: int(model.site(tcp_name(side)).id) for side in SIDES}
         self.props = props
-        self._bodies = {model.body(number).name: number for number in range(model.nbody)}
+        self._bodies = {
+            model.body(number).name: number for number in range(model.nbody)
+        }
         self._corners = {
-            name: np.ascontiguousarray(corner_points(prop.solid).T) for name, prop in props.items()
+            name: np.ascontiguousarray(corner_points(prop.solid).T)
+            for name, prop in props.items()
         }
         """Points (3, n) of each prop in its own frame, one of which is its lowest."""
         self._dofs = {
-            name: int(model.joint(name).dofadr[0]) for name, prop in props.items() if not prop.fixed
+            name: int(model.joint(name).dofadr[0])
+            for name, prop in props.items()
+            if not prop.fixed
         }
         # Id of each hinge, and where its angle is in `qpos`.
         self._hinges = {
@@ -91,7 +103,11 @@ class Questions(ABC):
         """A vector of a body's frame in the table frame."""
         u, v, w = vector
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(body)
-        return xx * u + xy * v + xz * w, yx * u + yy * v + yz * w, zx * u + zy * v + zz * w
+        return (
+            xx * u + xy * v + xz * w,
+            yx * u + yy * v + yz * w,
+            zx * u + zy * v + zz * w,
+        )
 
     def relative_position(self, body: str, frame: str) -> tuple[Any, Any, Any]:
         """Origin of a body in the frame of another body, in metres."""
@@ -99,7 +115,11 @@ class Questions(ABC):
         ox, oy, oz = self.origin(frame)
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(frame)
         x, y, z = x - ox, y - oy, z - oz
-        return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
+        return (
+            xx * x + yx * y + zx * z,
+            xy * x + yy * y + zy * z,
+            xz * x + yz * y + zz * z,
+        )
 
     def speed(self, prop: str) -> tuple[Any, Any]:
         """Linear (m/s) and angular (rad/s) speed of a free prop; zero for a fixed one."""
@@ -140,7 +160,9 @@ class Questions(ABC):
         """Where a hinge is now, in the table frame."""
         check_known("hinge", hinge, self._hinges)
         joint, _ = self._hinges[hinge]
-        return HingeAxis(self._numbers(self._xanchor, joint), self._numbers(self._xaxis, joint))
+        return HingeAxis(
+            self._numbers(self._xanchor, joint), self._numbers(self._xaxis, joint)
+        )
 
     def min_height(self, prop: str) -> Any:
         """Height of the lowest point of a prop's root part above the table top, in metres."""

@@ -59,7 +59,9 @@ class Renderer:
         if not 1 <= samples <= MAX_SAMPLES:
             raise RenderingError(f"Samples must be 1 to {MAX_SAMPLES}, got {samples}.")
         self._model = model
-        self._cameras = {model.camera(number).name: number for number in range(model.ncam)}
+        self._cameras = {
+            model.camera(number).name: number for number in range(model.ncam)
+        }
         self._shape = height, width, samples
         self._pictured = Pictured(model)
         self._closed = False
@@ -81,7 +83,9 @@ class Renderer:
         """Render one image, a new array (height, width, 3), from one camera; see `render_all`."""
         return self.render_all(data, (camera,))[camera]
 
-    def render_all(self, data: mujoco.MjData, cameras: Iterable[str]) -> dict[str, Image]:
+    def render_all(
+        self, data: mujoco.MjData, cameras: Iterable[str]
+    ) -> dict[str, Image]:
         """Render one image of the same state from each of several cameras of the model.
 
         Faster than one call for each: the shadows are computed once. The images of the state, whose

@@ -82,12 +82,17 @@ class Pictured:
         self._arrays = [each for each in found if isinstance(each, np.ndarray)]
         structs = [attrgetter(name)(model) for name in _STRUCTS]
         self._fields = [
-            (struct, name) for struct in structs for name in dir(struct) if name[0] != "_"
+            (struct, name)
+            for struct in structs
+            for name in dir(struct)
+            if name[0] != "_"
         ]
 
     def of_model(self) -> tuple[bytes, list[Any]]:
         """Fields of the model as they are now."""
-        values = [np.asarray(getattr(struct, name)).tolist() for struct, name in self._fields]
+        values = [
+            np.asarray(getattr(struct, name)).tolist() for struct, name in self._fields
+        ]
         return _joined(self._arrays), values
 
     def put_model(self, content: bytes, values: list[Any]) -> None:
@@ -135,7 +140,9 @@ class _Channel:
         """Send a message."""
         content = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
         if len(content) > ROOM:
-            raise RenderingError(f"Images of more than {ROOM >> 20} MiB at once; ask for fewer.")
+            raise RenderingError(
+                f"Images of more than {ROOM >> 20} MiB at once; ask for fewer."
+            )
         self._room[: len(content)] = content
         self._connection.send(len(content).to_bytes(_HEAD))
 
@@ -182,8 +189,13 @@ class RenderingProcess:
                     stdin=theirs.fileno(),
                     stdout=subprocess.DEVNULL,
                 )
-        except (OSError, AttributeError) as error:  # not on Linux, there is no such memory
-            raise RenderingError(f"No process could be started to render: {error}.") from error
+        except (
+            OSError,
+            AttributeError,
+        ) as error:  # not on Linux, there is no such memory
+            raise RenderingError(
+                f"No process could be started to render: {error}."
+            ) from error
         try:
             self.info: RenderingInfo = self.ask("info")
         except BaseException:
@@ -329,7 +341,9 @@ class _Served:
         context.free()
         return info
 
-    def open(self, number: int, packed: bytes, height: int, width: int, samples: int) -> None:
+    def open(
+        self, number: int, packed: bytes, height: int, width: int, samples: int
+    ) -> None:
         """Make the renderer of a model."""
         model = mujoco.MjModel.from_binary_path(_MODEL, {_MODEL: packed})
         self._current = None
@@ -345,7 +359,9 @@ class _Served:
         """Render what a model shows by now."""
         self._scenes[number][2].put_model(content, values)
 
-    def render(self, number: int, time: float, content: bytes, cameras: dict[str, int]) -> Any:
+    def render(
+        self, number: int, time: float, content: bytes, cameras: dict[str, int]
+    ) -> Any:
         """Images of a state; see `OffscreenRenderer`."""
         _, data, pictured = self._scenes[number]
         pictured.put_data(data, time, content)

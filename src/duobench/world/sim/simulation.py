@@ -55,7 +55,9 @@ class PhysicsScaler:
         self._dofs = self._joints[model.dof_jntid]
         self._is_scaled = False
 
-    def apply(self, *, mass: float = 1.0, friction: float = 1.0, spring: float = 1.0) -> None:
+    def apply(
+        self, *, mass: float = 1.0, friction: float = 1.0, spring: float = 1.0
+    ) -> None:
         """Scale what was compiled, not what is there; factors of 1 bring that back to the bit.
 
         Call it before a reset: no state is touched, and none is right for the new model. Factors
@@ -123,14 +125,20 @@ def raise_on_warning(counts: Iterable[int], where: str) -> None:
 class Simulation(Questions):
     """The FR3 Duo and a task's props, stepping at the control rate."""
 
-    def __init__(self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW) -> None:
+    def __init__(
+        self, props: Iterable[Prop] = (), overview: View = OVERVIEW_VIEW
+    ) -> None:
         props = tuple(props)
         self.model: mujoco.MjModel = compose(props, overview).compile()
         self.data = mujoco.MjData(self.model)
         self.variants: Mapping[str, str] = {}
         """The variants of the layout that was applied last."""
         # What a variant switches in the model, and as it was compiled, with everything on.
-        self._switches = self.model.geom_contype, self.model.geom_conaffinity, self.model.geom_rgba
+        self._switches = (
+            self.model.geom_contype,
+            self.model.geom_conaffinity,
+            self.model.geom_rgba,
+        )
         self._compiled = [array.copy() for array in self._switches]
         self.touches = self._compiled[0], self._compiled[1]
         """What geoms may touch, as contype and conaffinity, where all shapes of props are there."""
@@ -138,11 +146,15 @@ class Simulation(Questions):
         self.contacts = Contacts(self.model, self.data)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
-        self._few = {name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS}
+        self._few = {
+            name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS
+        }
         self._state_size = mujoco.mj_stateSize(self.model, STATE)
         # Degrees of freedom of the props, hinges included, and what counts as rest for each.
         roots = [self._bodies[name] for name in self.props]
-        self._loose = np.flatnonzero(np.isin(self.model.body_rootid[self.model.dof_bodyid], roots))
+        self._loose = np.flatnonzero(
+            np.isin(self.model.body_rootid[self.model.dof_bodyid], roots)
+        )
         joints = self.model.dof_jntid[self._loose]
         slides = self.model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_FREE
         slides &= self._loose - self.model.jnt_dofadr[joints] < 3  # noqa: PLR2004 - x, y and z
@@ -187,7 +199,9 @@ class Simulation(Questions):
         # Residues of what was simulated before must not survive: the engine keeps the contact
         # list and solver statistics of the last step beside the state.
         mujoco.mj_resetData(self.model, self.data)
-        mujoco.mj_setState(self.model, self.data, np.asarray(state, dtype=np.float64), STATE)
+        mujoco.mj_setState(
+            self.model, self.data, np.asarray(state, dtype=np.float64), STATE
+        )
         self.forward()
 
     def __reduce__(self) -> NoReturn:
@@ -225,7 +239,9 @@ class Simulation(Questions):
             self._run(command, checked=False)
             options.jacobian = usual
             mujoco.mj_step1(self.model, self.data)
-        raise_on_warning(self.data.warning.number.tolist(), f"at t = {self.data.time:.3f} s")
+        raise_on_warning(
+            self.data.warning.number.tolist(), f"at t = {self.data.time:.3f} s"
+        )
         self.contacts.update()
 
     def _run(self, command: DuoCommand, *, checked: bool) -> bool:
@@ -255,7 +271,9 @@ class Simulation(Questions):
         while steps < MAX_SETTLE_STEPS and not is_settled:
             self.advance(command)
             steps += 1
-            is_settled = bool((np.abs(self.data.qvel[self._loose]) < self._settled).all())
+            is_settled = bool(
+                (np.abs(self.data.qvel[self._loose]) < self._settled).all()
+            )
         self.data.time = 0.0
         return steps
 
@@ -329,12 +347,16 @@ class Simulation(Questions):
     def site_pose(self, site: str) -> SE3:
         """Pose of a site in the table frame."""
         number = resolve(self.model, mujoco.mjtObj.mjOBJ_SITE, site)
-        return SE3(self.data.site_xmat[number].reshape(3, 3), self.data.site_xpos[number])
+        return SE3(
+            self.data.site_xmat[number].reshape(3, 3), self.data.site_xpos[number]
+        )
 
     def _numbers(self, array: Array, row: int | slice) -> list[float]:
         return array[row].tolist()
 
-    def chosen(self, choice: str, rows: Mapping[str, Sequence[float]]) -> Sequence[float]:
+    def chosen(
+        self, choice: str, rows: Mapping[str, Sequence[float]]
+    ) -> Sequence[float]:
         """The row of numbers that belongs to what the layout chose."""
         return rows[self.variants[choice]]
 

@@ -31,7 +31,10 @@ class ThreadBatch(SimulationBatch):
         varies = any(prop.choice is not None for prop in self.props.values())
         switched = ("geom_contype", "geom_conaffinity") if varies else ()
         self._switches = {name: batch.expand(name) for name in switched}
-        self._scratch, self._is_sparse = mujoco.MjData(model), bool(mujoco.mj_isSparse(model))
+        self._scratch, self._is_sparse = (
+            mujoco.MjData(model),
+            bool(mujoco.mj_isSparse(model)),
+        )
         # Entries of the mass matrix, of which the engine keeps the lower half, row by row.
         rows, columns = np.repeat(np.arange(model.nv), model.M_rownnz), model.M_colind
         upper = np.flatnonzero(rows != columns)
@@ -57,7 +60,9 @@ class ThreadBatch(SimulationBatch):
     def advance(self, worlds: Integers, commands: Array) -> None:
         """See `SimulationBatch`; each does what `Simulation.advance` does."""
         size = _BLOCK if self._is_sparse else len(worlds)
-        for block in (slice(start, start + size) for start in range(0, len(worlds), size)):
+        for block in (
+            slice(start, start + size) for start in range(0, len(worlds), size)
+        ):
             self._run(worlds[block], commands[block])
         warned = self._batch.warning[worlds, :, 1]
         wrong = worlds[warned.any(axis=1)].tolist()
@@ -68,15 +73,21 @@ class ThreadBatch(SimulationBatch):
         batch, actuators = self._batch, self.simulation.duo.actuators
         before = batch.state[worlds] if self._is_sparse else None
         controls = np.repeat(self._ctrl[worlds][:, None], SUBSTEPS, axis=1)
-        controls[..., actuators] = ramp(self._ctrl[worlds, actuators], controls_of(commands))
+        controls[..., actuators] = ramp(
+            self._ctrl[worlds, actuators], controls_of(commands)
+        )
         record = _CHECKED if self._is_sparse else ()
         kind = int(mujoco.mjtState.mjSTATE_CTRL)
-        steps = batch.rollout(SUBSTEPS, controls, control_spec=kind, record=record, ids=worlds)
+        steps = batch.rollout(
+            SUBSTEPS, controls, control_spec=kind, record=record, ids=worlds
+        )
         batch.forward(worlds, stage=_READY)
         if before is None:
             return
         unsolved = np.flatnonzero(~self._is_solved(*(steps[name] for name in _CHECKED)))
-        for row, world in zip(unsolved.tolist(), worlds[unsolved].tolist(), strict=True):
+        for row, world in zip(
+            unsolved.tolist(), worlds[unsolved].tolist(), strict=True
+        ):
             self.simulation.choose(self._variants[world])
             self.simulation.set_state(before[row])
             self.simulation.advance(DuoCommand.from_flat(commands[row]))
@@ -84,7 +95,9 @@ class ThreadBatch(SimulationBatch):
         if len(unsolved):
             batch.forward(worlds[unsolved], stage=_READY)
 
-    def _is_solved(self, mass: Array, qacc: Array, smooth: Array, constraint: Array) -> Booleans:
+    def _is_solved(
+        self, mass: Array, qacc: Array, smooth: Array, constraint: Array
+    ) -> Booleans:
         """Whether the accelerations of all steps (n, steps, nv) are those that forces cause."""
         products = mass[..., self._entries] * qacc[..., self._columns]
         missing = np.add.reduceat(products, self._rows, axis=-1) - smooth - constraint
@@ -93,7 +106,9 @@ class ThreadBatch(SimulationBatch):
 
     def copy_contacts(self, worlds: Integers) -> None:
         """See `SimulationBatch`."""
-        self.contacts.copy(worlds, lambda world: self._batch.get_data(world, self._scratch))
+        self.contacts.copy(
+            worlds, lambda world: self._batch.get_data(world, self._scratch)
+        )
 
     def world(self, number: int) -> Simulation:
         """See `SimulationBatch`."""

@@ -46,7 +46,9 @@ class WarpBatch(SimulationBatch):
     """
 
     def __init__(self, simulation: Simulation, count: int) -> None:
-        self._engine = load_extra("mujoco_warp", "warp", "MuJoCo Warp is missing", OptionError)
+        self._engine = load_extra(
+            "mujoco_warp", "warp", "MuJoCo Warp is missing", OptionError
+        )
         self._warp = import_module("warp")
         model = copy(simulation.model)
         model.geom_contype[:], model.geom_conaffinity[:] = simulation.touches
@@ -66,7 +68,9 @@ class WarpBatch(SimulationBatch):
             ) from error
         self._is_on_card = bool(self._warp.get_device().is_cuda)
         self._copies = {name: self._beside(name) for name in (*_KEPT, *_SEEN)}
-        self.arrays = {name: _flat(name, array.numpy()) for name, array in self._copies.items()}
+        self.arrays = {
+            name: _flat(name, array.numpy()) for name, array in self._copies.items()
+        }
         """What was copied from the engine last."""
         super().__init__(simulation, count, _Named(self.arrays))
         self._scratch, self._graph = mujoco.MjData(model), None
@@ -120,7 +124,11 @@ class WarpBatch(SimulationBatch):
         wrong = np.flatnonzero(full | ~(np.abs(numbers) < BEYOND).all(axis=1))
         wrong = wrong[np.isin(wrong, worlds)].tolist()
         if wrong:
-            why = "contacts had no room" if full[wrong].any() else "numbers are no longer valid"
+            why = (
+                "contacts had no room"
+                if full[wrong].any()
+                else "numbers are no longer valid"
+            )
             raise SimulationError(
                 f"MuJoCo Warp failed in environments {wrong}: {why}. Reset all environments."
             )
@@ -157,7 +165,9 @@ class WarpBatch(SimulationBatch):
         """See `SimulationBatch`."""
         found, contact = int(self._data.nacon.numpy()[0]), self._data.contact
         # A slice of nothing is none that can be copied.
-        shown = {name: getattr(contact, name)[: max(found, 1)].numpy() for name in _CONTACT}
+        shown = {
+            name: getattr(contact, name)[: max(found, 1)].numpy() for name in _CONTACT
+        }
         asked = np.zeros(self.count, dtype=bool)
         asked[worlds] = True
         kept = np.flatnonzero(asked[shown["worldid"][:found]])
@@ -189,26 +199,44 @@ class _LeftOut:
     in the middle of the largest one of the same body, which nothing can reach.
     """
 
-    def __init__(self, simulation: Simulation, count: int, engine: Any, warp: Any) -> None:
+    def __init__(
+        self, simulation: Simulation, count: int, engine: Any, warp: Any
+    ) -> None:
         self._simulation, model = simulation, simulation.model
         self._geoms, inside = [], []
         for prop in simulation.props.values():
-            numbers = set().union(*(each.without_shapes for each in prop.variants.values()))
-            of_prop = [model.geom(f"{prop.name}:{number}").id for number in sorted(numbers)]
+            numbers = set().union(
+                *(each.without_shapes for each in prop.variants.values())
+            )
+            of_prop = [
+                model.geom(f"{prop.name}:{number}").id for number in sorted(numbers)
+            ]
             body = model.body(prop.name)
-            always = set(range(body.geomadr[0], body.geomadr[0] + body.geomnum[0])) - {*of_prop}
+            always = set(range(body.geomadr[0], body.geomadr[0] + body.geomnum[0])) - {
+                *of_prop
+            }
             solid = simulation.touches[0]
-            always = [geom for geom in always if model.geom_type[geom] == _BOX and solid[geom]]
-            if any(model.geom_type[geom] != _BOX for geom in of_prop) or (of_prop and not always):
-                raise OptionError(f"MuJoCo Warp can leave out boxes in boxes only: {prop.name}.")
+            always = [
+                geom for geom in always if model.geom_type[geom] == _BOX and solid[geom]
+            ]
+            if any(model.geom_type[geom] != _BOX for geom in of_prop) or (
+                of_prop and not always
+            ):
+                raise OptionError(
+                    f"MuJoCo Warp can leave out boxes in boxes only: {prop.name}."
+                )
             self._geoms += of_prop
-            largest = max(always, key=lambda geom: model.geom_size[geom].prod(), default=-1)
+            largest = max(
+                always, key=lambda geom: model.geom_size[geom].prod(), default=-1
+            )
             inside += [largest] * len(of_prop)
         self._there = model.geom_pos[self._geoms], model.geom_size[self._geoms]
         self._gone = model.geom_pos[inside], np.full((len(inside), 3), _GRAIN)
         self._arrays: list[tuple[Any, NDArray[Any]]] = []
         for name in ("geom_pos", "geom_size") if self._geoms else ():
-            array = warp.array(np.tile(getattr(model, name), (count, 1, 1)), dtype=warp.vec3)
+            array = warp.array(
+                np.tile(getattr(model, name), (count, 1, 1)), dtype=warp.vec3
+            )
             setattr(engine, name, array)
             self._arrays.append((array, array.numpy()))
 
@@ -217,7 +245,9 @@ class _LeftOut:
         for number in worlds.tolist() if self._geoms else ():
             self._simulation.choose(variants[number])
             there = self._simulation.model.geom_contype[self._geoms, None] != 0
-            for (_, rows), *both in zip(self._arrays, self._there, self._gone, strict=True):
+            for (_, rows), *both in zip(
+                self._arrays, self._there, self._gone, strict=True
+            ):
                 rows[number, self._geoms] = np.where(there, *both)
         for array, rows in self._arrays:
             array.assign(rows)

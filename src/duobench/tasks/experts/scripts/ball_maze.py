@@ -9,7 +9,14 @@ import numpy as np
 from duobench.core.spatial import SE3, dot, rotation_by
 from duobench.core.types import SIDES, Array, Side
 from duobench.tasks.experts.handling import carry, come_down
-from duobench.tasks.experts.motion import CONTROL_STEP, Arms, Script, down, grip, nearest_turn
+from duobench.tasks.experts.motion import (
+    CONTROL_STEP,
+    Arms,
+    Script,
+    down,
+    grip,
+    nearest_turn,
+)
 from duobench.world.objects.maze_board import GRIP_OFFSET, cell_at, cell_centre
 from duobench.world.objects.mazes import MAZES, Direction
 
@@ -140,7 +147,9 @@ class TiltedBoard:
         self._level = SE3.at(*board.translation, yaw=board.yaw)
         self._slope, self._rate = -board.rotation[2, :2], np.zeros(2)
         table_from_board = self._pose()
-        self._grasps = {side: table_from_board.inverse() @ arms.targets[side] for side in sides}
+        self._grasps = {
+            side: table_from_board.inverse() @ arms.targets[side] for side in sides
+        }
         self.wanted = np.zeros(2)
         """Downward slope along the board's x and y that it was last led towards, in radians."""
         self.goal_slope = tilt / 2 * np.sign(cell_centre(self._maze.goal))

@@ -10,11 +10,17 @@ import numpy as np
 
 from duobench.core.types import SIDES
 from duobench.tasks.experts.motion import CONTROL_STEP, NEAR, Arms, Script, grip, move
-from duobench.tasks.experts.scripts.ball_maze import OPENING, TiltedBoard, grip_poses, lift
+from duobench.tasks.experts.scripts.ball_maze import (
+    OPENING,
+    TiltedBoard,
+    grip_poses,
+    lift,
+)
 from duobench.world.objects.mazes import Direction
 
 _WORDS = (
-    "N10 E12 N10 E10 S18 W18 N12 E12 N10 W18 N15 W10 N10 S15 E10 S10 W15 S10 W10 S10 E12 S10 E10"
+    "N10 E12 N10 E10 S18 W18 N12 E12 N10 W18 N15 W10 "
+    "N10 S15 E10 S10 W15 S10 W10 S10 E12 S10 E10"
 )
 _TILTS = {tilt.name[0]: tilt for tilt in Direction}
 TILTS: tuple[tuple[Direction, int], ...] = tuple(

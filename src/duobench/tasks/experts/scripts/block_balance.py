@@ -43,7 +43,9 @@ def script(arms: Arms) -> Script:
     yield from lower(arms)
     yield from release(arms, *SIDES)
     yield from wait(4)
-    yield from move(arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2)
+    yield from move(
+        arms, {side: arms.targets[side].moved(z=0.15) for side in SIDES}, speed=0.2
+    )
 
 
 def lower(arms: Arms, *sides: Side, reach: float = _REACH, gap: float = _GAP) -> Script:
@@ -63,11 +65,15 @@ def lower(arms: Arms, *sides: Side, reach: float = _REACH, gap: float = _GAP) ->
         height = beam.translation[2] + BEAM[2] / 2 + BLOCK[2] / 2 + gap
         goal = SE3.at(end[0], end[1], height, yaw=beam.yaw)
         goals[side] = tool_for(arms, side, _block(side), goal)
-    yield from move(arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3)
+    yield from move(
+        arms, {side: goal.moved(z=0.08) for side, goal in goals.items()}, speed=0.3
+    )
     yield from wait(8)
     yield from move(arms, goals, speed=0.06)
     touches = arms.sim.contacts.between
-    yield from wait_until(lambda: all(touches(_block(side), "beam") for side in sides), 15)
+    yield from wait_until(
+        lambda: all(touches(_block(side), "beam") for side in sides), 15
+    )
 
 
 def lay_beam(

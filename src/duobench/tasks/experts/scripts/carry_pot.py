@@ -6,7 +6,16 @@ from dataclasses import dataclass
 from duobench.core.spatial import SE3
 from duobench.core.types import SIDES, Side
 from duobench.tasks.experts.handling import carry, come_down
-from duobench.tasks.experts.motion import CAREFUL, Arms, Script, down, grip, move, release, wait
+from duobench.tasks.experts.motion import (
+    CAREFUL,
+    Arms,
+    Script,
+    down,
+    grip,
+    move,
+    release,
+    wait,
+)
 from duobench.world.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 
 _APPROACH = 0.10
@@ -57,7 +66,9 @@ def lift(arms: Arms) -> Script:
     yield from carry(arms, "pot", arms.sim.pose("pot").moved(z=_LIFT), speed=0.15)
 
 
-def carry_over(arms: Arms, x: float, y: float, *sides: Side, height: float = _CLEARANCE) -> Script:
+def carry_over(
+    arms: Arms, x: float, y: float, *sides: Side, height: float = _CLEARANCE
+) -> Script:
     """Carry the pot to a place above the plate; its yaw stays, whatever the plate's."""
     goal = _level(arms, x, y, height)
     yield from carry(arms, "pot", goal, *sides, speed=CAREFUL)
@@ -90,7 +101,9 @@ def let_go(arms: Arms, *sides: Side) -> Script:
     yield from move(arms, goals, arrive=False)
 
 
-def grasp(arms: Arms, *sides: Side, hold: Mapping[Side, HandleGrasp] | None = None) -> Script:
+def grasp(
+    arms: Arms, *sides: Side, hold: Mapping[Side, HandleGrasp] | None = None
+) -> Script:
     """Close grippers around the handles, from above.
 
     Args:
@@ -101,7 +114,9 @@ def grasp(arms: Arms, *sides: Side, hold: Mapping[Side, HandleGrasp] | None = No
     sides, hold = sides or SIDES, hold or {}
     pot = arms.sim.pose("pot")
     grasps = {side: _grasp_pose(pot, side, hold.get(side, PLAIN)) for side in sides}
-    yield from come_down(arms, grasps, opening=_OPENING, above=_APPROACH, speed=_APPROACH_SPEED)
+    yield from come_down(
+        arms, grasps, opening=_OPENING, above=_APPROACH, speed=_APPROACH_SPEED
+    )
     yield from grip(arms, *sides)
 
 

@@ -93,7 +93,9 @@ def insert(arms: Arms, way: Insertion) -> Script:
     def is_open() -> bool:
         return arms.sim.angle("chest/lid") >= enough
 
-    bring = put_in(arms, way.side, fetch(arms, way), is_open, lower(arms, way), max_steps=300)
+    bring = put_in(
+        arms, way.side, fetch(arms, way), is_open, lower(arms, way), max_steps=300
+    )
     yield from together(open_lid(arms, way), bring)
 
 
@@ -119,7 +121,9 @@ def open_lid(arms: Arms, way: Insertion = PLAIN) -> Script:
     yield from move(arms, {holder: back}, tolerance=NEAR)
     yield from grip(arms, holder)
     yield from move(arms, {holder: start}, speed=0.2)
-    yield from move(arms, {holder: under_lid(chest, holder, 0.0)}, speed=0.1, arrive=False)
+    yield from move(
+        arms, {holder: under_lid(chest, holder, 0.0)}, speed=0.1, arrive=False
+    )
 
     def up(fraction: float) -> dict[Side, SE3]:
         return {holder: under_lid(chest, holder, fraction * way.open_angle)}
@@ -138,7 +142,9 @@ def lower(arms: Arms, way: Insertion = PLAIN) -> Script:
     """The inserting arm brings the cube over the open chest, and down."""
     y = arms.sim.pose("chest").apply([*way.place, 0.0])[1]
     yield from move(arms, {way.side: over(arms, y, _ABOVE_RIM, way)}, tolerance=0.01)
-    yield from move(arms, {way.side: over(arms, y, way.drop_height, way)}, speed=CAREFUL)
+    yield from move(
+        arms, {way.side: over(arms, y, way.drop_height, way)}, speed=CAREFUL
+    )
 
 
 def over(arms: Arms, y: float, height: float, way: Insertion = PLAIN) -> SE3:

@@ -11,7 +11,16 @@ from collections.abc import Mapping
 from duobench.core.spatial import SE3
 from duobench.core.types import SIDES, Side
 from duobench.tasks.experts.handling import pick, tool_for
-from duobench.tasks.experts.motion import CAREFUL, Arms, Script, down, move, release, together, wait
+from duobench.tasks.experts.motion import (
+    CAREFUL,
+    Arms,
+    Script,
+    down,
+    move,
+    release,
+    together,
+    wait,
+)
 from duobench.world.objects.joint_blocks import BAR, PEG_HEIGHT, PEG_LENGTH, WALL_PLATE
 
 _BARS = {Side.LEFT: "light_block", Side.RIGHT: "dark_block"}

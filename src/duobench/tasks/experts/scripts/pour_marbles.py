@@ -61,13 +61,19 @@ def script(arms: Arms) -> Script:
     """Take both cups, pour, put both back."""
     source = next(s for s in Side if _marbles_in(arms, s) > 0)
     hold = source.other
-    yield from together(take(arms, hold, tilt=HOLD_TILT), take(arms, source, tilt=POUR_TILT))
+    yield from together(
+        take(arms, hold, tilt=HOLD_TILT), take(arms, source, tilt=POUR_TILT)
+    )
     meeting = SE3.at(*_MEETING)
     meet = {hold: meeting, source: _pouring(source, meeting, 0.0)}
-    tools = {side: tool_for(arms, side, _cup(side), pose) for side, pose in meet.items()}
+    tools = {
+        side: tool_for(arms, side, _cup(side), pose) for side, pose in meet.items()
+    }
     yield from move(arms, tools, speed=CAREFUL)
     yield from pour(arms, source, meeting)
-    yield from together(bring_back(arms, source), put_back(arms, hold, square(arms, hold)))
+    yield from together(
+        bring_back(arms, source), put_back(arms, hold, square(arms, hold))
+    )
 
 
 def pour(arms: Arms, source: Side, target: SE3) -> Script:
@@ -75,7 +81,9 @@ def pour(arms: Arms, source: Side, target: SE3) -> Script:
     cup_from_tool = arms.sim.pose(_cup(source)).inverse() @ arms.tcp_pose(source)
 
     def turn(fraction: float) -> dict[Side, SE3]:
-        return {source: _pouring(source, target, fraction * _POUR_ANGLE) @ cup_from_tool}
+        return {
+            source: _pouring(source, target, fraction * _POUR_ANGLE) @ cup_from_tool
+        }
 
     yield from move(arms, turn(0.0), speed=CAREFUL)
     yield from follow(arms, turn, _POUR_SECONDS)
@@ -88,7 +96,9 @@ def turn_upright(arms: Arms, side: Side) -> Script:
     upright = tool_for(arms, side, _cup(side), home)
 
     def turn(fraction: float) -> dict[Side, SE3]:
-        return {side: poured.interpolate(upright, fraction).moved(z=_RISE * bump(fraction))}
+        return {
+            side: poured.interpolate(upright, fraction).moved(z=_RISE * bump(fraction))
+        }
 
     yield from follow(arms, turn, _RIGHT_SECONDS)
 
@@ -158,6 +168,8 @@ def _pouring(side: Side, other: SE3, angle: float) -> SE3:
     inward, up = _inward(side), np.array([0.0, 0.0, 1.0])
     rotation = SE3.about(np.cross(up, inward), angle).rotation
     # Upright, the lip waits short of the mouth; tilted, it reaches over its near half.
-    reach = -_LIP_REACH - 2.2 * INNER_RADIUS * max(0.0, 1.0 - angle / math.radians(70.0))
+    reach = -_LIP_REACH - 2.2 * INNER_RADIUS * max(
+        0.0, 1.0 - angle / math.radians(70.0)
+    )
     lip = other.translation + reach * inward + (HEIGHT + _LIP_CLEARANCE) * up
     return SE3(rotation, lip - rotation @ (INNER_RADIUS * inward + HEIGHT * up))

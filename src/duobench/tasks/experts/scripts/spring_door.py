@@ -80,7 +80,9 @@ def open_door(arms: Arms) -> Script:
     yield from move(arms, {HOLDER: shut @ SE3.at(z=-0.12)}, tolerance=NEAR)
     yield from move(arms, {HOLDER: shut}, speed=0.2)
     yield from grip(arms, HOLDER)
-    yield from follow(arms, lambda f: {HOLDER: at_bar(oven, f * _OPEN_ANGLE)}, _PULL_SECONDS)
+    yield from follow(
+        arms, lambda f: {HOLDER: at_bar(oven, f * _OPEN_ANGLE)}, _PULL_SECONDS
+    )
 
 
 def fetch(arms: Arms) -> Script:

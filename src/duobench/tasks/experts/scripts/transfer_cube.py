@@ -31,7 +31,9 @@ _DROP_HEIGHT = 0.075
 def script(arms: Arms) -> Script:
     """Hand the cube to the left arm, which puts it into the bowl."""
     giver, receiver = BAR.giver, BAR.giver.other
-    yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
+    yield from together(
+        pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False)
+    )
     yield from move(arms, {giver: present(BAR, MEETING_POINT, RISE)}, tolerance=NEAR)
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, SLANT))
     yield from let_go(arms, giver)

@@ -18,7 +18,15 @@ from duobench.tasks.experts.handover import (
     tool,
     turn_to_camera,
 )
-from duobench.tasks.experts.motion import CAREFUL, NEAR, Arms, Script, move, together, wait_until
+from duobench.tasks.experts.motion import (
+    CAREFUL,
+    NEAR,
+    Arms,
+    Script,
+    move,
+    together,
+    wait_until,
+)
 from duobench.world.objects.blocks import LONG_BLOCK
 from duobench.world.objects.gate import MAT_THICKNESS, RING_HEIGHT
 
@@ -39,7 +47,9 @@ _TOUCH_STEPS = 15
 def script(arms: Arms) -> Script:
     """Pass the block through the ring and put it on the mat."""
     giver, receiver = BAR.giver, BAR.giver.other
-    yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
+    yield from together(
+        pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False)
+    )
     yield from reach_through(arms)
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
     yield from let_go(arms, giver)
@@ -55,7 +65,8 @@ def ring(arms: Arms) -> np.ndarray:
 def reach_through(arms: Arms, beyond: float = BEYOND) -> Script:
     """Bring the block's free end through the ring, and its centre to a place along the axis."""
     before, through = (
-        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE, LEAN) for y in (_BEFORE, beyond)
+        present(BAR, ring(arms) + np.array([0.0, y, 0.0]), RISE, LEAN)
+        for y in (_BEFORE, beyond)
     )
     yield from move(arms, {BAR.giver: before})
     yield from move(arms, {BAR.giver: through}, speed=CAREFUL)
@@ -68,14 +79,20 @@ def leave(arms: Arms, side: Side) -> Script:
 
 def lower_onto_mat(arms: Arms, side: Side) -> Script:
     """Stand the block on the mat, until it touches the mat."""
-    yield from move(arms, {side: arms.targets[side].moved(x=0.06, y=0.12, z=0.03)}, arrive=False)
+    yield from move(
+        arms, {side: arms.targets[side].moved(x=0.06, y=0.12, z=0.03)}, arrive=False
+    )
     x, y, _ = arms.sim.position("mat")
     standing = hanging(arms, side, BAR.body)
     turn = SE3.about((0, 0, 1), turn_to_camera(arms, side, BAR.body, standing)).rotation
-    block = SE3(turn @ standing.rotation, np.array([x, y, MAT_THICKNESS + LONG_BLOCK / 2]))
+    block = SE3(
+        turn @ standing.rotation, np.array([x, y, MAT_THICKNESS + LONG_BLOCK / 2])
+    )
     goal = tool_for(arms, side, BAR.body, block)
     yield from move(arms, {side: goal.moved(z=0.08)}, tolerance=NEAR)
     goal = tool_for(arms, side, BAR.body, block)
     yield from move(arms, {side: goal.moved(z=0.01)}, speed=CAREFUL)
     yield from move(arms, {side: goal.moved(z=-_PRESS)}, speed=0.05)
-    yield from wait_until(lambda: arms.sim.contacts.between(BAR.body, "mat"), _TOUCH_STEPS)
+    yield from wait_until(
+        lambda: arms.sim.contacts.between(BAR.body, "mat"), _TOUCH_STEPS
+    )

@@ -18,7 +18,14 @@ from duobench.tasks.experts.handover import (
     tool,
     turn_to_camera,
 )
-from duobench.tasks.experts.motion import NEAR, Arms, Script, move, nearest_turn, together
+from duobench.tasks.experts.motion import (
+    NEAR,
+    Arms,
+    Script,
+    move,
+    nearest_turn,
+    together,
+)
 from duobench.world.objects.hexagon_peg import BOARD_HEIGHT, HEXAGON, PEG_LENGTH
 
 BAR = Bar(body="peg", giver=Side.RIGHT, grip=0.028, height=0.027, freedom=0.2)
@@ -38,7 +45,9 @@ _PRECISE = 0.001
 def script(arms: Arms) -> Script:
     """Hand the peg to the left arm, which inserts it."""
     giver, receiver = BAR.giver, BAR.giver.other
-    yield from together(pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False))
+    yield from together(
+        pick_bar(arms, BAR), move(arms, {receiver: _READY}, arrive=False)
+    )
     meeting = {giver: present(BAR, MEETING_POINT, RISE)}
     yield from move(arms, meeting, tolerance=NEAR, freedom=BAR.freedom)
     yield from clasp(arms, receiver, receive_pose(arms, BAR, RECEIVER_GRIP, 0.0))
@@ -63,7 +72,9 @@ def upright(arms: Arms, side: Side, hole: SE3) -> SE3:
     peg = hanging(arms, side, BAR.body)
     corner = math.atan2(peg.rotation[1, 1], peg.rotation[0, 1])
     comfortable = turn_to_camera(arms, side, BAR.body, peg)
-    turn = SE3.about((0, 0, 1), nearest_turn(hole.yaw - corner, _HEXAGON_TURN, comfortable))
+    turn = SE3.about(
+        (0, 0, 1), nearest_turn(hole.yaw - corner, _HEXAGON_TURN, comfortable)
+    )
     goal = SE3(turn.rotation @ peg.rotation, hole.translation)
     return goal.moved(z=PEG_LENGTH / 2)
 
