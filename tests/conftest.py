@@ -16,24 +16,6 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _names(file: str) -> frozenset[str]:
-    return frozenset(Path(__file__).with_name(file).read_text(encoding="utf-8").split())
-
-
-SLOW, LONG = _names("slow.txt"), _names("long.txt")
-"""Names of test functions that are slow, and that take long, with all of their cases; other slow
-ones are marked where they stand."""
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    for item in items:
-        name = getattr(item, "originalname", None)
-        if name in LONG:
-            item.add_marker(pytest.mark.long)
-        elif name in SLOW:
-            item.add_marker(pytest.mark.slow)
-
-
 @pytest.fixture(scope="session")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The package as it is published, built once."""

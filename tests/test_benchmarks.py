@@ -88,6 +88,7 @@ def test_the_spread_is_the_distance_from_the_mean_path() -> None:
     assert paths.spread == pytest.approx([0.02, 0.0])
 
 
+@pytest.mark.slow
 def test_variety_spreads_paths_where_the_layout_explains_nothing() -> None:
     comparison = compare("bin_sort", "human", episodes=2)
     assert (comparison.varied.spread > 0.001).all()

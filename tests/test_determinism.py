@@ -20,6 +20,7 @@ VECTOR_TASKS = ("bin_sort", "ball_maze")
 """The shortest task, and one whose layouts have a variant."""
 
 
+@pytest.mark.slow
 def test_cameras_change_nothing() -> None:
     name = VECTOR_TASKS[0]
     (episode, _) = baseline(name)
@@ -31,6 +32,7 @@ def test_cameras_change_nothing() -> None:
     env.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", VECTOR_TASKS)
 @pytest.mark.parametrize("vector", [gym.vector.SyncVectorEnv, gym.vector.AsyncVectorEnv])
 def test_vector_environments_play_the_same_episodes(

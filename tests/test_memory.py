@@ -35,6 +35,7 @@ def growth(task: str, options: dict[str, Any], warm_up: int, resets: int) -> int
     return after - before
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("options", "warm_up", "resets"), [(BLIND, 200, 2000), (SEEING, 100, 400)], ids=["", "images"]
 )

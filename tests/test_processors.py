@@ -16,6 +16,7 @@ def found() -> dict[str, kernels.Found]:
     return kernels.compare(kernels.playable(kernels.QUICK), catalog.names(), [SEED])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["models", "resets", "replays"])
 def test_every_kernel_gives_the_same_bits(found: dict[str, kernels.Found], kind: str) -> None:
     first, *others = found.values()
@@ -24,6 +25,7 @@ def test_every_kernel_gives_the_same_bits(found: dict[str, kernels.Found], kind:
         assert other[kind] == first[kind]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not kernels.has_avx512(), reason="this processor has no AVX-512")
 def test_the_switches_have_an_effect(found: dict[str, kernels.Found]) -> None:
     narrow, haswell, skylakex = (found[name]["probe"] for name in kernels.QUICK)

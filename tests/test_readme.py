@@ -90,6 +90,7 @@ def test_every_command_is_known(page: Path) -> None:
     assert set(modules(page).values()) == set(blocks(page, "python"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("page", "line"), PLAYED)
 def test_command_runs(
     page: Path,

@@ -110,6 +110,7 @@ def test_it_carries_everything_of_the_package(wheel: Path) -> None:
         assert f"{information}/licenses/{notice}" in packed
 
 
+@pytest.mark.slow
 def test_there_is_no_network(installed: Installed) -> None:
     """Otherwise the tests below would prove nothing."""
     connect = "import socket; socket.create_connection(('192.0.2.1', 9), timeout=1)"
@@ -125,6 +126,7 @@ def test_an_environment_can_be_made_and_played(installed: Installed) -> None:
     assert told["stage"] == 0.0
 
 
+@pytest.mark.slow
 def test_the_command_evaluates_a_policy(installed: Installed) -> None:
     evaluate = ["eval", "--policy", "expert", "--tasks", "bin_sort", "--episodes", "1"]
     installed.output("duobench", *evaluate, "--videos", "0", "--out", "run")
@@ -133,6 +135,7 @@ def test_the_command_evaluates_a_policy(installed: Installed) -> None:
     assert (installed.work / "run" / "index.html").is_file()
 
 
+@pytest.mark.slow
 def test_a_newcomer_gets_a_table_from_the_first_door_of_the_first_page(
     installed: Installed,
 ) -> None:

@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 import duobench
 from tests.children import printed
 
@@ -115,6 +117,7 @@ def modules() -> list[str]:
     return sorted(name for name in names if not name.endswith("__main__"))
 
 
+@pytest.mark.slow
 def test_rooms_below_the_simulation_load_no_engine_and_tasks_no_geometry() -> None:
     chosen = [
         name
@@ -150,6 +153,7 @@ def test_an_episode_on_simulated_drivers_needs_no_engine_without_guard() -> None
     assert printed(BLOCKED + REAL % (ENGINES,)) == "1 (24, 32, 3) True contact\n[]\n"
 
 
+@pytest.mark.slow
 def test_few_modules_load_mujoco() -> None:
     loading = printed(BLOCKED + LIST, *modules()).split()
     assert "duobench.world.sim.simulation" in loading

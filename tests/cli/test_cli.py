@@ -102,6 +102,7 @@ def test_report_builds_the_page_anew(tmp_path: Path, evaluate: Told, told: Told)
     assert page.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_report_makes_videos_once(tmp_path: Path, evaluate: Told, told: Told) -> None:
     run = tmp_path / "run"
     evaluate(run, "--episodes", "2")
@@ -344,6 +345,7 @@ def test_only_the_output_must_be_writable(tmp_path: Path) -> None:
     assert not list(tmp_path.glob(".*"))
 
 
+@pytest.mark.long
 def test_what_renders_is_told_where_it_is_asked(tmp_path: Path) -> None:
     words = ["render", "bin_sort", "--size", "48", "64", "--out", str(tmp_path)]
     quiet, told = (
@@ -387,6 +389,7 @@ def test_policy_of_a_wrong_name_can_be_corrected(tmp_path: Path, evaluate: Told)
     assert (tmp_path / "run" / "index.html").exists()
 
 
+@pytest.mark.long
 def test_broken_episodes_are_told_and_played_again(tmp_path: Path) -> None:
     """Beside the policy lie files that are named as modules of the standard library are."""
     for name in ("signal", "random", "queue", "tempfile", "socket"):
@@ -554,6 +557,7 @@ def started(*words: str) -> Iterator[subprocess.Popen[str]]:
         yield process
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("moment", ["starting", "playing", "pressed twice", "terminated"])
 def test_interrupt_is_answered_in_words(tmp_path: Path, moment: str) -> None:
     words = ["eval", "--policy", "hold", "--episodes", "500", "--tasks", toy_tasks.WAVE_NAME]

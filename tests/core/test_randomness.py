@@ -109,6 +109,7 @@ def seeds_of(name: str, split: str) -> list[tuple[int, int]]:
 FIRST = range(100_000)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", catalog.names())
 def test_layouts_of_two_splits_never_meet(name: str) -> None:
     """No two keys of generators are equal, so no generator begins like another."""
@@ -116,6 +117,7 @@ def test_layouts_of_two_splits_never_meet(name: str) -> None:
     assert len(keys) == len(SPLITS) * len(FIRST)
 
 
+@pytest.mark.slow
 def test_generators_of_both_splits_begin_with_other_numbers() -> None:
     draws = {generator("bin_sort", seed, s).random() for s in (EVAL, TRAIN) for seed in FIRST}
     assert len(draws) == 2 * len(FIRST)

@@ -224,6 +224,7 @@ def test_what_is_left_of_a_stream_is_recovered_up_to_its_last_whole_row(tmp_path
     env.close()
 
 
+@pytest.mark.slow
 def test_a_killed_recording_loses_half_a_second_and_no_finished_episode(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     for attempt in range(3):

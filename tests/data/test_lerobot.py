@@ -202,6 +202,7 @@ def test_quantiles_of_counts_interpolate_as_numpy_does() -> None:
             np.testing.assert_allclose(found[name].ravel(), expected, atol=1e-12)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("stop", [signal.SIGKILL, signal.SIGINT])
 def test_a_stopped_export_goes_on_to_the_same_files(
     original: DataSet, exported: Path, tmp_path: Path, stop: signal.Signals
@@ -225,6 +226,7 @@ def test_a_stopped_export_goes_on_to_the_same_files(
     assert files(out) == files(exported)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("words", [["data", "check"], [*COMMAND, "--out", "out"]])
 def test_files_named_as_the_standard_library_do_no_harm(
     original: DataSet, tmp_path: Path, words: list[str]
@@ -247,6 +249,7 @@ def test_files_named_as_the_standard_library_do_no_harm(
     assert "3 episodes" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_lost_file_is_made_again(original: DataSet, exported: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     export_lerobot(original, out, SMALL, workers=0)
@@ -447,6 +450,7 @@ def test_tool_poses_become_joint_targets_near_the_observed_joints(tmp_path: Path
     np.testing.assert_array_equal(sent, recording.sent.astype(np.float32))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("size", [20, 1000, 40_000])
 def test_a_full_disk_is_said_and_crashes_nothing(tmp_path: Path, size: int) -> None:
     done = child_of(__name__, tmp_path, size)
@@ -470,6 +474,7 @@ def fill_a_disk(folder: Path, size: int) -> None:
 # --- export of both domains ----------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_both_domains_are_exported_together(
     original: DataSet, real: DataSet, tmp_path: Path
 ) -> None:

@@ -57,6 +57,7 @@ def test_what_a_worker_was_doing_when_it_was_killed_is_done_again(tmp_path: Path
     assert (tmp_path / "once").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "job", "error", "message"),
     [

@@ -117,6 +117,7 @@ def test_images_of_states_are_those_of_the_environment(expert: Recording) -> Non
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", [TASK, "duobench.tasks.bin_sort:TASK"])
 def test_the_command_replays_a_task_by_any_of_its_names(
     demos: Path, tmp_path: Path, task: str, capsys: pytest.CaptureFixture[str]

@@ -48,6 +48,7 @@ def test_its_use_in_python_runs(module: str, capsys: pytest.CaptureFixture[str])
     names["env"].close()
 
 
+@pytest.mark.long
 def test_its_commands_run_where_it_is_saved(tmp_path: Path) -> None:
     (tmp_path / "stack_cube.py").write_text(TASK + EXPERT, encoding="utf-8")
     lines = [line for block in blocks(PAGE, "sh") for line in block.splitlines()]

@@ -153,6 +153,7 @@ def test_shots_are_of_tasks_and_from_inside_the_room() -> None:
             compose((), view)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_script_draws_a_task(tmp_path: Path) -> None:
     run([sys.executable, "docs/gallery.py", TASK, "--out", str(tmp_path)], ROOT)

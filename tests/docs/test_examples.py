@@ -130,6 +130,7 @@ def test_checkpoints_of_the_page_are_where_trainings_put_them() -> None:
     ]
 
 
+@pytest.mark.long
 def test_the_example_plays_an_episode_as_printed(tmp_path: Path) -> None:
     for name, code in modules(POLICIES).items():
         (tmp_path / name).write_text(code, encoding="utf-8")
@@ -182,6 +183,7 @@ def test_the_example_of_prints_runs(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(capsys.readouterr().out.splitlines()) == 3
 
 
+@pytest.mark.slow
 def test_the_commands_write_what_the_table_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -252,6 +254,7 @@ def test_bounds_are_measured_and_go_on_where_they_were(tmp_path: Path) -> None:
 # --- many machines: the script does what Slurm would have it do ----------------------------------
 
 
+@pytest.mark.long
 def test_script_plays_all_parts_of_an_array(tmp_path: Path) -> None:
     (script,) = blocks(SCALE, "bash")
     assert "--array=1-16" in script
@@ -338,6 +341,7 @@ def look(line: str, folder: Path) -> dict[str, Any]:
     return seen[-1]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_commands_of_viewing_run(tmp_path: Path) -> None:
     shown = {}

@@ -121,6 +121,7 @@ def put_down(keys: Keyboard, step: Step) -> None:
     keys.wait(step.wait)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_the_first_example_can_be_done_as_its_page_says(tmp_path: Path, layout: int) -> None:
     (command,) = re.findall(r"^```\n(duobench teleop .*)\n```", SECTION, re.MULTILINE)

@@ -120,6 +120,7 @@ def answered(line: str, folder: Path) -> str:
     return said
 
 
+@pytest.mark.slow
 def test_commands_run_in_their_order(tmp_path: Path) -> None:
     lines = [line for block in blocks(RECORDING, "sh") for line in block.splitlines() if line]
     outputs = [answered(line, tmp_path) for line in lines]

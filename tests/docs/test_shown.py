@@ -69,6 +69,7 @@ PAGES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PAGES)
 def test_what_a_page_shows_works(name: str, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from tests.envs.tools import TASK, Make, check, sim_of
 SMALL: Mapping[str, Any] = {"image_size": (24, 32), "render_size": (24, 32), "cameras": False}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "options",
     [

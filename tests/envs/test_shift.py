@@ -56,6 +56,7 @@ def usual() -> dict[str, Any]:
     return played("none", cameras=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "changed"),
     [

@@ -29,6 +29,7 @@ def one_of(batch: Any, number: int) -> Any:
     return batch[number]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("context", [None, "spawn", "fork", "forkserver"])
 def test_observations_and_info_are_those_of_single_environments(context: str | None) -> None:
     make = partial(make_small, "ball_maze", **({} if context == "fork" else SEEING))

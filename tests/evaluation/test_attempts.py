@@ -44,6 +44,7 @@ def first(folder: RunFolder) -> EpisodeRecord:
     return next(record for record in records if record.attempt > 1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("toss", "end"), TOSSES)
 def test_an_attempt_that_was_not_the_first_is_told_by_everything(
     play: Play, toss: Toss, end: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -78,6 +79,7 @@ def test_a_run_of_errors_that_gives_way_takes_no_attempt_back(play: Play) -> Non
     assert played(limits=TimeLimits(act_timeout=12.0), fresh=True) == {()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("from_bundle", [False, True])
 def test_a_record_that_hides_its_earlier_attempts_is_contradicted(
     play: Play, tmp_path: Path, *, from_bundle: bool
@@ -111,6 +113,7 @@ def test_a_record_of_another_attempt_than_the_noted_one_is_contradicted(
     assert [each.reason for each in found] == ([reason] * 2 if reason else [])
 
 
+@pytest.mark.slow
 def test_what_no_journal_notes_is_told(play: Play, capsys: pytest.CaptureFixture[str]) -> None:
     folder, _ = play("random", episodes=1)
     for path in folder.path.glob("attempts/*"):

@@ -28,6 +28,7 @@ def written(folder):
     return {path: path.stat().st_mtime_ns for path in folder.path.glob("records/*/*/*")}
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_the_workers(play, reference):
     folder, _ = play("random", workers=3)
     assert compared(folder) == reference
@@ -69,6 +70,7 @@ def test_other_run_is_refused_in_the_same_folder(play):
     assert compared(folder) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 1])
 def test_policy_that_was_edited_does_not_go_on_with_a_run(play, tmp_path, monkeypatch, workers):
     monkeypatch.syspath_prepend(tmp_path)
@@ -88,6 +90,7 @@ def test_episode_range_moves_the_seeds(play, reference):
             assert without_policy(content) == without_policy(reference[name])
 
 
+@pytest.mark.slow
 def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play):
     tasks, count = find_tasks([toy_tasks.WAVE_NAME]), len(toy_tasks.FAULTS) + 1
     runs = [
@@ -107,6 +110,7 @@ def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play)
         assert "\x1b" not in record.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 2])
 @pytest.mark.parametrize(
     ("policy", "error", "message"),
@@ -189,6 +193,7 @@ def test_policy_with_global_generators_is_repeatable(play):
     assert compared(folders[0]) == compared(folders[1])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [0, 1])
 def test_look_is_that_of_environment_video_and_record(play, workers):
     plain, _ = play("Sees", "plain", episodes=1, videos=1)
@@ -207,6 +212,7 @@ def test_look_is_that_of_environment_video_and_record(play, workers):
         assert 1.3 * brightness[0] < brightness[1]
 
 
+@pytest.mark.slow
 def test_first_episodes_have_videos_the_same_in_any_process(play):
     folder, results = play("random", videos=1, episodes=2)
     videos = sorted(folder.path.glob("videos/*/*/*.webm"))
@@ -223,6 +229,7 @@ def test_first_episodes_have_videos_the_same_in_any_process(play):
         assert (other.path / path.relative_to(folder.path)).read_bytes() == path.read_bytes()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [0, 1])
 def test_time_is_noted_with_what_it_was_spent_on(play, workers):
     folder, _ = play("Glances", videos=1, episodes=2, workers=workers)

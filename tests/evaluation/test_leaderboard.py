@@ -91,6 +91,7 @@ def reason(board: Board, name: str) -> str:
     return found
 
 
+@pytest.mark.slow
 def test_every_bundle_is_verified_once(folder, tmp_path):
     out = tmp_path / "site"
     board, played = made(folder, out)
@@ -103,6 +104,7 @@ def test_every_bundle_is_verified_once(folder, tmp_path):
     assert contents(out) == before
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_what_was_there_before(folder, tmp_path):
     made(folder, tmp_path / "all at once")
     last = folder / "random.duobench.zip"
@@ -160,6 +162,7 @@ def test_claims_that_are_not_earned_are_refused(runs, folder, tmp_path):
     assert (again, played) == (board, {})
 
 
+@pytest.mark.slow
 def test_what_cannot_be_played_again_must_have_failed(runs, folder, tmp_path):
     def edit(record: Document) -> None:
         record.update(sent=None, clipped=None)

@@ -41,6 +41,7 @@ def late(folder: RunFolder) -> list[int | None]:
     return [record["late_success"] for record in records(folder).values()]
 
 
+@pytest.mark.slow
 def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play):
     plain, _ = play("Late", "plain", tasks=NUDGE, videos=4)
     folder, results = play("Late", tasks=NUDGE, videos=4, overtime=1.5)
@@ -57,6 +58,7 @@ def test_records_end_at_the_horizon_whether_or_not_episodes_are_played_on(play):
     assert len(verify(folder, import_tasks=True).of(Verdict.EXACT)) == 4
 
 
+@pytest.mark.slow
 def test_overtime_is_as_long_as_asked_for(play):
     folder, _ = play("Late", "longer", tasks=NUDGE, overtime=1.5)
     *_, last, _ = late(folder)
@@ -73,6 +75,7 @@ def test_impossible_overtime_is_refused(overtime):
         small_suite(overtime=overtime)
 
 
+@pytest.mark.slow
 def test_every_executor_plays_on(play):
     folder, _ = play("Late", tasks=NUDGE, overtime=1.5)
     apart, _ = play("Late", "apart", tasks=NUDGE, overtime=1.5, workers=2)
@@ -90,6 +93,7 @@ def test_every_executor_plays_on(play):
     assert any(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [0, 1])
 def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(play, workers):
     limits = TimeLimits(act_timeout=3.0)
@@ -102,6 +106,7 @@ def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(play,
     assert at_horizon(folder) == at_horizon(plain)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, 3])
 def test_policy_of_all_that_dies_after_a_horizon_fails_no_episode(play, workers):
     choice = PolicyChoice.parse(f"{toy_batches.__name__}:DiesLate", batching=Batching(size=3))
@@ -112,6 +117,7 @@ def test_policy_of_all_that_dies_after_a_horizon_fails_no_episode(play, workers)
     assert at_horizon(folder) == at_horizon(plain)
 
 
+@pytest.mark.slow
 def test_policy_that_dies_when_it_is_too_late_gets_no_second_attempt(play):
     folder, results = play("TriesAgain", tasks=NUDGE, episodes=1, workers=1, overtime=1.5)
     assert (folder.path.parent / "marks" / "again").exists()

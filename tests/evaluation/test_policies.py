@@ -40,6 +40,7 @@ def test_a_misspelt_expert_is_refused(name, message):
         source(name)
 
 
+@pytest.mark.slow
 def test_the_blind_baseline_tilts_a_board_and_holds_still_in_other_tasks():
     policy = source("blind", find_tasks(("ball_maze", "carry_pot")))
     assert policy.metadata.name == "blind"

@@ -143,6 +143,7 @@ class Looks(HoldPolicy):
         assert np.random.random_sample() == first  # noqa: NPY002 - the generator that policies share
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 2])
 def test_global_generators_have_the_policy_seed(tmp_path, workers):
     suite, policy = small_suite(episodes=EPISODES), f"{__name__}:Looks"

@@ -115,6 +115,7 @@ def replayed(task, record, targets):
     return start, end, info["stage"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["hold", "random", f"{__name__}:Drifts"])
 def test_targets_play_the_episode_again_to_the_bit(play, policy):
     _, results = play(PolicyChoice.parse(policy), episodes=2)

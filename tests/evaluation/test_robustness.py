@@ -28,6 +28,7 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
     return folder
 
 
+@pytest.mark.long
 def test_every_condition_is_in_the_records_and_verified(played):
     parts = read_parts(played)
     assert tuple(part.condition.shift for part in parts) == SHIFTS
@@ -39,6 +40,7 @@ def test_every_condition_is_in_the_records_and_verified(played):
     assert len(verify(played, import_tasks=True).of(Verdict.EXACT)) == 4 * len(SHIFTS)
 
 
+@pytest.mark.slow
 def test_layouts_are_the_same_but_on_the_axis_layout(played):
     usual, *others = read_parts(played)
     for part in others:
@@ -46,6 +48,7 @@ def test_layouts_are_the_same_but_on_the_axis_layout(played):
         assert is_same is (part.condition.shift.level_of("layout") == 0)
 
 
+@pytest.mark.long
 def test_it_goes_on_where_it_was_and_workers_do_not_matter(played, tmp_path):
     folder = RunFolder(tmp_path / "run")
     evaluate("random", small_suite(episodes=2, shifts=SHIFTS[:2]), folder, workers=2)
@@ -64,6 +67,7 @@ def words(folder: Path, policy: str, *more: str) -> list[str]:
     return ["eval", "--policy", policy, "--suite", "robust", *where, *more]
 
 
+@pytest.mark.slow
 def test_each_condition_has_the_videos_that_are_asked_for(tmp_path):
     more = ("--axes", "look", "--levels", "5", "--episodes", "2", "--videos", "1")
     main(words(tmp_path, "hold", *more))
@@ -75,6 +79,7 @@ def test_each_condition_has_the_videos_that_are_asked_for(tmp_path):
         assert (page.parent / link).resolve() == video.resolve()
 
 
+@pytest.mark.slow
 def test_episodes_with_errors_are_told_and_played_again(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
     more = ("--axes", "camera", "--levels", "1", "--episodes", "2")
@@ -88,6 +93,7 @@ def test_episodes_with_errors_are_told_and_played_again(tmp_path, monkeypatch, c
     assert "4 of 4 episodes" in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_the_command_plays_two_levels_of_a_few_axes(tmp_path, capsys):
     command = words(tmp_path, "hold", "--levels", "1", "5", "--episodes", "1")
     main(command)

@@ -72,6 +72,7 @@ def run(hold: RunFolder, tmp_path: Path) -> RunFolder:
     return copied(hold, tmp_path / "copy")
 
 
+@pytest.mark.long
 def test_a_table_of_public_seeds_gets_all_there_and_what_hold_gets_here(
     tmp_path, monkeypatch, hold
 ):
@@ -98,6 +99,7 @@ def test_no_salted_seed_of_a_policy_is_in_the_table_of_public_ones():
     assert all(policy_seed(TASK, seed, "salted") != hashed for seed, hashed in salted)
 
 
+@pytest.mark.slow
 def test_records_have_the_seeds_of_the_salt_in_every_process_and_shard(hold, tmp_path):
     records = hold.read_records(hold.read_run())
     assert [(each.seed, each.policy_seed) for each in records] == [
@@ -134,6 +136,7 @@ def has_salt(content: bytes) -> bool:
     return OTHER.digits.encode() in content.lower() or bytes.fromhex(OTHER.digits) in content
 
 
+@pytest.mark.slow
 def test_the_salt_is_nowhere_but_in_its_file(tmp_path):
     (tmp_path / "round.salt").write_text(OTHER.digits)
     out = tmp_path / "run"
@@ -155,6 +158,7 @@ def test_the_salt_is_nowhere_but_in_its_file(tmp_path):
     assert any(OTHER.sha256.encode() in each for each in parts)
 
 
+@pytest.mark.long
 def test_workers_and_policies_are_sent_seeds_alone(tmp_path, monkeypatch):
     sent: list[bytes] = []
     send = WorkerProcess.send
@@ -173,6 +177,7 @@ def test_workers_and_policies_are_sent_seeds_alone(tmp_path, monkeypatch):
 # --- going on, and reading -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_with_its_own_salt_alone(run):
     for salt, words in ((None, "salt none instead of "), (OTHER, f"salt {OTHER.sha256} instead")):
         with pytest.raises(OtherRunError, match=words):
@@ -215,6 +220,7 @@ def forged(run: RunFolder) -> RunFolder:
     return run
 
 
+@pytest.mark.slow
 def test_seeds_are_verified_against_the_salt(run, tmp_path):
     path = tmp_path / "run.duobench.zip"
     write_bundle(run, path)
@@ -228,6 +234,7 @@ def test_seeds_are_verified_against_the_salt(run, tmp_path):
     assert f"its seed is {SALT.seeds(TASK, 0)[0]}, expected was" in verify(run).findings[0].reason
 
 
+@pytest.mark.slow
 def test_another_seed_of_the_policy_is_found_by_whoever_has_the_salt(run):
     """That of the layout, for a policy that makes it again; no replay shows what a policy got."""
     first = run.record(key(run, TASK, 0))
@@ -239,6 +246,7 @@ def test_another_seed_of_the_policy_is_found_by_whoever_has_the_salt(run):
         played(run.path, "hold", 3, salt=SALT)
 
 
+@pytest.mark.long
 def test_the_command_says_that_seeds_are_not_verified(run, tmp_path, capsys):
     def told(*words: object) -> str:
         main(list(map(str, words)))
@@ -295,6 +303,7 @@ def round_of(salt: Salt, digest: str, more: str = "") -> str:
     )
 
 
+@pytest.mark.long
 def test_a_round_is_verified_once_its_salt_is_out(run, tmp_path):
     bundles, out = tmp_path / "bundles", tmp_path / "site"
     honest, bad = bundles / "honest.duobench.zip", bundles / "forged.duobench.zip"

@@ -72,6 +72,7 @@ def test_shards_deal_every_episode_once_and_never_move_one():
             assert one.overlaps(other) or not shared
 
 
+@pytest.mark.slow
 def test_four_shards_one_process_and_two_workers_give_the_same_summary(tmp_path, reference):
     folder = RunFolder(tmp_path / "run")
     for shard in QUARTERS:
@@ -108,6 +109,7 @@ def test_folders_of_two_machines_are_merged_by_copying(tmp_path, reference):
     assert compared(machines[0]) == reference
 
 
+@pytest.mark.long
 def test_run_under_every_shift_is_the_same_in_shards_and_on_two_machines(tmp_path):
     suite = small_suite(tasks=small_suite().tasks[:1], episodes=2, shifts=tuple(every_shift()))
     whole, parts, other = (RunFolder(tmp_path / name) for name in ("whole", "parts", "other"))
@@ -138,6 +140,7 @@ evaluate("random", small_suite(), RunFolder(Path(sys.argv[1])), workers=1,
 """
 
 
+@pytest.mark.long
 def test_writers_side_by_side_that_are_killed_and_go_on_give_the_same_bytes(tmp_path, reference):
     folder = RunFolder(tmp_path / "run")
     words = [sys.executable, "-c", WRITER, str(folder.path)]

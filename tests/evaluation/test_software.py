@@ -51,6 +51,7 @@ def test_other_source_does_not_go_on_with_a_run(
         play("hold", episodes=2)
 
 
+@pytest.mark.slow
 def test_a_fix_of_what_decides_nothing_goes_on(play: Play, monkeypatch: pytest.MonkeyPatch) -> None:
     before, _ = play("hold", episodes=1)
     first = before.read_run()
@@ -106,6 +107,7 @@ def test_what_tools_leave_beside_the_source_is_none_of_it() -> None:
         rmtree(hidden)
 
 
+@pytest.mark.slow
 def test_everything_that_an_environment_imports_decides() -> None:
     """What is left out computes nothing of an episode: words, files, loading by name."""
     script = (

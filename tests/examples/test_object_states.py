@@ -61,6 +61,7 @@ def example(monkeypatch: pytest.MonkeyPatch, exports: Path) -> None:
     monkeypatch.setenv("CHECKPOINT", str(exports / TASK))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("example")
 def test_nearest_state_does_again_what_was_shown(exports: Path) -> None:
     from nearest import Nearest  # pyright: ignore[reportMissingImports]
@@ -74,6 +75,7 @@ def test_nearest_state_does_again_what_was_shown(exports: Path) -> None:
         assert env.get_wrapper_attr("judge").stage == 3
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("example")
 def test_nearest_state_is_evaluated_as_a_privileged_policy(exports: Path) -> None:
     for name in ("nearest.py", "demonstrations.py", "frames.py"):
@@ -121,6 +123,7 @@ def test_instructions_begin_otherwise_for_every_task() -> None:
     assert not [(a, b) for a, b in permutations(begins, 2) if a.startswith(b)]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("example")
 def test_grippers_open_late_and_stay_at_what_was_shown() -> None:
     from demonstrations import Grippers  # pyright: ignore[reportMissingImports]
@@ -161,6 +164,7 @@ def test_demonstrations_are_cut_at_success_and_at_the_release(exports: Path) -> 
         assert (opened > 0).any() == (data is release)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("example")
 def test_joint_labels_are_played_as_they_are(exports: Path) -> None:
     from demonstrations import action_mode, to_actions  # pyright: ignore[reportMissingImports]

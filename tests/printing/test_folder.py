@@ -64,6 +64,7 @@ def failure(out: Path, *arguments: str) -> str:
     return str(caught.value)
 
 
+@pytest.mark.long
 def test_every_task_is_written_and_the_same_in_another_process(tmp_path: Path) -> None:
     one, two = tmp_path / "one", tmp_path / "two"
     written = printed(one, "all")

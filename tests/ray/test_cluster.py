@@ -118,6 +118,7 @@ def test_policy_that_hangs_fails_its_episode_alone(cluster, tmp_path):
     assert "did not answer within 4 s" in record.read_text()
 
 
+@pytest.mark.long
 def test_episode_in_which_the_policy_always_dies_fails_alone(cluster, tmp_path):
     tasks = ("--tasks", toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME)
     words = (*tasks, "--episodes", "1", "--videos", "0", "--workers", "2")

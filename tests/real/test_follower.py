@@ -243,6 +243,7 @@ def test_no_order_of_calls_breaks_a_bound(seed: int, acceleration: float) -> Non
             assert (speed <= lowest_highest[1] + 1e-9).all()
 
 
+@pytest.mark.long
 def test_ten_thousand_resets_in_full_motion_keep_the_acceleration() -> None:
     """A limit that narrows to a tenth in any motion, with and without a hold before it."""
     rng = np.random.default_rng(0)

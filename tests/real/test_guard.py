@@ -98,6 +98,7 @@ def test_fingers_reach_the_table_and_no_further(guard: Guard) -> None:
     assert min(heights[1]) < 0.03
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("task", REAL_TASKS)
 def test_a_rig_plays_experts_at_half_tempo_within_what_the_guard_allows(task: str) -> None:
     """With where the arms would come to rest looked at, too, and what stands fixed."""

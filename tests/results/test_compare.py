@@ -47,6 +47,7 @@ def out(sources: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_comparison(compare(sources), tmp_path_factory.mktemp("out")).parent
 
 
+@pytest.mark.slow
 def test_same_runs_give_the_same_bytes_in_any_process(
     sources: list[str], out: Path, tmp_path: Path
 ) -> None:

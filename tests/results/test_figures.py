@@ -31,6 +31,7 @@ def words(svg: str) -> list[str]:
     return ["".join(node.itertext()).strip() for node in root.iter() if node.tag.endswith("text")]
 
 
+@pytest.mark.slow
 def test_same_results_give_the_same_bytes_in_any_process() -> None:
     """Whatever it hashes with, and whenever: there is no date in them."""
     code = "from tests.results.test_figures import FOUND, plots\nprint(repr(plots(FOUND)))"

@@ -238,6 +238,7 @@ def site(shown: Board, tmp_path_factory: pytest.TempPathFactory) -> dict[str, st
     return written(tmp_path_factory.mktemp("site"), shown)
 
 
+@pytest.mark.long
 def test_same_bundles_give_the_same_bytes(
     shown: Board, site: dict[str, str], tmp_path: Path
 ) -> None:
@@ -313,6 +314,7 @@ def test_document_has_the_numbers(site: dict[str, str]) -> None:
     assert document["refused"] == [{"file": BAD.file, "reason": BAD.reason}]
 
 
+@pytest.mark.slow
 def test_pages_of_bundles_that_are_gone_go(shown: Board, tmp_path: Path) -> None:
     written(tmp_path, shown)
     files = written(tmp_path, board(shown.entries[0]))

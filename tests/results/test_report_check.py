@@ -280,6 +280,7 @@ def test_page_of_other_software_without_its_numbers_is_named(
     assert re.match(r"index\.html says “nothing”, its records give “\d+\.\d %”;", sentence)
 
 
+@pytest.mark.long
 def test_damaged_files_are_told_in_a_sentence(
     copy: Callable[[str], RunFolder], monkeypatch: pytest.MonkeyPatch
 ) -> None:

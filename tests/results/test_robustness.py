@@ -51,6 +51,7 @@ def test_conditions_are_told_by_their_records(played: RunFolder) -> None:
     assert result.score.episodes == 4
 
 
+@pytest.mark.slow
 def test_page_and_document_have_the_numbers(played: RunFolder) -> None:
     played.record(read(played).parts[1].records[4].key).unlink()
     write_report(played)
@@ -105,6 +106,7 @@ def test_one_condition_is_chosen_by_its_shift(
         robustness_of(read_named(str(plain.path))[1])
 
 
+@pytest.mark.slow
 def test_run_that_grows_by_shifts_has_no_page_of_one_condition_left(tmp_path: Path) -> None:
     folder = run_folder(tmp_path, SHIFTS[:1])
     write_report(folder)

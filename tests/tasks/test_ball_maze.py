@@ -100,6 +100,7 @@ def push_ball(bench: TaskHarness, speed: float, angle: float) -> None:
     bench.push("ball", *(speed * direction))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", range(len(MAZES)))
 def test_the_expert_solves_every_board_and_passes_the_stages_in_order(
     bench: TaskHarness, number: int

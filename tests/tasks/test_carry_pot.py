@@ -53,6 +53,7 @@ def put_aside(bench: TaskHarness) -> None:
     assert bench.sim.contacts.partners("pot") == {"stove"}
 
 
+@pytest.mark.slow
 def test_the_stove_may_be_turned(bench: TaskHarness) -> None:
     layout = bench.start(0)
     for turn in (-math.pi / 2, math.pi / 2):

@@ -70,6 +70,7 @@ def _put_moving(bench: TaskHarness, speed: float, prop: str, pose: SE3) -> int:
     return bench.judge()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("source", SIDES)
 def test_the_expert_pours_either_way(bench: TaskHarness, source: Side) -> None:
     seed = next(s for s in range(50) if next(TASK.layouts(s)).variants["full"] == source)
@@ -232,6 +233,7 @@ def test_a_cup_that_was_in_the_air_is_put_down_again(bench: TaskHarness, side: S
     assert _rest(bench, **_with_marbles(home, target)) == 5
 
 
+@pytest.mark.long
 def test_cups_that_are_let_go_high_above_the_table_do_not_count(bench: TaskHarness) -> None:
     bench.start(0)
     bench.act(lambda arms: pour_with(arms, Pouring(drop=0.020)))

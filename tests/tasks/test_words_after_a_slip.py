@@ -58,6 +58,7 @@ def bench(request: pytest.FixtureRequest) -> TaskHarness:
     return TaskHarness(catalog.get(request.param))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("bench", "stage", "expected"),
     [
@@ -84,6 +85,7 @@ def test_every_task_has_a_row_for_every_stage_but_the_last() -> None:
     }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bench", [marked(name) for name in catalog.names()], indirect=True)
 def test_without_a_slip_the_next_stage_is_to_be_done(bench: TaskHarness) -> None:
     bench.start(1)

@@ -21,6 +21,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> DataSet:
     return found
 
 
+@pytest.mark.long
 def test_the_page_and_the_terminal_say_who_recorded(
     data: DataSet, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -35,12 +36,14 @@ def test_the_page_and_the_terminal_say_who_recorded(
     assert page.count("2 begun, 2 of them kept") == len(TASKS)
 
 
+@pytest.mark.slow
 def test_nothing_is_wrong_with_it(data: DataSet, capsys: pytest.CaptureFixture[str]) -> None:
     assert not find_problems(data)
     main(["data", "check", str(data.path)])
     assert str(len(TASKS) * EPISODES) in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_every_episode_is_replayed_to_the_last_bit(data: DataSet) -> None:
     for task in TASKS:
         assert all(each.is_exact for each in replay(task, data.recordings(task)))

@@ -44,6 +44,7 @@ def tried(folder: Path) -> list[tuple[int, bool, str | None]]:
     return [(each.episode, each.kept, each.error) for each in of_task(DataSet(folder), TASK)]
 
 
+@pytest.mark.slow
 def test_what_is_restored_has_the_bytes_of_what_was_kept(tmp_path: Path) -> None:
     kept, restored = Desk(tmp_path / "kept"), Desk(tmp_path / "restored")
     for one in (kept, restored):
@@ -174,6 +175,7 @@ def test_every_take_is_counted_and_layouts_that_were_given_up_are_named(tmp_path
     assert tried(tmp_path) == [*expected, (4, True, None)]
 
 
+@pytest.mark.long
 def test_a_thousand_taps_destroy_no_row(tmp_path: Path) -> None:
     """Words of the page and its keys, and buttons of a headset, in any order at any moment."""
     desk, draw = Desk(tmp_path, episodes=10 * TAPS), random.Random(SEED)

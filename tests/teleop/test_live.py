@@ -70,6 +70,7 @@ def tool_heights(session: Teleoperation) -> np.ndarray:
     return session.env.base.backend.read().tcp_poses[:, 2]
 
 
+@pytest.mark.long
 def test_whoever_drives_leads_and_the_others_watch(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page, open_page(server.url) as other:
         other.say(kind="keep")
@@ -87,6 +88,7 @@ def test_whoever_drives_leads_and_the_others_watch(session: Teleoperation) -> No
         assert set(shown["tools"]) == {"left", "right"}
 
 
+@pytest.mark.slow
 def test_frames_show_where_the_bodies_are(session: Teleoperation) -> None:
     with running(session) as server, open_page(server.url) as page:
         simulation = sim_of(session.env).simulation

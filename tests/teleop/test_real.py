@@ -101,6 +101,7 @@ def test_hands_lead_real_arms_and_who_leads_says_that_it_is_solved(tmp_path: Pat
     assert find_problems(DataSet(tmp_path)) == []
 
 
+@pytest.mark.slow
 def test_rows_begin_when_the_operator_does(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     clock = bench.duo.clock

@@ -16,6 +16,7 @@ MORE_STEPS = 60
 """Control steps that the operator may take beyond those of the expert."""
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("task", catalog.names())
 def test_hands_that_follow_an_experts_tools_solve_the_task(
     tmp_path: Path, task: str, demonstrations: Callable[..., Path]

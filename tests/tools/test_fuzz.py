@@ -41,6 +41,7 @@ def words(violations: tuple[Violation, ...]) -> list[tuple[str, bytes]]:
     return [(str(violation), violation.actions.tobytes()) for violation in violations]
 
 
+@pytest.mark.slow
 def test_the_expert_and_its_branches_are_sound_within_the_usual_limits() -> None:
     outcome = play(replace(JOB, limits=Limits()))
     assert outcome.violations == ()
@@ -69,6 +70,7 @@ def test_a_saved_violation_is_played_again(broken: tuple[Violation, ...], tmp_pa
     assert replay(files[0]).violations == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("value", [0.5, np.nan], ids=["sound", "broken"])
 def test_the_exit_code_says_whether_a_replay_broke(
     broken: tuple[Violation, ...], tmp_path: Path, value: float
@@ -89,6 +91,7 @@ def test_the_exit_code_says_whether_a_replay_broke(
         assert f"--replay {saved}" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(KEPT.glob("*.npz")), ids=lambda file: file.stem)
 def test_kept_episodes_break_an_engine_that_is_not_mended(
     file: Path, monkeypatch: pytest.MonkeyPatch

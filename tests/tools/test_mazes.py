@@ -33,6 +33,7 @@ def priced(mazes: list[Maze], tilts: tuple[Direction, ...]) -> int | None:
     return None
 
 
+@pytest.mark.long
 def test_no_sequence_brings_the_ball_to_rest_on_more_than_five_boards() -> None:
     assert TIME == 301
     assert most_solved(MAZES, rests=True) == MOST
@@ -48,6 +49,7 @@ def test_the_blind_baseline_plays_a_cheapest_sequence_for_its_boards() -> None:
     assert sum(steps for _, steps in TILTS) < TIME
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_the_fewest_steps_are_those_that_trying_all_finds(count: int) -> None:
     cells = list(itertools.product(range(CELLS), repeat=2))

@@ -44,6 +44,7 @@ def test_what_is_converted_to_an_array_may_be_array_like(stub: str, widened: str
     assert widen(stub) == widened
 
 
+@pytest.mark.long
 def test_the_checker_finds_wrong_uses_of_mujoco_and_no_others(tmp_path: Path) -> None:
     generate(tmp_path / "typings")
     assert (tmp_path / "typings" / PACKAGE / "__init__.pyi").is_file()

@@ -336,6 +336,7 @@ def test_no_peer_gets_more_frames_than_it_can_show(server: PageServer) -> None:
         assert 2 <= len(newest) <= most
 
 
+@pytest.mark.slow
 def test_a_slow_peer_skips_frames_and_slows_nobody(server: PageServer) -> None:
     frames = 90
     with open_page(server.url) as fast, open_page(server.url) as slow:

@@ -2,9 +2,12 @@
 
 from pathlib import Path
 
+import pytest
+
 from tests.cli.conftest import Told, refusal
 
 
+@pytest.mark.slow
 def test_leaderboard_of_a_bundle(tmp_path: Path, told: Told) -> None:
     run, folder, out = tmp_path / "run", tmp_path / "bundles", tmp_path / "site"
     words = ["--tasks", "bin_sort", "--episodes", "1", "--videos", "0", "--workers", "0"]

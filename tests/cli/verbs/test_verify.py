@@ -19,6 +19,7 @@ def run(tmp_path: Path, told: Told) -> Path:
     return tmp_path / "run"
 
 
+@pytest.mark.slow
 def test_bundle_is_verified_and_reported_as_its_run(run: Path, told: Told) -> None:
     bundle, report = run.with_name("run.duobench.zip"), run.with_name("report")
     assert re.search(rf"Bundle: {bundle}, 2 records\nSHA-256: [0-9a-f]{{64}}", told("bundle", run))
@@ -39,6 +40,7 @@ def test_bundle_is_verified_and_reported_as_its_run(run: Path, told: Told) -> No
         assert message in refusal("report", *words)
 
 
+@pytest.mark.long
 def test_report_of_a_bundle_has_videos_too(run: Path, told: Told) -> None:
     told("bundle", run)
     out = run.with_name("report")
@@ -49,6 +51,7 @@ def test_report_of_a_bundle_has_videos_too(run: Path, told: Told) -> None:
     assert video in (out / "index.html").read_text()
 
 
+@pytest.mark.slow
 def test_disagreement_is_one_line_and_fails(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = RunFolder(run).record(key(RunFolder(run), "bin_sort", 1))
     rewritten(path, lambda record: record.update(steps=9))
@@ -59,6 +62,7 @@ def test_disagreement_is_one_line_and_fails(run: Path, capsys: pytest.CaptureFix
     assert any(re.match(r" All tasks +1/2 +0\.0 ", line) for line in said)
 
 
+@pytest.mark.slow
 def test_unfinished_run_and_tasks_of_others_are_said(
     tmp_path: Path, told: Told, capsys: pytest.CaptureFixture[str]
 ) -> None:

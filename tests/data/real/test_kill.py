@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from duobench.cli import main
 from duobench.core.types import POLICY_CAMERAS
@@ -35,6 +36,7 @@ def record(folder: Path) -> None:
         sys.stdout.flush()
 
 
+@pytest.mark.slow
 def test_a_kill_costs_at_most_a_second(tmp_path: Path) -> None:
     with child_of(__name__, tmp_path) as child:
         assert child.stdout is not None

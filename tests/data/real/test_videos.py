@@ -113,6 +113,7 @@ def test_a_camera_without_a_frame_yet_says_so(tmp_path: Path) -> None:
     assert recording.info.videos["head"].frames == 0
 
 
+@pytest.mark.slow
 def test_frames_that_come_while_the_encoder_is_behind_are_left_out_and_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

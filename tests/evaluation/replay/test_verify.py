@@ -78,6 +78,7 @@ def only_contradiction(found: Verification) -> str:
     return wrong.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("policy", ["expert", "hold"])
 def test_honest_run_agrees_to_the_bit(runs, policy):
     found = verify(runs[policy])
@@ -157,6 +158,7 @@ def other_hash(moment: str, part: str) -> Edit:
 ADDED_STAGE = changed(stage_changes=[[10, 1]], final_stage=1)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("policy", "edit", "words"),
     [
@@ -191,6 +193,7 @@ def test_edit_is_found_although_the_checksum_fits(verified, policy, edit, words)
     assert words in only_contradiction(verified(edit, policy))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "edit",
     [
@@ -315,6 +318,7 @@ def test_other_versions_agree_in_stages_and_say_why_not_in_bits(held):
     assert not verify(held).is_verified
 
 
+@pytest.mark.slow
 def test_unfinished_run_says_what_is_missing(runs, tmp_path):
     folder = copied(runs["expert"], tmp_path / "part")
     folder.record(key(folder, TASK, 0)).unlink()

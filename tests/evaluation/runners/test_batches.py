@@ -59,6 +59,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return records
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("policy", "workers"), [("Wanders", 1), ("Wanders", 4), ("DiesOnce", 2)])
 def test_records_do_not_depend_on_the_workers_nor_on_a_death(play, undisturbed, policy, workers):
     choice = named(getattr(toy_batches, policy))
@@ -74,6 +75,7 @@ def but(records, *names):
     return {name: content for name, content in records.items() if name not in names}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, 3])
 def test_episode_in_which_the_policy_always_dies_fails_alone(play, undisturbed, workers):
     folder, results = play(named(toy_batches.DiesInOne), workers=workers, episodes=3)
@@ -81,6 +83,7 @@ def test_episode_in_which_the_policy_always_dies_fails_alone(play, undisturbed, 
     assert but(episodes(folder), "nod/00000.json") == but(undisturbed, "nod/00000.json")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, 3])
 def test_policy_that_hangs_fails_its_episode_only(play, undisturbed, workers):
     limits = TimeLimits(act_timeout=4.0)
@@ -92,6 +95,7 @@ def test_policy_that_hangs_fails_its_episode_only(play, undisturbed, workers):
     assert but(episodes(folder), "wave/00000.json") == but(undisturbed, "wave/00000.json")
 
 
+@pytest.mark.slow
 def test_policy_that_breaks_in_a_batch_fails_its_episodes_only(play, undisturbed):
     folder, results = play(named(toy_batches.Breaks), workers=2, episodes=3)
     reasons = {r.episode: r.reason for one in results.tasks for r in one.records if r.error}
@@ -114,6 +118,7 @@ def test_plain_policy_has_no_batches(play, workers):
         play(PolicyChoice.parse("random", batching=FIXED), episodes=1, workers=workers)
 
 
+@pytest.mark.long
 def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play):
     plain, results = play("Reads", "plain", workers=2, episodes=2)
     batched, _ = play(named(toy_batches.Reads), "batched", workers=2, episodes=2)
@@ -175,6 +180,7 @@ def after_a_record(folder: Path, do: Callable[[], None]) -> Iterator[Callable[[]
     doing.join()
 
 
+@pytest.mark.long
 def test_server_that_is_killed_and_started_again_gives_the_undisturbed_result(
     play, undisturbed, tmp_path
 ):
@@ -198,6 +204,7 @@ def test_server_that_is_killed_and_started_again_gives_the_undisturbed_result(
         assert f":{serving.port}".encode() not in content
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_server_that_dies_or_hangs_ends_the_run_with_the_rest_unplayed(play, tmp_path, end):
     serving, limits = Serving(), TimeLimits(act_timeout=4.0)

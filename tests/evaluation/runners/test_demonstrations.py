@@ -79,6 +79,7 @@ def empty(tmp_path):
     return DataSet.open(tmp_path / "empty")
 
 
+@pytest.mark.slow
 def test_the_data_set_does_not_depend_on_workers_or_interruptions(two, empty):
     played(empty, episodes=1)
     assert played(empty, workers=2) == played(two)
@@ -101,6 +102,7 @@ def test_what_is_missing_is_recorded_again_and_nothing_else(two, data):
     assert not data.partials()
 
 
+@pytest.mark.long
 def test_failures_are_counted_and_left_out_unless_asked_for(empty, tmp_path):
     attempts = played(empty, SOMETIMES, keep_failures=True, episodes=6)
     assert len(attempts) == len(empty.episodes()) == 6
@@ -262,6 +264,7 @@ def test_what_is_kept_of_failures_is_no_problem(empty):
     assert {each.what for each in find_problems(empty)} == {"It has no actions."}  # it broke
 
 
+@pytest.mark.long
 def test_a_killed_recording_goes_on_to_the_same_bytes(two, tmp_path):
     killed = DataSet(tmp_path / "killed")
     command = [sys.executable, "-m", "duobench", "record", "--out", str(killed.path)]
@@ -280,6 +283,7 @@ def test_a_killed_recording_goes_on_to_the_same_bytes(two, tmp_path):
     assert not killed.partials()
 
 
+@pytest.mark.slow
 def test_a_recording_of_another_episode_is_dropped(tmp_path, monkeypatch):
     monkeypatch.setenv(toy_tasks.MARKS, str(tmp_path))
     monkeypatch.setenv(toy_tasks.MISBEHAVIOUR, "swaps_recordings")

@@ -42,6 +42,7 @@ def assert_gone(pids: list[int]) -> None:
     wait_until(lambda: not any(map(is_running, pids)), "the end of the helpers")
 
 
+@pytest.mark.long
 def test_dying_workers_are_replaced_and_their_episodes_played_again(play, reference, tmp_path):
     folder, results = play("DiesOnce", workers=2, episodes=1)
     assert results.overall.errors == 0
@@ -51,6 +52,7 @@ def test_dying_workers_are_replaced_and_their_episodes_played_again(play, refere
     assert_gone(helpers)
 
 
+@pytest.mark.long
 def test_episode_that_always_kills_its_simulator_is_set_aside_and_all_others_are_played(
     play, tmp_path, monkeypatch
 ):
@@ -71,6 +73,7 @@ def test_episode_that_always_kills_its_simulator_is_set_aside_and_all_others_are
     assert records[1].earlier == ("worker",) * 5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("policy", ["DiesInOne", named(toy_batches.DiesInOne)])
 def test_policy_whose_process_ends_twice_in_an_episode_has_failed_it(play, policy):
     folder, results = play(policy, workers=2, episodes=3)
@@ -80,6 +83,7 @@ def test_policy_whose_process_ends_twice_in_an_episode_has_failed_it(play, polic
     assert folder.attempts()[record.key.path] == (*record.earlier, "error")
 
 
+@pytest.mark.long
 def test_ends_of_a_policy_are_counted_over_commands(play):
     folder, results = play("DiesOnce", workers=1, episodes=1)
     record = results.tasks[0].records[0]
@@ -93,6 +97,7 @@ def test_ends_of_a_policy_are_counted_over_commands(play):
     assert "In 2 attempts the policy's process ended by itself" in record.reason
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("misbehaviour", ["answers_for_another", "answers_twice"])
 def test_result_that_nobody_asked_for_is_dropped(
     play, reference, tmp_path, monkeypatch, misbehaviour
@@ -107,6 +112,7 @@ def test_result_that_nobody_asked_for_is_dropped(
     assert {*ended} <= {"success", "failure", "worker"}
 
 
+@pytest.mark.slow
 def test_policy_that_spoils_its_clock_fails_its_episode_alone(play):
     _, results = play("SpoilsClock", workers=1, episodes=2, tasks=find_tasks([toy_tasks.NOD_NAME]))
     for record in results.tasks[0].records:
@@ -141,6 +147,7 @@ def reading_time(length: int) -> float:
     return time.process_time() - start
 
 
+@pytest.mark.long
 def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play):
     _, results = play("Hangs", **WAVE | {"episodes": 2, "limits": TimeLimits(act_timeout=3.0)})
     first, second = results.tasks[0].records
@@ -152,6 +159,7 @@ def test_policy_that_hangs_fails_its_episode_and_the_run_goes_on(play):
     assert second.error is None
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("limits", [{"act_timeout": 3.0}, {"episode_timeout": 3.0}])
 def test_stopped_policy_keeps_what_its_episode_had_reached(play, limits):
     asked = WAVE | {"limits": TimeLimits(**limits)}
@@ -179,6 +187,7 @@ def test_one_worker_is_a_process_of_its_own_and_its_helpers_end_with_it(play, tm
     assert (tmp_path / "marks" / "closed").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 1])
 def test_fault_of_the_machinery_is_played_again_and_then_ends_the_run(play, monkeypatch, workers):
     if workers:
@@ -197,6 +206,7 @@ def test_policy_that_needs_images_where_nothing_renders_ends_the_run(play, monke
         play("Sees", workers=workers, episodes=1)
 
 
+@pytest.mark.long
 def test_simulation_that_does_not_come_back_is_played_again(play, monkeypatch):
     monkeypatch.setattr(executor, "GRACE_S", 1.0)
     tasks = find_tasks([f"{toy_tasks.__name__}:STUCK"])
@@ -208,6 +218,7 @@ def test_simulation_that_does_not_come_back_is_played_again(play, monkeypatch):
 # --- the policy is apart, and asked in advance ---------------------------------------------------
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("workers", [1, 2])
 def test_policy_that_searches_its_process_finds_no_simulator(play, reference, workers):
     folder, results = play("Searches", workers=workers)
@@ -215,6 +226,7 @@ def test_policy_that_searches_its_process_finds_no_simulator(play, reference, wo
     assert_same_episodes(folder, reference, 8)
 
 
+@pytest.mark.slow
 def test_batch_policy_that_searches_its_process_finds_no_simulator(play):
     runs = [
         play(named(policy, Batching(size=2)), policy.__name__, workers=2, episodes=2)
@@ -225,6 +237,7 @@ def test_batch_policy_that_searches_its_process_finds_no_simulator(play):
     assert searched == plain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("policy", "workers", "error", "message"),
     [
@@ -272,6 +285,7 @@ def test_nothing_is_removed_where_there_is_no_run(play, tmp_path):
     assert mine.read_text() == "mine"
 
 
+@pytest.mark.long
 def test_time_of_the_policy_is_known_apart_from_waiting_for_it(play):
     folder, results = play("Dawdles", workers=1, episodes=1)
     times = [entry.times for entry in folder.entries() if isinstance(entry, Ended)]

@@ -62,6 +62,7 @@ UNREADABLE = r"what it sent cannot be read \(.*\)\."
 UNASKED = r"it sent what nobody asked for\."
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("when", "kind", "fault"),
     [

@@ -59,6 +59,7 @@ def script(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_killed_run_goes_on_to_the_same_table(script, tmp_path):
     whole, killed = tmp_path / "whole", tmp_path / "killed"
     with start(script, whole, 0) as process:
@@ -90,6 +91,7 @@ def test_killed_run_goes_on_to_the_same_table(script, tmp_path):
     assert names[0] == names[1]
 
 
+@pytest.mark.slow
 def test_interrupted_run_stops_and_keeps_what_is_finished(script, tmp_path):
     folder = tmp_path / "run"
     with start(script, folder, 2) as process:
@@ -135,6 +137,7 @@ def test_helpers_of_a_policy_end_with_a_killed_run(script, tmp_path, monkeypatch
     wait_until(lambda: not any(map(is_running, helpers)), "the end of the helpers")
 
 
+@pytest.mark.long
 def test_results_are_the_same_after_ten_kills(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]

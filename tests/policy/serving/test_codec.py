@@ -113,6 +113,7 @@ def test_what_is_beyond_the_limits_is_refused(data: bytes, message: str) -> None
         unpack(data)
 
 
+@pytest.mark.long
 def test_hostile_messages_are_read_or_refused_in_bounded_memory() -> None:
     told = []
     tracemalloc.start()

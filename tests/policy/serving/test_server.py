@@ -428,6 +428,7 @@ main(["serve", "--policy", "hold", "--port", sys.argv[1]])
 """
 
 
+@pytest.mark.long
 def test_flood_of_connections_is_told_in_a_few_lines_and_survived(tmp_path: Path) -> None:
     port, said = free_port(), tmp_path / "said.txt"
     with said.open("w") as errors:
@@ -451,6 +452,7 @@ def healthy(port: int) -> bool:
     return False
 
 
+@pytest.mark.long
 def test_twenty_thousand_hostile_requests_change_nothing() -> None:
     loop = InferenceLoop(Network(), Batching(size=2))
     thread = threading.Thread(target=loop.run, daemon=True)

@@ -41,6 +41,7 @@ def script(operator: Operator) -> None:
         operator.finish()
 
 
+@pytest.mark.long
 def test_trials_that_count_are_recorded_as_they_were_judged(tmp_path: Path) -> None:
     data = DataSet.open(tmp_path / "data")
     stand = played(tmp_path / "trials", script, POLICIES, episodes=EPISODES, data=data)

@@ -55,6 +55,7 @@ def quick_rig() -> Rig:
     return replace(rig, arms=arms, cameras={})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("task", TASKS)
 def test_records_of_a_rehearsal_hold_what_the_operator_meant(task: str, tmp_path: Path) -> None:
     seeds = [episode_seed(task, number, EVAL) for number in range(EPISODES)]

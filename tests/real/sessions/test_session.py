@@ -405,6 +405,7 @@ def test_page_cannot_do_what_is_not_for_now(tmp_path: Path) -> None:
     assert record.final_stage == 0
 
 
+@pytest.mark.long
 def test_killed_session_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "t"
     command = [sys.executable, "-m", "tests.real.sessions.killed", str(path)]

@@ -84,6 +84,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     return Whole(stand.folder, write_trials_report(stand.folder), script)
 
 
+@pytest.mark.long
 def test_every_trial_is_recorded_as_it_was_judged(whole: Whole) -> None:
     played = records(whole.folder)
     trials = whole.folder.read_plan().trials()
@@ -102,6 +103,7 @@ def test_every_trial_is_recorded_as_it_was_judged(whole: Whole) -> None:
     assert again.judged.repeated == (InvalidTrial(reason=REASON, stage=1, is_chosen=True),)
 
 
+@pytest.mark.slow
 def test_undone_presses_stay(whole: Whole) -> None:
     trial = whole.folder.read_plan().trials()[UNDO]
     record = records(whole.folder)["AB"[trial.policy]][trial.episode]
@@ -122,6 +124,7 @@ def test_undone_presses_stay(whole: Whole) -> None:
     assert logged == [(press.stage, press.step) for press in presses]
 
 
+@pytest.mark.slow
 def test_policies_take_turns_over_the_same_layouts(whole: Whole) -> None:
     played = records(whole.folder)
     for one, other in zip(played["A"], played["B"], strict=True):
@@ -129,6 +132,7 @@ def test_policies_take_turns_over_the_same_layouts(whole: Whole) -> None:
     assert {trial.policy for trial in whole.folder.read_plan().trials()[::2]} == {0, 1}
 
 
+@pytest.mark.slow
 def test_page_hides_the_names_until_the_end(whole: Whole) -> None:
     shown = " ".join(whole.script.names)
     assert "Patient" not in shown
@@ -137,6 +141,7 @@ def test_page_hides_the_names_until_the_end(whole: Whole) -> None:
     assert "Patient" in json.dumps(whole.script.over)
 
 
+@pytest.mark.slow
 def test_report_has_intervals_and_invalid_trials(whole: Whole) -> None:
     folder, report, _ = whole
     for one, played in zip(report.policies, records(folder).values(), strict=True):
@@ -152,6 +157,7 @@ def test_report_has_intervals_and_invalid_trials(whole: Whole) -> None:
         assert "real arms" in (folder.run.path / one.page / "index.html").read_text()
 
 
+@pytest.mark.slow
 def test_nothing_can_be_played_again(whole: Whole) -> None:
     found = verify(open_source(whole.folder.run.path))
     assert not found.is_verified
@@ -159,11 +165,13 @@ def test_nothing_can_be_played_again(whole: Whole) -> None:
     assert "real arms" in found.findings[0].reason
 
 
+@pytest.mark.slow
 def test_bundle_is_read_as_the_folder(whole: Whole, tmp_path: Path) -> None:
     write_bundle(whole.folder.run, tmp_path / "b.duobench.zip")
     assert read_source(tmp_path / "b.duobench.zip") == read_source(whole.folder.run.path)
 
 
+@pytest.mark.slow
 def test_mixed_table(whole: Whole, tmp_path: Path) -> None:
     folder, report, _ = whole
     task = folder.read_plan().task

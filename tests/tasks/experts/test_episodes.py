@@ -31,6 +31,7 @@ def test_an_episode_is_the_golden_one(name: str) -> None:
         assert episode.results[-1][-1]["success"]
 
 
+@pytest.mark.long
 @TASKS
 def test_a_saved_state_goes_on_as_it_did(name: str) -> None:
     _, episode = baseline(name)

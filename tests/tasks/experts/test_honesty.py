@@ -83,6 +83,7 @@ def test_the_state_covers_every_input_of_the_next_step() -> None:
 
 
 # Human-like experts are sometimes faster than plain ones, and disturbed.
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "variety"),
     [
@@ -103,6 +104,7 @@ def test_an_expert_only_reads_the_simulation_and_keeps_to_the_limits(
     env.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("numbers", "change", "noticed"),
     [

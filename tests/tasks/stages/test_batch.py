@@ -70,6 +70,7 @@ def test_adversaries_are_judged_the_same(task: str) -> None:
     check_ways(task, ways_of(task).ADVERSARIES.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("task", catalog.names())
 def test_sincere_ways_are_judged_the_same(task: str) -> None:
     check_ways(task, ways_of(task).SINCERE.values())

@@ -33,12 +33,14 @@ def commands(bench: TaskHarness, board: str) -> Iterator[np.ndarray]:
         yield bench.sim.duo.command().flat
 
 
+@pytest.mark.slow
 def test_it_does_the_same_whatever_the_maze_is(bench: TaskHarness) -> None:
     one, other = (list(commands(bench, board)) for board in ("0", "5"))
     assert len(one) <= TASK.horizon
     np.testing.assert_allclose(one, other, atol=0.01)
 
 
+@pytest.mark.long
 def test_it_lifts_the_board_and_wins_a_maze_that_its_sequence_solves(bench: TaskHarness) -> None:
     stages = set()
     for board in RESTING:
