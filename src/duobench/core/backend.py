@@ -1,4 +1,4 @@
-"""What an environment needs of two arms, simulated or real: commands in, state and images out."""
+"""Interface between an environment and two arms: commands in, state and images out."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -111,7 +111,7 @@ class DuoBackend(Protocol):
         ...
 
     def health(self) -> str | None:
-        """What is wrong with arms, grippers or cameras, in words; None while all is well."""
+        """Description of problems of arms, grippers or cameras; None while all is well."""
         ...
 
     def image_ages(self) -> Mapping[str, float]:

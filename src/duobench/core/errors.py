@@ -18,7 +18,8 @@ LONGEST_TEXT = 20_000
 """Characters of a traceback that are kept, most of them from its end."""
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _UNSAFE = re.compile(r"[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
-"""What turns the direction of writing, so that a text reads as another one, and surrogates."""
+"""Characters that turn the direction of writing, so that a text reads as another one, and
+surrogates."""
 
 
 class DuoBenchError(Exception):
@@ -167,7 +168,7 @@ class NoObjectStatesError(DataError):
 
 
 class SeveralTasksError(DataError):
-    """What holds for one task is asked of several."""
+    """Several tasks were given where only one makes sense."""
 
 
 class EvaluationError(DuoBenchError):

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
     class Described(DataclassInstance, Protocol):
-        """What a folder holds, as a data class that says in what it differs from another one."""
+        """Description of a folder's content, which can list its differences from another one."""
 
         def differences(self, other: Self) -> list[str]: ...  # noqa: D102
 
@@ -65,7 +65,7 @@ _GONE = (errno.ENOENT, errno.ENOTDIR, errno.ESTALE)
 _BROKEN = (errno.EIO, errno.ENODEV, errno.ENXIO)
 """Errors of a disk, which may have lost other files too."""
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP)
-"""What file systems without locks answer; work there goes on unprotected."""
+"""Error numbers of file systems without locks; work there goes on unprotected."""
 
 
 @contextmanager
@@ -461,7 +461,7 @@ def begin_or_continue(  # noqa: PLR0913 - most of them are words of the messages
 
 
 def differences(now: Mapping[str, object], before: Mapping[str, object]) -> list[str]:
-    """What is different now, one phrase each: `look dark instead of default`.
+    """Differences from another description, one phrase each: `look dark instead of default`.
 
     Facts have their names in words; of mappings, such as files by name, only the numbers of entries
     that differ are said. What was not known before makes no difference.

@@ -1,4 +1,4 @@
-"""What LeRobot and the Hub call things: columns, where checkpoints are, what stands on cards."""
+"""Names of LeRobot and the Hub: columns, where checkpoints are, what stands on cards."""
 
 import re
 from collections.abc import Mapping
@@ -11,13 +11,13 @@ FORMAT = "v3.0"
 STATE, ACTION = "observation.state", "action"
 """Proprioception, and the actions."""
 OBJECT_STATE = "observation.environment_state"
-"""Where the objects are, as numbers."""
+"""Column of the object state."""
 IMAGE_PREFIX = "observation.images."
-"""What the name of a camera's images begins with."""
+"""Prefix of the name of a camera's images."""
 DOMAIN = "domain"
 """Column of an export that says where a row is from; the index of one of `DOMAINS`."""
 DOMAINS = ("sim", "real")
-"""What the numbers 0 and 1 of that column stand for, for mixed training."""
+"""Meaning of the numbers 0 and 1 of that column, for mixed training."""
 LAST = "checkpoints/last/pretrained_model"
 """The last checkpoint, in the folder of a training."""
 STEP = "checkpoints/last/training_state/training_step.json"
@@ -35,13 +35,13 @@ _ID = re.compile(
 _LONGEST_CELL = 200
 _LICENCE = re.compile(r"[a-z0-9][a-z0-9.+-]*")
 POSITION = ".pos"
-"""What LeRobot appends to the name of a joint for its position."""
+"""Suffix of the name of a joint for its position."""
 EXECUTED = 30
 """Actions that are executed of each chunk [paper]."""
 
 
 def feature_names(info: Mapping[str, Any], feature: str) -> list[Any] | None:
-    """What the numbers of a feature are, as the `meta/info.json` of a data set says.
+    """Names of the numbers of a feature, as the `meta/info.json` of a data set says.
 
     The names may stand under a heading of their own (`{"motors": [...]}`), and come without
     `POSITION`, which LeRobot's robots append; None where nothing is said.

@@ -17,9 +17,9 @@ from typing import Any
 from duobench.core.errors import DuoBenchError
 
 DISTRIBUTION = "duobench-fr3"
-"""What pip calls this package once it is installed; no index knows the name yet."""
+"""Name of this package in pip once it is installed; no index knows the name yet."""
 SOURCE, WHERE = ".", " in a clone of the repository"
-"""What pip is told to install, and where; pages say the same."""
+"""Source to install with pip, and its place; pages say the same."""
 OPENGL_PACKAGES = "libegl1 libopengl0 libgl1 libgl1-mesa-dri"
 """Packages of Debian and Ubuntu with which EGL renders offscreen, on a processor too."""
 OSMESA_PACKAGES = "libosmesa6"
@@ -27,7 +27,7 @@ OSMESA_PACKAGES = "libosmesa6"
 DEVICE = "MUJOCO_EGL_DEVICE_ID"
 """Environment variable with which people choose a graphics device for EGL."""
 SOFTWARE_RENDERERS = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "osmesa")
-"""What the names of OpenGL's renderers contain that need no graphics card."""
+"""Parts of the names of OpenGL's renderers that need no graphics card."""
 FIRST_PYTHON = {"lerobot": (3, 12)}
 """The oldest Python that can have an extra, where it is not that of the package."""
 LAPSE_S = 2.0

@@ -21,7 +21,7 @@ ENGINE = "4.0"
 _PACKAGES = ("mujoco", "numpy", "mink", "daqp", "scipy", "manifold3d")
 """The engine, the arithmetic, the inverse kinematics with its solver, and what cuts shapes."""
 _DECIDING = ("mujoco", "numpy", "manifold3d")
-"""What decides the bits of a replay of joint targets."""
+"""Packages that decide the bits of a replay of joint targets."""
 SOURCES = (
     "core/backend.py",
     "core/randomness.py",
@@ -60,7 +60,7 @@ def package_versions() -> dict[str, str]:
 
 
 def other_engine(versions: Mapping[str, str | None]) -> str:
-    """What to say of versions with another MuJoCo than the benchmark's; empty where it is that."""
+    """Note on versions with another MuJoCo than the benchmark's; empty where it is the same."""
     version = versions.get("mujoco")
     is_ours = version is None or version == ENGINE or version.startswith(f"{ENGINE}.")
     return "" if is_ours else f"MuJoCo {escaped(str(version))} instead of {ENGINE}"
@@ -131,7 +131,7 @@ def record_versions(renderer: str | None) -> dict[str, str | None]:
 
 
 def _about_processor(what: str) -> str | None:
-    """What Linux says about the first processor; None where it says nothing."""
+    """Property of the first processor as Linux reports it; None where it is missing."""
     with suppress(OSError):
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
         found = re.search(rf"^{what}\s*:\s*(\S.*)$", text, re.MULTILINE)

@@ -31,10 +31,10 @@ def _names(*position: str) -> tuple[str, ...]:
 
 
 POSE_LABELS = _names("x", "y", "z")
-"""What the 20 numbers of a Cartesian label are: tool centre point in the table frame in metres, x
+"""Names of the 20 numbers of a Cartesian label: tool centre point in the table frame in metres, x
 and y axes of the tool there, opening; left, then right."""
 SHIFT_LABELS = _names("dx", "dy", "dz")
-"""What the 20 numbers of a relative Cartesian label are: a translation along the table's axes in
+"""Names of the 20 numbers of a relative Cartesian label: a translation along the table's axes in
 metres, a rotation about them as its first two columns, opening; left, then right."""
 
 
@@ -45,7 +45,7 @@ class ActionLabels:
     mode: ActionMode
     """The mode whose actions they stand for."""
     names: tuple[str, ...]
-    """What each number is."""
+    """Name of each number."""
     rotation_numbers: Callable[[Array], Array] | None = None
     """The numbers of the mode for a rotation matrix (3, 3); None where labels are actions."""
 
@@ -120,7 +120,7 @@ LABELS: Mapping[str, ActionLabels] = MappingProxyType(
         )
     }
 )
-"""What an export can hold, by the name of the mode that its actions stand for."""
+"""Labels that an export can hold, by the name of the mode that its actions stand for."""
 
 
 def find(names: Sequence[str]) -> ActionLabels | None:

@@ -22,7 +22,7 @@ class ActionMode:
     name: str
     """Its name, in configurations, recordings and metadata of policies."""
     names: tuple[str, ...]
-    """What each number is: those of the left side, its opening last, then the same on the right."""
+    """Name of each number: those of the left side, its opening last, then the same on the right."""
     space: Callable[[DuoLimits], gym.spaces.Box]
     """The action space for arms with some limits."""
     wrappers: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""What else an action may be: binary grippers, displacements, tool poses, chunks of several."""
+"""Other forms of actions: binary grippers, displacements, tool poses, chunks of several."""
 
 from dataclasses import replace
 from typing import Any
@@ -127,7 +127,7 @@ class RelativeCartesianActions(ActionModeWrapper):
         return np.ravel([[*np.zeros(6), openings[side.index]] for side in SIDES])
 
     def _starts(self) -> dict[Side, SE3]:
-        """Where this displacement starts for each side."""
+        """Pose that this displacement starts from, for each side."""
         commanded = self._kinematics.forward(self.base.backend.last_command.joints)
         starts = {}
         for side, pose in commanded.items():

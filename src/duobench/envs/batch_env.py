@@ -117,9 +117,9 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
             config.render_mode,
         )
         self.config = config
-        """What was chosen about the environments."""
+        """Configuration of the environments."""
         self.object_state_names = self._base.definition.object_state.names
-        """What each number of an object state is."""
+        """Name of each number of an object state."""
         self.autoreset_mode = autoreset_mode
         self.metadata = {**env.metadata, "autoreset_mode": autoreset_mode}
         self.single_action_space = env.action_space
@@ -136,7 +136,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         if threads is None:
             self.metadata["engine"] = WARP
         self.judge = ProgressBatch(self._base.definition.stages, self.simulations)
-        """Who says which stages they have reached."""
+        """Judge of the stages that they have reached."""
         self._worth: Array = np.zeros(num_envs)
         self._limits = [self._base.backend.limits]
         if config.speed_fraction != 1.0:
@@ -307,7 +307,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         )
 
     def _measured(self) -> Array:
-        """What rewards are made of (n,): the stage, and how near the next one is."""
+        """Quantities of the rewards (n,): the stage, and how near the next one is."""
         stage = self.judge.stage.astype(np.float64)
         return stage + self.judge.nearness() if self._config.reward == DENSE else stage
 
@@ -364,7 +364,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         return flat_entries(observation) if self._config.flat_obs else observation
 
     def _rendered(self, render: Callable[[], Any]) -> list[Any]:
-        """What the single environment renders of each episode."""
+        """Images as the single environment renders them, of each episode."""
         images: list[Any] = []
         for number, (_, info) in enumerate(self._starts):
             self.simulations.world(number)
@@ -425,7 +425,7 @@ class BatchEnv(gym.vector.VectorEnv[Observation, Any, Any]):
         )
 
     def render(self) -> tuple[Any, ...]:
-        """What `render` of each episode gives."""
+        """Images that `render` of each episode gives."""
         ClosedEnvError.check(self.closed)
         if not self._starts:
             raise ResetNeededError(

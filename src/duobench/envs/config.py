@@ -1,4 +1,4 @@
-"""What can be chosen about an environment, and about one of its resets."""
+"""Options of an environment, and about one of its resets."""
 
 from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, fields
@@ -45,7 +45,7 @@ ELSEWHERE = {
     "headless": "No window is opened; images are rendered offscreen.",
     "max_steps": "The number of steps is horizon, such as horizon=300.",
 }
-"""What is here in place of options of other environments."""
+"""Options here in place of those of other environments."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -76,7 +76,7 @@ class EnvConfig:
     """Which instruction policies get: the task's ("fixed"), or in each episode one that is sampled
     from it and the task's paraphrases ("varied")."""
     reward: str = STAGE
-    """What a step pays: stage / last stage, as in the paper ("stage"), or what the step adds to it
+    """Reward of a step: stage / last stage, as in the paper ("stage"), or what the step adds to it
     ("progress"), or to that and how near the next stage is ("dense"). With "stage", waiting before
     the last stage returns more than finishing: train with one of the others."""
     split: str = EVAL
@@ -94,7 +94,7 @@ class EnvConfig:
     look: str | Look = DEFAULT
     """How images look: a name of `duobench.world.looks.catalog.look`, or a look of one's own."""
     shift: Shift = NO_SHIFT
-    """What differs from the usual episodes; see duobench docs robustness."""
+    """Shift from the usual episodes; see the page on robustness."""
 
     def __post_init__(self) -> None:
         action_modes.get(self.action_mode)
@@ -210,7 +210,7 @@ _FORMS: Mapping[str, Callable[[Any], Any]] = {
     "look": _look,
     "shift": _shift,
 }
-"""What gives a looser value the form of its field, and leaves anything else as it is."""
+"""Functions that give a looser value the form of its field, and leave anything else as it is."""
 
 
 def _check_size(name: str, value: Any) -> None:

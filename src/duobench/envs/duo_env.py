@@ -27,7 +27,7 @@ Observation = dict[str, Any]
 Info = dict[str, Any]
 ResetOptions = dict[str, Any] | None
 Start = tuple[Observation, Info]
-"""What an episode begins with, or continues from a saved state with."""
+"""First observation and info of an episode, or of one that continues from a saved state."""
 Transition = tuple[Observation, SupportsFloat, bool, bool, Info]
 """Observation, reward, terminated, truncated, info."""
 
@@ -98,7 +98,7 @@ class DuoEnv(gym.Env[Observation, Any]):
         self.reference = ""
         """By what it was given, its id or import path; empty where it was given itself."""
         self.config: EnvConfig | None = None
-        """What was chosen about the environment; None where wrappers were put together by hand."""
+        """Configuration of the environment; None where wrappers were put together by hand."""
         self._instruction = task.instruction
         self.closed = False
         """Whether `close` was called."""
@@ -122,7 +122,7 @@ class DuoEnv(gym.Env[Observation, Any]):
 
     @property
     def subinstructions(self) -> dict[int, str]:
-        """What to do at each stage 0 to n-1 to reach the next one."""
+        """Instruction at each stage 0 to n-1 to reach the next one."""
         return {
             number: stage.instruction
             for number, stage in enumerate(self.definition.stages)
@@ -270,7 +270,7 @@ INSIDE = {
     "seed": "reset(seed=0)",
     "horizon": "spec.max_episode_steps",
 }
-"""Where things are that people look for on the outermost environment."""
+"""Places of things that people look for on the outermost environment."""
 
 
 def _by_name(reset: Callable[..., Start]) -> Callable[..., Start]:
@@ -314,8 +314,8 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
     """
 
     made_from: EnvSpec | None = None
-    """What Gymnasium makes the environment from, up to this wrapper; None if it adds the wrapper to
-    what it makes of those inside."""
+    """Specification from which Gymnasium makes the environment, up to this wrapper; None if it adds
+    the wrapper to what it makes of those inside."""
 
     def __init__(self, env: gym.Env, **arguments: Any) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, **arguments)
@@ -324,7 +324,7 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What Gymnasium makes the environment from; None where it was put together by hand."""
+        """Gymnasium's specification of the environment; None where it was put together by hand."""
         return self.made_from or super().spec
 
     def __getattr__(self, name: str) -> Any:
@@ -343,7 +343,7 @@ class DuoWrapper(gym.Wrapper, gym.utils.RecordConstructorArgs):
 
     @property
     def config(self) -> EnvConfig | None:
-        """What was chosen about the environment; None where it was put together by hand."""
+        """Configuration of the environment; None where it was put together by hand."""
         return self.base.config
 
     @property

@@ -56,7 +56,7 @@ class EpisodeState:
     over: bool = False
     """Whether the episode has ended."""
     tool_targets: tuple[tuple[Side, SE3], ...] | None = None
-    """What relative Cartesian actions have added up to, by side."""
+    """Sum of relative Cartesian actions so far, by side."""
 
     @property
     def physics_hash(self) -> str:

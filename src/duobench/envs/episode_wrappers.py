@@ -100,7 +100,7 @@ class RandomizedReset(DuoWrapper):
 
 
 class Judge(Protocol):
-    """Who says which stage an episode has reached: the simulation, or a person.
+    """Judge of the stage that an episode has reached: the simulation, or a person.
 
     One that can say why the next stage is not reached also has `explain(on)`, which prepares it,
     and after every step `unmet`, the reasons in words; one that sees what is lost has `standing`,
@@ -166,7 +166,7 @@ class TaskStages(DuoWrapper):
             what = f"got {type(base).__name__} without one"
             raise TypeError(f"Expected a simulated environment or a judge, {what}.")
         self.judge: Judge = judge or base.make_judge()
-        """Who says which stage is reached."""
+        """Judge of the stage that is reached."""
         if reward == DENSE and not hasattr(self.judge, "near"):
             raise OptionError(
                 f'Only the simulation can measure reward="{DENSE}"; "{PROGRESS}" and "{STAGE}" are '

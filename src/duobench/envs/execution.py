@@ -17,7 +17,7 @@ MAX_LATENCY = 300
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ChunkExecution:
-    """What is executed of the chunks of a policy, and when."""
+    """Part of a policy's chunks that is executed, and its timing."""
 
     execute: int | None = None
     """Actions of a chunk that are executed before the policy is asked again, at most; None takes

@@ -1,4 +1,4 @@
-"""What else an observation holds, its form, and sensing that is worse than usual."""
+"""Further content and form of observations, and sensing that is worse than usual."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class ObjectStates(ObservingWrapper):
 
     @property
     def object_state_names(self) -> tuple[str, ...]:
-        """What each number of `environment_state` is."""
+        """Name of each number of `environment_state`."""
         return self._state.names
 
     def observation(self, observation: Observation) -> Observation:

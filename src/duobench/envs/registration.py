@@ -22,13 +22,13 @@ VERSION = 1
 """Version of the environments' interface; that of the episodes is `randomness.SUITE_VERSION`."""
 WARP = "warp"
 ENGINES = ("mujoco", WARP)
-"""What can step physics; scores are those of the first."""
+"""Engines that can step physics; scores are those of the first."""
 ENTRY_POINT = "duobench.envs.protocol:make_base"
 WRAPPERS = WrapperSpec("protocol", "duobench.envs.protocol:with_wrappers", {})
 
 
 class EnvOptions(TypedDict, total=False):
-    """What `EnvConfig.from_options` takes, which says more of each, and Gymnasium's time limit."""
+    """Options of `EnvConfig.from_options`, which describes each, and Gymnasium's time limit."""
 
     cameras: bool | str | Iterable[str]
     image_size: int | Sequence[int]
@@ -193,7 +193,7 @@ def make_vec(
 
 
 def _spec_with(task: Task | str, options: EnvOptions) -> EnvSpec | str:
-    """What Gymnasium makes a task's environment from, of options that it may copy."""
+    """Specification of a task's environment for Gymnasium, of options that it may copy."""
     cameras = as_several(options.get("cameras"))
     if cameras is not None:
         options["cameras"] = cameras  # the spec keeps and copies it, so no generator

@@ -1,4 +1,4 @@
-"""What a control step pays: the forms of the reward, and the one place that computes them."""
+"""Rewards of a control step: the forms of the reward, and the one place that computes them."""
 
 from typing import Any, TypeVar
 

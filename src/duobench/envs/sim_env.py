@@ -125,11 +125,11 @@ class SimEnv(DuoEnv):
 
     @property
     def subinstructions(self) -> dict[int, str]:
-        """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
+        """Instruction at each stage 0 to n-1 to reach the next one, in this layout."""
         return self.definition.subinstructions(self.layout)
 
     def make_judge(self) -> "SimJudge":
-        """What judges episodes by the stages of the task, all of whose names are checked here."""
+        """Judge of episodes by the stages of the task, all of whose names are checked here."""
         return SimJudge(self)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:

@@ -33,11 +33,11 @@ def _names(*numbers: str) -> tuple[str, ...]:
 
 
 JOINT_NAMES = _names(*(f"joint_{number}" for number in range(1, ARM_JOINTS + 1)))
-"""What the 16 numbers of a joint action are."""
+"""Names of the 16 numbers of a joint action."""
 POSE_NAMES = _names("x", "y", "z", "qx", "qy", "qz", "qw")
-"""What the 16 numbers of a Cartesian action are."""
+"""Names of the 16 numbers of a Cartesian action."""
 SHIFT_NAMES = _names("dx", "dy", "dz", "rx", "ry", "rz")
-"""What the 14 numbers of a relative Cartesian action are."""
+"""Names of the 14 numbers of a relative Cartesian action."""
 
 
 def box(low: ArrayLike, high: ArrayLike) -> gym.spaces.Box:
@@ -80,7 +80,7 @@ def _tool_actions(high: Sequence[float]) -> gym.spaces.Box:
 
 
 def observations(limits: DuoLimits) -> gym.spaces.Dict:
-    """What the robot reports about itself; see `DuoEnv`."""
+    """Space of the robot's proprioception; see `DuoEnv`."""
     margin = np.tile([*[JOINT_MARGIN] * ARM_JOINTS, 0.0], len(SIDES))
     pose = np.tile([*[REACH] * 3, *[1.0] * 4], len(SIDES))
     bounds = {
@@ -98,7 +98,7 @@ def observations(limits: DuoLimits) -> gym.spaces.Dict:
 
 
 def opening_slots(size: int) -> list[int]:
-    """Where the openings are in an action of `size` numbers: last on each side, in every mode."""
+    """Indices of the openings in an action of `size` numbers: last on each side, in every mode."""
     side = size // len(SIDES)
     return [side - 1, size - 1]
 

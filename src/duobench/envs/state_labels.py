@@ -18,7 +18,7 @@ _GRIPPER = "_gripper"
 
 
 class StatePart(StrEnum):
-    """What a state may hold behind joint positions and openings."""
+    """Part that a state may hold behind joint positions and openings."""
 
     TCP_POSE = "tcp_pose"
     """Tool poses x y z qx qy qz qw in the table frame, as every environment shows them."""
@@ -27,7 +27,7 @@ class StatePart(StrEnum):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What its 14 numbers are, left then right."""
+        """Names of its 14 numbers, left then right."""
         if self is StatePart.TCP_POSE:
             return tuple(name for name in POSE_NAMES if not name.endswith(_GRIPPER))
         return tuple(
@@ -36,11 +36,11 @@ class StatePart(StrEnum):
 
 
 SHOWN = (StatePart.TCP_POSE,)
-"""What an environment shows of it, under the same name."""
+"""Parts that an environment's observation has under the same name."""
 
 
 def names_of(parts: Collection[StatePart]) -> tuple[str, ...]:
-    """What each number of a state with some parts is, in order."""
+    """Names of the numbers of a state with some parts, in order."""
     return (
         *JOINT_NAMES,
         *(name for part in StatePart if part in parts for name in part.names),

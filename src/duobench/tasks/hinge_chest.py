@@ -51,7 +51,8 @@ CAVITY_REGION = BoxRegion(
     low=(-CAVITY[0] / 2, -CAVITY[1] / 2, WALL),
     high=(CAVITY[0] / 2, CAVITY[1] / 2, RIM_HEIGHT - CUBE_EDGE / 2),
 )
-"""Where the cube's centre is when the cube is in the cavity and does not stick out over its rim."""
+"""Region of the cube's centre when the cube is in the cavity and does not stick out over its
+rim."""
 
 _INSIDE = inside("cube", CAVITY_REGION)
 _OVER = inside("cube", replace(CAVITY_REGION, high=(CAVITY[0] / 2, CAVITY[1] / 2, inf)))

@@ -1,4 +1,4 @@
-"""Where all objects of a task are, as numbers: what the observation `environment_state` holds.
+"""State of all objects of a task as numbers: the observation `environment_state`.
 
 It is privileged: a camera does not see it, and a real table does not tell it. The numbers of a task
 are, in the order of its props: position and two axes of the rotation of every part that moves or is
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 ENVIRONMENT_STATE = "environment_state"
 """Key of the object state in an observation, as LeRobot names it."""
 LARGEST = 10.0
-"""What every number is cut to, so that spaces have limits: metres or m/s that only something has
+"""Bound of every number, so that spaces have limits: metres or m/s that only something has
 which was thrown off the table. No angle, cell or count comes near."""
 AXES = (("x", 0), ("z", 2))
 """The axes of a rotation that are given: names and columns of the rotation matrix. They say all of
@@ -40,7 +40,7 @@ class Numbers:
     """Some numbers of an object state."""
 
     names: tuple[str, ...]
-    """What each is: "cube_x", "cube_z_axis_x", "chest/lid_angle"."""
+    """Name of each: "cube_x", "cube_z_axis_x", "chest/lid_angle"."""
     read: Callable[[Any], Sequence[float]]
     """As many, in the order of the names, in metres, radians and seconds, of a `Simulation`."""
     vectorized: bool = False

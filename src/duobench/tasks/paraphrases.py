@@ -8,12 +8,12 @@ _Sentences = dict[str, list[str]]
 
 
 def paraphrases(task_id: str) -> tuple[str, ...]:
-    """What demonstrations of a task may say in place of its instruction."""
+    """Instructions that demonstrations of a task may have in place of its own."""
     return tuple(_sentences()[task_id]["varied"])
 
 
 def kept_paraphrases(task_id: str) -> tuple[str, ...]:
-    """What no demonstration of a task says."""
+    """Instructions that no demonstration of a task has."""
     return tuple(_sentences()[task_id]["kept"])
 
 

@@ -52,7 +52,7 @@ FLOOR_REGION = BoxRegion(
     low=(FRONT + CUBE_EDGE / 2, CAVITY_CENTRE_Y - CAVITY[1] / 2, FLOOR),
     high=(FRONT + CAVITY[0], CAVITY_CENTRE_Y + CAVITY[1] / 2, FLOOR + CUBE_EDGE),
 )
-"""Where the cube's centre is when the cube lies on the cavity's floor, behind the front."""
+"""Region of the cube's centre when the cube lies on the cavity's floor, behind the front."""
 
 _INSIDE = inside("cube", FLOOR_REGION)
 _ON_SILL = (FLOOR_REGION.low[0] - CUBE_EDGE, *FLOOR_REGION.low[1:])

@@ -1,4 +1,4 @@
-"""What a task is: objects, layout, stages, instruction, horizon. A task is data."""
+"""Definition of a task: objects, layout, stages, instruction, horizon. A task is data."""
 
 import math
 from collections import Counter, defaultdict
@@ -43,7 +43,7 @@ class Category(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Placement:
-    """Where a prop starts: its frame's position on the table and its turn about the vertical."""
+    """Start of a prop: its frame's position on the table and its turn about the vertical."""
 
     x: Uniform
     """Metres in the table frame."""
@@ -87,7 +87,7 @@ class Task:
     """Name as the paper writes it."""
     category: Category
     instruction: str
-    """What a policy is to do; `{name}` stands for a variant of the layout."""
+    """Instruction for a policy; `{name}` stands for a variant of the layout."""
     paraphrases: tuple[str, ...] = ()
     """The instruction in other words, for demonstrations whose instructions vary."""
     kept_paraphrases: tuple[str, ...] = ()
@@ -96,7 +96,7 @@ class Task:
     """Control steps after which an episode is cut off."""
     props: tuple[Prop, ...]
     placements: Mapping[str, Placement]
-    """Where each prop starts, unless `arrange` places it."""
+    """Start of each prop, unless `arrange` places it."""
     variants: Mapping[str, Choice] = field(default_factory=dict[str, Choice])
     """Named choices that belong to the layout."""
     stages: tuple[Stage, ...]
@@ -105,9 +105,10 @@ class Task:
     arrange: Callable[[Layout], Layout] = lambda layout: layout
     """Adds the poses that follow from the sampled ones, such as marbles in a cup."""
     overview: View = OVERVIEW_VIEW
-    """What `render` and videos show; a task whose work faces the robot needs one of its own."""
+    """View of `render` and videos; a task whose work faces the robot needs one of its own."""
     object_numbers: tuple[Numbers, ...] | None = None
-    """What its object state is made of; None takes what `duobench.tasks.object_state` describes."""
+    """Numbers of its object state; None takes those that `duobench.tasks.object_state`
+    describes."""
     expert: str | None = None
     """Import path `module:attribute` of its expert's script, such as "my_task:script"."""
     printable: bool = False
@@ -160,7 +161,7 @@ class Task:
 
     @property
     def object_state(self) -> ObjectState:
-        """Where all objects are, as numbers; see `duobench.tasks.object_state`."""
+        """State of all objects as numbers; see `duobench.tasks.object_state`."""
         numbers = self.object_numbers
         if numbers is None:
             placed = self.placements
@@ -235,7 +236,7 @@ class Task:
         return _filled(self.instructions[number], layout)
 
     def subinstructions(self, layout: Layout) -> dict[int, str]:
-        """What to do at each stage 0 to n-1 to reach the next one.
+        """Instruction at each stage 0 to n-1 to reach the next one.
 
         Raises:
             UnknownNameError: An instruction names a variant that the layout lacks.

@@ -39,7 +39,7 @@ CUBE, BOWL = "cube", "bowl"
 IN_BOWL = CylinderRegion(
     body=BOWL, radius=RADIUS - WALL, low=0.0, high=0.6 * LONG_BLOCK
 )
-"""Where the block's centre is when it lies, leans or stands in the bowl."""
+"""Region of the block's centre when it lies, leans or stands in the bowl."""
 BELOW_RIM = 0.020
 """The block's lowest point is less than this above the table, in metres: not on top of the rim."""
 

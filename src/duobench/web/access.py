@@ -1,4 +1,4 @@
-"""Who may see a page: what an address needs, a certificate, the token, the pages that may connect.
+"""Access to a page: what an address needs, a certificate, the token, the pages that may connect.
 
 Browsers give WebXR to secure pages only, and a token is a secret only where no one listens. A
 certificate without a signature protects from listeners; a browser still asks once whether to
@@ -27,7 +27,7 @@ _MAX_FIELDS = 16
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Certificate:
-    """What a server shows to browsers."""
+    """Certificate that a server shows to browsers."""
 
     context: ssl.SSLContext
     """How connections are encrypted."""
@@ -91,7 +91,7 @@ class Admission:
 
     def __init__(self, hosts: Collection[str]) -> None:
         self.token = secrets.token_urlsafe(_TOKEN_BYTES)
-        """What the address must hold."""
+        """Token that the address must hold."""
         self._hosts = frozenset(hosts)
 
     def has_token(self, query: str) -> bool:

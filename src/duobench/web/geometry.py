@@ -1,4 +1,4 @@
-"""What a browser needs to show a model: its triangles once, then a pose of each moving body.
+"""Geometry of a model for a browser: its triangles once, then a pose of each moving body.
 
 The scene file is gzip over a uint32, the length of a JSON text; the text, which holds
 `Geometry.header`; and for all n vertices, one plane after the other, position (float32 x y z,
@@ -140,10 +140,10 @@ class Geometry:
         self.data: bytes = _packed(self.header, surfaces)
         """The scene file."""
         self.name: str = hashlib.sha256(self.data).hexdigest()[:12]
-        """What only scenes with the same file have in common."""
+        """Name that only scenes with the same file have in common."""
 
     def poses(self, data: mujoco.MjData) -> NDArray[np.float32]:
-        """Where the bodies are in a state with up-to-date kinematics.
+        """Poses of the bodies in a state with up-to-date kinematics.
 
         Returns:
             New array (bodies, 7): position x y z in metres, quaternion w x y z, in the table frame.

@@ -1,4 +1,4 @@
-"""What a page and its server say to each other, as far as every use of the page has it in common.
+"""Messages between a page and its server that every use of the page has in common.
 
 Text is JSON with a `kind`. Nothing that a page sends is trusted: a message that is not exactly of
 its kind is refused with a sentence, and changes nothing. A frame is binary, little-endian: float64
@@ -52,7 +52,7 @@ class TakeOver(PageMessage, frozen=True):
 
 
 def reader(kinds: Any) -> Callable[[str | bytes], Any]:
-    """What reads messages that a page may have sent.
+    """Reader of messages that a page may have sent.
 
     Args:
         kinds: The classes below `PageMessage` that are understood, as one or a union of them.

@@ -40,15 +40,15 @@ class EpisodeReplay:
     stages: tuple[str, ...] = ()
     """The task's stages in words, from the first on."""
     instruction: str = ""
-    """What was to be done."""
+    """Instruction of the episode."""
     id: str = ""
-    """What an element of the page names in `data-replay` to open it, another one for each episode;
-    empty for its place in the list, as in `replay-1`."""
+    """Identifier by which an element of the page opens it in `data-replay`, another one for each
+    episode; empty for its place in the list, as in `replay-1`."""
 
 
 @cache
 def assets(page: str = "live_page.html") -> Mapping[str, tuple[str, bytes]]:
-    """What a server gives out, by path: content type and content; the page itself is at `/`.
+    """Assets of a server, by path: content type and content; the page itself is at `/`.
 
     The page loads the others, a scene, and a socket at `/ws`.
 

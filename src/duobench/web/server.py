@@ -35,7 +35,7 @@ from duobench.web.messages import (
 _log = logging.getLogger(__name__)
 
 SOCKET_PATH = "/ws"
-"""Where pages connect."""
+"""Path at which pages connect."""
 MAX_PEERS = 32
 """Browsers at a time."""
 MAX_SCENES = 64
@@ -56,7 +56,7 @@ _LOOK_S = 0.01
 SEND_BUFFER = 16 << 10
 """Bytes that the system keeps for a peer that does not read: a dozen frames, and not seconds."""
 FRAME = "frame"
-"""Where the newest frame waits; all else that waits is text."""
+"""Slot in which the newest frame waits; all else that waits is text."""
 _SECURITY = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": (
@@ -71,7 +71,7 @@ _SECURITY = {
 _Content = tuple[str, tuple[bytes, str | None]]
 """Content type, and the content with its encoding."""
 _Shelf = dict[str, _Content]
-"""What is given out, by its path."""
+"""Content that is served, by its path."""
 
 
 class Peer:
@@ -80,7 +80,7 @@ class Peer:
     def __init__(self, connection: ServerConnection) -> None:
         self._connection = connection
         self.waiting: dict[str, str | bytes] = {}
-        """What is still to be sent, by its place."""
+        """Messages still to be sent, by slot."""
         self._changed = asyncio.Event()
         self._next_frame = 0.0
         raw = connection.transport.get_extra_info("socket")
@@ -340,7 +340,7 @@ class PageServer:
         return connection.respond(http.HTTPStatus.NOT_FOUND, "There is nothing here.\n")
 
     def _shown(self, path: str) -> _Content | None:
-        """What only those with the token may see."""
+        """Content for those with the token."""
         for shelf in (self._files, self._scenes, self._images):
             if path in shelf:
                 return shelf[path]

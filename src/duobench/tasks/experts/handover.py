@@ -101,7 +101,7 @@ class Bar:
     giver: Side
     """The arm that picks it up."""
     grip: float
-    """Where the giver clasps it: distance from the bar's centre, towards the giver's camera."""
+    """Grasp of the giver: distance from the bar's centre, towards the giver's camera."""
     height: float
     """Height of the tool centre point when the giver clasps the lying bar, in metres."""
     tilt: float = 0.0

@@ -79,7 +79,7 @@ class Arms:
         self.targets: dict[Side, SE3] = dict(self.kinematics.forward(self.joints))
         """Tool pose that each arm is being led to, in the table frame."""
         self.variety = variety or VarietySample()
-        """What this episode does differently."""
+        """Variations of this episode."""
         self.latency = latency
         """Control steps from an action to its execution: so much later a script sees its effect."""
         self.freedom: Array = np.zeros(len(SIDES))
@@ -92,7 +92,7 @@ class Arms:
         return DuoCommand(joints=self.joints, openings=self.openings).flat
 
     def tcp_pose(self, side: Side) -> SE3:
-        """Where a tool centre point really is, in the table frame."""
+        """Measured pose of a tool centre point, in the table frame."""
         return self.sim.site_pose(tcp_name(side))
 
     def opening(self, side: Side) -> float:

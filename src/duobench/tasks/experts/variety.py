@@ -94,7 +94,7 @@ VARIETIES: Mapping[str, Variety] = {v.name: v for v in (NONE, HUMAN, WIDE)}
 
 
 class VarietySample:
-    """What one episode does differently, sampled as its script asks for it."""
+    """Variations of one episode, sampled as its script asks for it."""
 
     def __init__(
         self, variety: Variety = NONE, task_id: str = "", seed: int = 0

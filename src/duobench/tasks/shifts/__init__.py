@@ -1,1 +1,1 @@
-"""What differs from the usual episodes, one axis at a time or all together."""
+"""Shifts from the usual episodes, one axis at a time or all together."""

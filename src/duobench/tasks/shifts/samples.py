@@ -1,4 +1,4 @@
-"""What an episode has along each axis: a function of task, split and seed of the layout alone.
+"""Sample of an episode along each axis: a function of task, split and seed of the layout alone.
 
 The level scales what is sampled and is no part of what it is sampled from. So the levels of an axis
 are the same episodes, shifted less or more in the same direction.
@@ -47,7 +47,7 @@ UNSCALED = PhysicsScale()
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EpisodeKey:
-    """What the samples of an episode follow from."""
+    """Key of an episode's samples."""
 
     task: str
     """Id of the task."""

@@ -12,7 +12,7 @@ LOOK, CAMERA, LAYOUT, PHYSICS = "look", "camera", "layout", "physics"
 INSTRUCTION, SENSING, LATENCY = "instruction", "sensing", "latency"
 SINGLE_AXES = (LOOK, CAMERA, LAYOUT, PHYSICS, INSTRUCTION, SENSING, LATENCY)
 AXES = (*SINGLE_AXES, ALL_AXES)
-"""What may be shifted; duobench docs robustness says what each is."""
+"""Axes along which episodes may be shifted; the page on robustness explains each."""
 LEVELS = 5
 """Levels 1 to 5 of each axis; 0 is no shift."""
 
@@ -49,7 +49,7 @@ class Shift:
 
     @property
     def name(self) -> str:
-        """What `parse` takes, and the name of a folder."""
+        """Text that `parse` takes, and the name of a folder."""
         return self.axis if self.axis == NO_AXIS else f"{self.axis}-{self.level}"
 
     def __str__(self) -> str:

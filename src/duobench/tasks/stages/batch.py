@@ -79,7 +79,7 @@ class ProgressBatch:
         return np.where(lost.any(axis=0), lost.argmax(axis=0), self.stage)
 
     def get_state(self, episode: int) -> ProgressState:
-        """What `Progress.get_state` gives for one of the episodes."""
+        """State of one of the episodes, as `Progress.get_state` gives it."""
         return ProgressState(
             stage=int(self.stage[episode]),
             final_holds=bool(self.final_holds[episode]),
@@ -133,7 +133,7 @@ class ProgressBatch:
         }
 
     def nearness(self) -> NDArray[np.float64]:
-        """What `Progress.nearness` gives, for all episodes (n,)."""
+        """Nearness of all episodes (n,), as `Progress.nearness` gives it."""
         self._answers, self._known = {}, {}
         self._view = self._look(
             self._simulations, self._heights, self._simulations.variants
@@ -176,7 +176,7 @@ class ProgressBatch:
         )
 
     def _ask(self, predicate: Predicate, where: Booleans) -> Booleans:
-        """Where a predicate holds; what it says of other episodes than `where` means nothing."""
+        """Mask of episodes in which a predicate holds; valid within `where` alone."""
         predicate = self._same[predicate]
         if predicate in self._partial:
             return self._answer(predicate, where)

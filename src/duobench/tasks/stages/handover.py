@@ -54,7 +54,7 @@ class Handover:
     """The other gripper or the table touches it."""
 
     def stays(self, there: Predicate) -> tuple[Predicate, Predicate, Predicate]:
-        """What must stay of lifting it, of meeting in the air and of handing it over.
+        """Condition that stays of lifting it, of meeting in the air and of handing it over.
 
         Args:
             there: As in `put`.

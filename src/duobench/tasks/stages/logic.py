@@ -32,24 +32,24 @@ Words = tuple[str, ...]
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Memory:
-    """What a `since` remembers."""
+    """Memory of a `since`."""
 
     event: Predicate
-    """What held at an earlier step."""
+    """Event of an earlier step."""
     reset: Predicate | None
-    """What makes it forgotten, if anything does."""
+    """Predicate that clears the memory, if any."""
     only: Predicate | None = None
     """Predicate that holds wherever one of both does, if known: where not, neither is asked."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Clock:
-    """What counts the control steps at which a predicate holds."""
+    """Counter of the control steps at which a predicate holds."""
 
     of: Predicate
-    """What must hold at a step that counts."""
+    """Predicate that holds at a step that counts."""
     reset: Predicate | None = None
-    """What sets it back to 0; None is every step at which `of` does not hold."""
+    """Predicate that sets it back to 0; None is every step at which `of` does not hold."""
 
     def after(self, state: StateView, count: int) -> int:
         """The count after a step, from that before it."""
@@ -73,7 +73,7 @@ class StateView:
     """Height of each prop's lowest point when the episode began, in metres."""
     variants: Mapping[str, str]
     remembered: frozenset[Memory]
-    """What held at an earlier step of this episode and is not forgotten."""
+    """Memories of earlier steps of this episode that are not cleared."""
     lasted: Mapping[Clock, int] = field(default_factory=dict[Clock, int])
     """Control steps that each clock has counted, this one included."""
     past: Mapping[Memory, str] = field(default_factory=dict[Memory, str])
@@ -98,13 +98,13 @@ class Predicate:
     """A named pure question about a control step."""
 
     name: str
-    """What holds, as a short sentence: "left grasps cube"."""
+    """Condition as a short sentence: "left grasps cube"."""
     test: Callable[[StateView], bool]
     """Answers it, from the view alone; other predicates in it must be in `parts`."""
     parts: tuple[Predicate, ...] = field(default=())
     """The predicates that `test` calls: `since` and `held_for` in them are remembered."""
     otherwise: Callable[[StateView], str] | None = field(default=None, repr=False)
-    """What is the case where it does not hold, as a short sentence with the number that was missed:
+    """Explanation of a failure, as a short sentence with the number that was missed:
     "cube is raised by 4 mm, not by 10 mm"."""
     off: Callable[[StateView], float] | None = field(default=None, repr=False)
     """How far off it is where it does not hold: 0 nearly holds, 1 is a usual way to go. For rewards
@@ -204,7 +204,7 @@ def shared(word: Callable[P, R]) -> Callable[P, R]:
 
 
 class Not(Predicate):
-    """What holds makes it fail, and the other way round."""
+    """Negation of a predicate."""
 
     __slots__ = ()
 
@@ -276,7 +276,7 @@ class Since(Predicate):
     when: str = ""
     """How an explanation calls the last step at which `at` held: "when cube was let go"."""
     at: Predicate | None = None
-    """Where something is given, an explanation tells of the last step at which this held."""
+    """Predicate of a moment: an explanation tells of the last step at which this held."""
 
     def told_of(self, when: str, at: Predicate) -> Since:
         """The same, explained by what was missing at the last step at which `at` held."""

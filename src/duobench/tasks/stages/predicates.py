@@ -311,7 +311,7 @@ class CylinderRegion:
     high: float
     """Top along z of the body's frame, in metres."""
     centre: tuple[float, float] = (0.0, 0.0)
-    """Where the cylinder's axis crosses the x-y plane of the body, in metres."""
+    """Point at which the cylinder's axis crosses the x-y plane of the body, in metres."""
 
     def __post_init__(self) -> None:
         sizes = self.radius, self.low, self.high, *self.centre

@@ -34,13 +34,14 @@ class Stage:
     """One milestone of a task."""
 
     name: str
-    """What is reached, in a few words: "both cubes held"."""
+    """Name in a few words: "both cubes held"."""
     instruction: str
-    """What to do to reach it, in the imperative."""
+    """Instruction that leads to it, in the imperative."""
     holds: Predicate
     stays: Predicate | None = None
-    """What later stages take for granted of it. Where it is lost, this stage's instruction is what
-    is to be done now, though the stage was reached. None if nothing can be lost."""
+    """Condition of it that later stages take for granted. Where it is lost, this stage's
+    instruction is what is to be done now, though the stage was reached. None if nothing can be
+    lost."""
 
     def __post_init__(self) -> None:
         given: list[object] = [
@@ -81,7 +82,7 @@ def clocks_in(predicates: Iterable[Predicate]) -> tuple[Clock, ...]:
 
 
 def recalled(memories: Sequence[Memory], state: StateView) -> frozenset[Memory]:
-    """What is remembered after a step. All of it sees the same step, so the order is free."""
+    """Memories after a step. All of it sees the same step, so the order is free."""
     before = state.remembered
     new: list[Memory] = []
     gone: list[Memory] = []
@@ -172,7 +173,7 @@ def _check_variant(
 
 
 def constraints_of(stages: Iterable[Stage]) -> list[Predicate]:
-    """What must hold at some stage, and what must stay."""
+    """Predicates that must hold at some stage, and those that must stay."""
     both = (predicate for stage in stages for predicate in (stage.holds, stage.stays))
     return [predicate for predicate in both if predicate is not None]
 

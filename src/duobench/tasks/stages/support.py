@@ -70,8 +70,8 @@ class Support:
     """One arm lifts the object while the other one supports the open lid: neither the first arm nor
     the object has touched it for `UNSUPPORTED_SECONDS`."""
     upheld: Predicate
-    """What must stay of `supported`: the lid is open, and the object is in that arm's hand or put,
-    or it is delivered."""
+    """Condition of `supported` that stays: the lid is open, and the object is in that arm's hand or
+    put, or it is delivered."""
     delivered: Predicate
     """The arm that had the object then has put it at its goal, where it has been since, and the
     other arm kept the lid open all the way."""

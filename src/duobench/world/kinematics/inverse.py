@@ -163,7 +163,7 @@ class ArmKinematics:
         )
 
     def _error(self, joints: Array, posture: Array) -> float:
-        """What a solution makes small: the squared errors of tool and posture, by their costs."""
+        """Objective of a solution: the squared errors of tool and posture, by their costs."""
         self._configuration.update(joints)
         tool = self._tool.cost * self._tool.compute_error(self._configuration)
         pulled = POSTURE_COST * (joints - posture)

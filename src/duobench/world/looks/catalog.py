@@ -18,7 +18,7 @@ RANDOM = "random:"
 """Beginning of the name of a random look; a seed follows."""
 
 _KEY = (1.55, 0.0, 2.30)
-"""Where the light of the workcell stands."""
+"""Position of the workcell's light."""
 _WINDOW = (-0.8, -2.2, 1.6)
 
 _LOW_SUN = Light(

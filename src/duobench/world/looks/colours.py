@@ -31,7 +31,7 @@ _HUES = (
 
 
 def colour_name(rgb: Sequence[float]) -> str:
-    """What a colour would be called: black, dark grey, light orange, blue, ..."""
+    """Name of a colour: black, dark grey, light orange, blue, ..."""
     hue, _, value = colorsys.rgb_to_hsv(*rgb)
     if value < _BLACK:
         return "black"

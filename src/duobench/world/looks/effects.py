@@ -1,4 +1,4 @@
-"""What happens to an image after it was rendered: blur, exposure, noise."""
+"""Effects on an image after it was rendered: blur, exposure, noise."""
 
 import hashlib
 import math
@@ -15,7 +15,7 @@ GAMMA = 2.2
 """Exponent from the numbers of an image to light."""
 _UNIT_BITS = 8
 _UNIT = 1 << _UNIT_BITS
-"""What the whole weights of a blur add up to: with 8 bits of brightness they fill 16."""
+"""Sum of the whole weights of a blur: with 8 bits of brightness they fill 16."""
 _STARTS = 1 << 18
 """Places in a long row of random numbers where the noise of an image may begin."""
 

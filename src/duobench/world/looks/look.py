@@ -68,7 +68,7 @@ class Light:
     """A distant light that shines at the middle of the workcell."""
 
     position: tuple[float, float, float]
-    """Where it stands in the table frame, in metres; only the direction matters. Straight from the
+    """Position in the table frame, in metres; only the direction matters. Straight from the
     front, the back or a side (y or x of `SHADOW_CENTRE`) no level surface is speckled by its own
     shadow."""
     colour: RGB = (0.45, 0.44, 0.42)

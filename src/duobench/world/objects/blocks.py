@@ -6,8 +6,8 @@ from duobench.world.objects.solid import Solid
 BLACK = (0.04, 0.04, 0.045, 1.0)
 """Black plastic."""
 CHARCOAL = (0.33, 0.33, 0.34, 1.0)
-"""What a black cube lies in or under: black to the eye, and in any shadow a tenth of full
-brightness lighter than the cube in the light's light."""
+"""Colour of surfaces in or on which a black cube lies: black to the eye, and in any shadow a tenth
+of full brightness lighter than the cube in the light's light."""
 PALE = (0.72, 0.72, 0.73, 1.0)
 """Rim of a black bowl, by which it is seen as one."""
 WHITE = (0.95, 0.95, 0.95, 1.0)

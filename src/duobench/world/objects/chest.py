@@ -55,8 +55,8 @@ POST_Y = 0.080
 POST_PLAY = 0.0002
 """Play between a post and the lid at its stop, in metres: the hinge's limit acts first."""
 POST_REACH = (0.022, 0.034)
-"""Where the posts meet the lid, in metres from the hinge's axis: above the barrel, and far enough
-from the axis for a print to bear a push at the lip."""
+"""Distances at which the posts meet the lid, in metres from the hinge's axis: above the barrel, and
+far enough from the axis for a print to bear a push at the lip."""
 POST_FOOT = 0.009
 """How far behind the hinge's axis the posts pass the barrel, in metres."""
 

@@ -79,5 +79,5 @@ HEAP = tuple(
     )
     for x, y in (radius * circle(count)).tolist()
 )
-"""Where twenty marbles lie in a full cup, without touching, in its frame and metres: rings of one,
-six and thirteen."""
+"""Positions of twenty marbles in a full cup, without touching, in its frame and metres: rings of
+one, six and thirteen."""

@@ -99,7 +99,7 @@ def _upright(
 
 
 def _slot(top: float) -> tuple[Shape, ...]:
-    """What is cut out of the post's top for the lower bar: all but the key."""
+    """Cut in the post's top for the lower bar: all but the key."""
     width, height = KEY
     floor, across = top - RING_THICKNESS, RING_THICKNESS + 2 * JOINT_PLAY
     side = (POST - width) / 2 + OVERLAP
@@ -113,7 +113,7 @@ def _slot(top: float) -> tuple[Shape, ...]:
 
 
 def _notch(top: float) -> Shape:
-    """What is cut out of the lower bar for the key."""
+    """Cut in the lower bar for the key."""
     width, height = KEY
     floor = top - RING_THICKNESS
     across = RING_THICKNESS + 2 * OVERLAP

@@ -44,7 +44,7 @@ class PolygonHole:
     apothem: float
     """Distance from the middle to the sides in metres."""
     x: float
-    """Where its middle is along the board, in metres."""
+    """Position of its middle along the board, in metres."""
 
     phase: float
     """Direction of a corner in radians from the x axis."""

@@ -84,7 +84,7 @@ _START_COLOUR = (0.55, 0.72, 0.55, 1.0)
 _GOAL_COLOUR = (0.80, 0.10, 0.09, 1.0)
 _BALL_COLOUR = (0.95, 0.62, 0.08, 1.0)
 _CORNER_COLOURS = tuple(product(CORNERS, (_FLOOR_COLOUR, _START_COLOUR, _GOAL_COLOUR)))
-"""What each corner of the floor may look like."""
+"""Colours that each corner of the floor may have."""
 
 
 def cell_centre(cell: Cell) -> tuple[float, float]:
@@ -127,7 +127,7 @@ def wall_numbers() -> dict[Segment, int]:
 
 
 def wall_variants() -> dict[str, Variant]:
-    """What of `board()` each maze leaves out, walls and images, by the maze's number."""
+    """Parts of `board()` that each maze leaves out, walls and images, by the maze's number."""
     numbers = wall_numbers()
     first = len(_frame_images())
     return {
@@ -200,7 +200,7 @@ def _frame() -> tuple[Shape, ...]:
 
 
 def _floor() -> Shape:
-    """What the ball rolls on."""
+    """Floor of the ball."""
     return box(2 * HALF, 2 * HALF, BASE, at=SE3.at(z=-BASE / 2))
 
 
@@ -221,7 +221,7 @@ def _loose_floor() -> Iterable[Shape]:
 
 
 def _outside() -> Iterable[Shape]:
-    """What is cut off walls: they end where the loose floor does."""
+    """Cut at the ends of walls: they end where the loose floor does."""
     low, high = -UPRIGHT, 2 * WALL_HEIGHT
     for turn in _quarter_turns():
         inner = INNER - FLOOR_PLAY
@@ -230,7 +230,7 @@ def _outside() -> Iterable[Shape]:
 
 
 def _shoulders() -> Iterable[Shape]:
-    """What a loose floor lies on: four wedges at the rim's inner faces, half in it."""
+    """Supports of a loose floor: four wedges at the rim's inner faces, half in it."""
     outer, end, high = INNER + ROOT, INNER - SHOULDER, -UPRIGHT
     section = (
         (outer, -BASE),
@@ -287,12 +287,12 @@ def _grip(turn: SE3, inner: float) -> Iterable[Shape]:
 
 
 def _stays() -> tuple[float, float]:
-    """Where the middles of a grip's stays are along a side."""
+    """Positions of the middles of a grip's stays along a side."""
     return -(BAR[1] + STAY) / 2, (BAR[1] + STAY) / 2
 
 
 def _dovetails(turn: SE3, play: float = 0.0) -> Iterable[Shape]:
-    """What holds a printed grip in the rim; with play, the slots for it, open from below."""
+    """Dovetails of a printed grip in the rim; with play, the slots for it, open from below."""
     depth, root, end = DOVETAIL
     outer, inner = EDGE / 2 + ROOT, EDGE / 2 - depth - play
     low, high = GRIP_LIFT - BASE, WALL_HEIGHT - LEDGE

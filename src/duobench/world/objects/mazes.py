@@ -27,11 +27,11 @@ CORNERS: tuple[Cell, ...] = (
     (0, CELLS - 1),
     (CELLS - 1, CELLS - 1),
 )
-"""Where starts and goals are."""
+"""Cells of starts and goals."""
 
 
 class Direction(Enum):
-    """Where a tilt sends the ball, as steps in columns and rows; the board's x points east."""
+    """Direction of the ball after a tilt, as steps in columns and rows; the board's x points east."""
 
     EAST = (1, 0)
     NORTH = (0, 1)
@@ -75,9 +75,9 @@ class Maze:
     walls: frozenset[Segment]
     """Edges between cells that are closed; the rim of the board is always closed."""
     start: Cell
-    """Where the ball begins."""
+    """First cell of the ball."""
     goal: Cell
-    """Where it shall come to rest."""
+    """Cell in which it shall come to rest."""
 
     @staticmethod
     def parsed(rows: Iterable[str]) -> "Maze":
@@ -107,13 +107,13 @@ class Maze:
         return within and Segment.beyond(cell, direction) not in self.walls
 
     def run(self, cell: Cell, direction: Direction) -> Cell:
-        """Where the ball comes to rest when the board is tilted in a direction."""
+        """Cell in which the ball comes to rest when the board is tilted in a direction."""
         while self.is_open(cell, direction):
             cell = direction.next(cell)
         return cell
 
     def stops(self, tilts: Iterable[Direction]) -> Iterator[Cell]:
-        """Where the ball comes to rest after each of some tilts, played from the start."""
+        """Cells in which the ball comes to rest after each of some tilts, played from the start."""
         cell = self.start
         for tilt in tilts:
             cell = self.run(cell, tilt)

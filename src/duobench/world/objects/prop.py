@@ -88,7 +88,7 @@ class Part:
     name: str
     """Name within the prop; the body is called `<prop>/<name>`, and so is its hinge."""
     solid: Built[Solid] = Built(Solid)
-    """What it is, in the part's own frame; may be given as a function that makes it."""
+    """Solid in the part's own frame; may be given as a function that makes it."""
     pose: SE3 = field(default_factory=SE3)
     """Pose in the frame of the part that carries it, at hinge angle zero."""
     hinge: Hinge | None = None
@@ -99,7 +99,7 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Variant:
-    """What one variant of a prop leaves out of its root part."""
+    """Variant of a prop: the shapes of its root part that it leaves out."""
 
     without_shapes: frozenset[int] = frozenset()
     """Numbers of the solid's shapes that cannot be felt."""
@@ -124,12 +124,12 @@ class Prop:
     choice: str | None = None
     """Name of the layout's variant that decides which of its shapes are there, if any does."""
     variants: Built[Mapping[str, Variant]] = Built(Mapping, dict)
-    """What is left out for each value of that variant; may be given as a function."""
+    """Omissions for each value of that variant; may be given as a function."""
     print_turn: SE3 = field(default_factory=SE3)
     """Rotation from the prop's frame to the printer's, whose z points up; pieces have their own."""
 
     def prints(self, variants: Mapping[str, str]) -> tuple[Solid, ...]:
-        """What to print for a layout: the root part, then the others.
+        """Parts to print for a layout: the root part, then the others.
 
         Args:
             variants: Those of the layout, `Layout.variants`.

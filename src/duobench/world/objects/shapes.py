@@ -46,7 +46,7 @@ def check_colour(colour: Colour | None) -> None:
 
 
 class ShapeKind(StrEnum):
-    """What a shape is."""
+    """Kind of a shape."""
 
     BOX = "box"
     CYLINDER = "cylinder"

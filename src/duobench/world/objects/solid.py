@@ -52,7 +52,7 @@ class Image:
     """A part of what is rendered, in one colour."""
 
     mesh: Mesh
-    """What is rendered."""
+    """Mesh that is rendered."""
     rgba: Colour
     """Red, green, blue and opacity, each 0 to 1."""
     shadow: bool = True
@@ -64,9 +64,9 @@ class Piece:
     """One of the pieces that a solid is printed in: shapes without holes, in the solid's frame."""
 
     shapes: tuple[Shape, ...]
-    """What it is made of; their union is one body."""
+    """Shapes whose union is one body."""
     holes: tuple[Shape, ...] = ()
-    """What is cut out of it, wider by the play of a joint than what goes in."""
+    """Cuts, wider by the play of a joint than what goes in."""
     name: str = ""
     """Name within the solid, such as "ring"; equal pieces may have the same."""
     rgba: Colour | None = None
@@ -83,16 +83,16 @@ class Solid:
     """One rigid body's description, in its own frame."""
 
     shapes: tuple[Shape, ...]
-    """What collides: convex, may overlap. None at all for a mark on the table."""
+    """Shapes that collide: convex, may overlap. None at all for a mark on the table."""
     rgba: Colour
     """Red, green, blue and opacity, each 0 to 1, of shapes without a colour of their own."""
     mesh: Mesh | None = None
-    """What is printed; the union of the shapes where it is not given."""
+    """Mesh that is printed; the union of the shapes where it is not given."""
     pieces: tuple[Piece, ...] = ()
-    """What is printed in its place where that does not fit a printer, to be put together. Mass and
-    image are those of the whole: the play of joints is less than 1 % of it."""
+    """Parts that are printed in its place where that does not fit a printer, to be put together.
+    Mass and image are those of the whole: the play of joints is less than 1 % of it."""
     images: tuple[Image, ...] = ()
-    """What is rendered: the mesh, or the shapes, where none are given."""
+    """Images that are rendered: the mesh, or the shapes, where none are given."""
     density: float = PLA_DENSITY
     """Density in kg/m³."""
     mass: float | None = None
@@ -193,7 +193,7 @@ def manifold_from(mesh: Mesh) -> manifold3d.Manifold:
 
 
 def images_of(shapes: Iterable[Shape], rgba: Colour) -> tuple[Image, ...]:
-    """What is rendered of overlapping shapes: the union of those of one colour, without the others.
+    """Rendered meshes of overlapping shapes: the union of those of one colour, without the others.
 
     No two faces lie in one place: the renderer adds the light's light once for each of them, and
     shows bright dashes there.

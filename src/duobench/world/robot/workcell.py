@@ -16,5 +16,5 @@ ROOM_HEIGHT = 2.7
 """The room that every camera looks into; its walls are one-sided."""
 
 SHADOW_CENTRE = (0.24, 0.0, 0.24)
-"""Where the lights aim, and so the middle of the shadow map: between the table's far edge and the
-elbows, as the light sees them."""
+"""Point at which the lights aim, and so the middle of the shadow map: between the table's far edge
+and the elbows, as the light sees them."""

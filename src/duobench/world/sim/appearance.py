@@ -60,7 +60,7 @@ _WHITE = (1.0, 1.0, 1.0)
 
 
 class GeomMaterial(NamedTuple):
-    """What a geom looks like."""
+    """Material of a geom."""
 
     rgb: RGB | None
     """Colour, or None for the model's."""
@@ -172,10 +172,10 @@ class Appearance:
     def __init__(self, model: mujoco.MjModel, look: Look) -> None:
         self.look = look
         self.textures: list[Texture] = []
-        """What the materials after those of the model show; see `sim.offscreen.upload`. Flat ones
+        """Textures of the materials after those of the model; see `sim.offscreen.upload`. Flat ones
         (n, n, 3), and those of objects (6 n, n, 3): six faces, one below the other."""
         self.by_geom: dict[int, GeomMaterial] = {}
-        """What differs from the model, by geom id."""
+        """Materials that differ from the model, by geom id."""
         colours = [(r, g, b) for r, g, b, _ in model.geom_rgba.tolist()]
         self._add_objects(_objects(model), colours)
         for part in PARTS:

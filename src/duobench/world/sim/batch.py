@@ -93,7 +93,7 @@ class SimulationBatch(Questions):
     # --- what it is asked ------------------------------------------------------------------------
 
     def ask(self, question: Callable[[Any], Any], *, vectorized: bool) -> Any:
-        """What a function answers of all simulations at once, or of one after the other (k, n)."""
+        """Values of a function for all simulations at once, or for one after the other (k, n)."""
         if vectorized:  # of what is fixed, a number is the same in all
             return [np.broadcast_to(number, self.count) for number in question(self)]
         return np.array(

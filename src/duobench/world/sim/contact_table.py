@@ -1,4 +1,4 @@
-"""Who touches whom in many simulations of one model: contact questions answered with arrays."""
+"""Contacts in many simulations of one model: questions answered with arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who touches whom: the only place that reads the engine's contact list, once a control step.
+"""Contacts between bodies: the only reader of the engine's contact list, once a control step.
 
 Every geom belongs to one owner: a finger (its pad and its own linkage), the rest of a gripper, the
 rest of an arm, or the body that carries it.
@@ -89,7 +89,7 @@ def _owner_of_body(name: str) -> str:
 
 
 class ContactOwners(ABC):
-    """Who owns each geom of a model, and who touches whom, in one simulation or in many.
+    """Owners of the geoms of a model, and contacts between them, in one simulation or in many.
 
     All raise `UnknownNameError` where there is no such owner.
     """

@@ -65,7 +65,7 @@ class Duo:
         self._data = data
         # Views of the engine's memory; they live as long as its data.
         self.actuators = _actuators(model)
-        """Where the robot's actuators are in ctrl."""
+        """Slice of the robot's actuators in ctrl."""
         self._qpos, self._ctrl = data.qpos, data.ctrl[self.actuators]
         self._site_xpos, self._site_xmat = data.site_xpos, data.site_xmat
         self._quat = np.empty(4)
@@ -138,7 +138,7 @@ def ramp(start: Array, end: Array) -> Array:
 
 
 def controls_of(commands: Array) -> Array:
-    """What the actuators get for flat commands (..., 16), as a copy."""
+    """Controls of the actuators for flat commands (..., 16), as a copy."""
     controls = commands.copy()
     controls[..., _OPENINGS] = CTRL_CLOSED * (1.0 - commands[..., _OPENINGS])
     return controls
@@ -152,7 +152,7 @@ def commands_of(controls: Array) -> Array:
 
 
 def _actuators(model: mujoco.MjModel) -> slice:
-    """Where the robot's actuators are in ctrl: in a row, in the order of a flat command."""
+    """Slice of the robot's actuators in ctrl, in the order of a flat command."""
     names = [
         name for side in SIDES for name in (*arm_joint_names(side), gripper_name(side))
     ]

@@ -27,7 +27,7 @@ LIGHT_RADIUS = 0.007
 the more samples, the wider a shadow's edge can be before it shows the single ones."""
 
 _OPAQUE = 0.995
-"""What is less opaque than this is rendered as transparent [MuJoCo's renderer]."""
+"""Opacity below which a geom is rendered as transparent [MuJoCo's renderer]."""
 _DUMMY_SHADOW_MAP = 4
 """Side of the dummy shadow map: the smallest that leaves something inside its border."""
 _EVERYTHING = mujoco.mjtCatBit.mjCAT_ALL.value

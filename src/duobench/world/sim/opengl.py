@@ -45,7 +45,7 @@ HELP = f"""Install one of these, then try again:
   conda:           conda install -c conda-forge libegl libopengl mesalib
 With an NVIDIA card inside a container, also set NVIDIA_DRIVER_CAPABILITIES=all.
 Set MUJOCO_GL to egl or osmesa to choose without a probe."""
-"""What to do where no library works."""
+"""Advice where no library works."""
 
 _AUTOMATIC = ("", "enable", "enabled", "on", "true", "1")
 _OFF = ("disable", "disabled", "off", "false", "0")
@@ -66,7 +66,7 @@ _SUSPECTS = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenderingInfo:
-    """What renders the images; the renderer, its vendor and version as OpenGL reports them."""
+    """Renderer of the images; the renderer, its vendor and version as OpenGL reports them."""
 
     backend: str
     """How the context is made: egl or osmesa."""
@@ -276,7 +276,7 @@ def in_words(error: BaseException) -> str:
 
 
 def info_of(backend: str) -> RenderingInfo:
-    """What the context that is current on the calling thread renders with."""
+    """Renderer of the context that is current on the calling thread."""
     # The low-level module: importing all of `OpenGL.GL` would take longer than an image.
     from OpenGL.raw.GL.VERSION import GL_1_0
 

@@ -19,14 +19,14 @@ MAX_OVERLAP = 0.001
 """Deepest contact, in metres, that counts as standing on rather than overlapping."""
 REACH_X = (0.15, 1.05)
 REACH_Y = (-0.65, 0.65)
-"""Where an object may start on the table, in metres [facts of the platform]."""
+"""Range in which an object may start on the table, in metres [facts of the platform]."""
 MAX_HEIGHT = 0.5
 """Highest lowest point of an object at the start, above the table in metres: below the grippers at
 home, and above any stack. What is higher was given in another unit."""
 
 
 def problems(simulation: Simulation, layout: Layout) -> list[str]:
-    """What is wrong with a layout: overlaps, contact with the robot, below or beside the table.
+    """Problems of a layout: overlaps, contact with the robot, below or beside the table.
 
     The simulation is left in the layout, with the arms at home.
     """

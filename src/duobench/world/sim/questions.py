@@ -1,4 +1,4 @@
-"""What stages ask of poses and speeds: of one simulation, or of many of the same model at once.
+"""Poses and speeds for stages: of one simulation, or of many of the same model at once.
 
 A number is a float in one simulation, and an array (n,) in a batch of n. Everything here is plain
 arithmetic on such numbers, so that both give the same answers.
@@ -65,7 +65,7 @@ class Questions(ABC):
         }
 
     def ask(self, question: Callable[[Any], Any], *, vectorized: bool) -> Any:  # noqa: ARG002
-        """What a function of a simulation answers; `vectorized` says whether it takes many."""
+        """Value of a function of a simulation; `vectorized` says whether it takes many."""
         return question(self)
 
     @abstractmethod
@@ -157,7 +157,7 @@ class Questions(ABC):
         return self._numbers(self._qpos, slice(start, start + 1))[0]
 
     def hinge_axis(self, hinge: str) -> HingeAxis:
-        """Where a hinge is now, in the table frame."""
+        """Axis of a hinge now, in the table frame."""
         check_known("hinge", hinge, self._hinges)
         joint, _ = self._hinges[hinge]
         return HingeAxis(

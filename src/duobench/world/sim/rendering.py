@@ -104,7 +104,7 @@ class Renderer:
 
     @property
     def info(self) -> RenderingInfo:
-        """What renders the images."""
+        """Renderer of the images."""
         return self._opened().info
 
     def close(self) -> None:

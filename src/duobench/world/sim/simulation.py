@@ -38,7 +38,7 @@ _CHANGED = (
     "light_poscom0",
     "light_dir0",
 )
-"""What is scaled, and what the engine computes from it."""
+"""Quantities that are scaled, and those that the engine computes from them."""
 _STATISTICS = ("meaninertia", "meanmass", "meansize", "extent")
 
 
@@ -141,7 +141,7 @@ class Simulation(Questions):
         )
         self._compiled = [array.copy() for array in self._switches]
         self.touches = self._compiled[0], self._compiled[1]
-        """What geoms may touch, as contype and conaffinity, where all shapes of props are there."""
+        """Geoms that may touch, as contype and conaffinity, where all shapes of props are there."""
         self.duo = Duo(self.model, self.data)
         self.contacts = Contacts(self.model, self.data)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)

@@ -14,7 +14,7 @@ from duobench.world.sim.duo import controls_of, ramp
 from duobench.world.sim.simulation import SOLVED, Simulation, raise_on_warning
 
 _READY = int(mujoco.mjtStage.mjSTAGE_VEL)
-"""What `Simulation.forward` computes."""
+"""Stage up to which `Simulation.forward` computes."""
 _NOTHING = int(mujoco.mjtStage.mjSTAGE_NONE)
 _CHECKED = ("M", "qacc", "qfrc_smooth", "qfrc_constraint")
 _BLOCK = 128

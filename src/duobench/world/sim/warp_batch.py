@@ -29,7 +29,7 @@ of all simulations; and for constraints, in each. Experts need up to 99, fewer, 
 BEYOND = 1e10
 """A position or speed that MuJoCo calls invalid, its mjMAXVAL."""
 _KEPT = ("time", "qpos", "qvel", "ctrl", "qacc_warmstart", "mocap_pos", "mocap_quat")
-"""What is kept of a state; the rest is the same in all states of a model."""
+"""Fields that are kept of a state; the rest is the same in all states of a model."""
 _SEEN = ("xpos", "xmat", "xipos", "xanchor", "xaxis", "site_xpos", "site_xmat")
 _CONTACT = ("worldid", "geom", "dist", "frame", "pos")
 _MATRICES = ("xmat", "site_xmat", "frame")
@@ -71,7 +71,7 @@ class WarpBatch(SimulationBatch):
         self.arrays = {
             name: _flat(name, array.numpy()) for name, array in self._copies.items()
         }
-        """What was copied from the engine last."""
+        """Arrays that were copied from the engine last."""
         super().__init__(simulation, count, _Named(self.arrays))
         self._scratch, self._graph = mujoco.MjData(model), None
         shape = SUBSTEPS, count, model.nu

@@ -181,7 +181,7 @@ class TiltedBoard:
             yield
 
     def _ball(self) -> Array:
-        """Where the ball is on the board (2,), in the board's frame and metres."""
+        """Position of the ball on the board (2,), in the board's frame and metres."""
         sim = self._arms.sim
         return sim.pose("board").inverse().apply(sim.position("ball"))[:2]
 

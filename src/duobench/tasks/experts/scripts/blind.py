@@ -26,8 +26,9 @@ _TILTS = {tilt.name[0]: tilt for tilt in Direction}
 TILTS: tuple[tuple[Direction, int], ...] = tuple(
     (_TILTS[word[0]], int(word[1:])) for word in _WORDS.split()
 )
-"""Where the board is tilted, and for how many control steps: a shortest sequence that brings the
-ball to rest in the goal of five boards, as many as any that `python -m dev.tools.mazes` finds."""
+"""Directions in which the board is tilted, and for how many control steps: a shortest sequence that
+brings the ball to rest in the goal of five boards, as many as any that `python -m dev.tools.mazes`
+finds."""
 TILT, RATE, RAMP = (
     math.radians(14),
     math.radians(120) * CONTROL_STEP,

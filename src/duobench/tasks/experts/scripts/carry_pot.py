@@ -88,7 +88,7 @@ def land(arms: Arms, *sides: Side) -> Script:
 
 
 def _level(arms: Arms, x: float, y: float, height: float) -> SE3:
-    """Where the pot stands level above the plate, turned as it is now."""
+    """Pose of the pot level above the plate, turned as it is now."""
     yaw = arms.sim.pose("pot").yaw
     return SE3.at(x, y, PLATE[2] + HEIGHT / 2 + height, yaw=yaw)
 

@@ -65,7 +65,7 @@ class Insertion:
     open_angle: float = _OPEN_ANGLE
     """How far the lid is opened, in radians."""
     place: tuple[float, float] = (-0.025, 0.045)
-    """Where the cube goes down, in the chest's frame."""
+    """Place where the cube goes down, in the chest's frame."""
     tilt: float = 0.35
     """Lean of the inserting hand towards the robot in radians, so that its camera keeps clear of
     the lid."""

@@ -27,13 +27,13 @@ _BARS = {Side.LEFT: "light_block", Side.RIGHT: "dark_block"}
 _TILTS = {Side.LEFT: math.radians(20.0), Side.RIGHT: math.radians(-20.0)}
 """How far each hand leans back; much more is out of reach for a bar that lies close."""
 _GRASP_X = {Side.LEFT: -0.012, Side.RIGHT: 0.0}
-"""Where along its bar a hand grasps, in metres from the middle."""
+"""Grasp of each hand along its bar, in metres from the middle."""
 _GRASP_HEIGHT = 0.026
 """Height of the tool above the table when it grasps, in metres."""
 _FREEDOM = 0.3
 """Share of a variety's grasp offset at which the hands still fit beside each other."""
 _MEETING_X = 0.565
-"""Where the middle of the dark bar waits for the light one, in metres."""
+"""Position of the middle of the dark bar while it waits for the light one, in metres."""
 _APART = 0.03
 """Distance between peg tip and socket before an insertion, in metres."""
 _TOUCHING = 0.0005

@@ -29,7 +29,7 @@ from duobench.tasks.experts.motion import (
 from duobench.world.objects.cup import HEIGHT, INNER_RADIUS
 
 _GRASP_HEIGHT = 0.032
-"""Where the pads hold a cup, in metres above its underside."""
+"""Height of the pads on a cup, in metres above its underside."""
 _SHORT = 0.003
 """How far the tool centre point stays short of the cup's axis, in metres: at 1 mm the cup rubs
 against the finger linkage, at 5 mm it turns in the pads by 10 degrees."""
@@ -50,7 +50,7 @@ _LIP_REACH = 0.034
 """How far the pouring lip stays short of the middle of the mouth, in metres: the marbles fly about
 as far until they fall through the mouth, so they fall through its middle, within 20 mm of it."""
 _MEETING = (0.50, 0.0, 0.09)
-"""Where the holding cup's underside waits for the marbles."""
+"""Position of the holding cup's underside while it waits for the marbles."""
 _ABOVE = 0.08
 """Height in metres from which a cup is set down."""
 _RISE = 0.07

@@ -30,7 +30,7 @@ _ASLANT, _FROM_BELOW = -1.1, 1.75
 """Direction of the pulling tool: against the shut door's normal, and against straight down. Less
 aslant, the wrist reaches its limits and the forearm the table; more, the hand touches the door."""
 _BAR_HEIGHT = 0.19
-"""Where the bar is grasped, in metres above the table."""
+"""Height of the grasp on the bar, in metres above the table."""
 _AROUND_BAR = 0.55
 """Opening with which the fingers go around the bar."""
 _OPEN_ANGLE = 1.15

@@ -22,8 +22,9 @@ MEETING_POINT = np.array([0.50, 0.0, 0.32])
 RISE = math.radians(25)
 SLANT = math.radians(10)
 RECEIVER_GRIP = 0.036
-"""Where, and how far from lengthwise, the receiver clasps the cube: so near its end that the end
-stays short of the finger linkage, and with enough slant that the hands stay clear of each other."""
+"""Place and angle from lengthwise at which the receiver clasps the cube: so near its end that the
+end stays short of the finger linkage, and with enough slant that the hands stay clear of each
+other."""
 _READY = tool((0.50, 0.22, 0.38), along=(0.0, -0.6, -1.0), camera=(0.0, 1.0, 0.0))
 _DROP_HEIGHT = 0.075
 

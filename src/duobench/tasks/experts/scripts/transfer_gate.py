@@ -37,7 +37,7 @@ LEAN = math.radians(30)
 elbows were bent to their limits."""
 RECEIVER_GRIP = 0.030
 _BEFORE, BEYOND = -0.14, 0.020
-"""Where the block's centre waits before the ring and where it is handed over, along its axis."""
+"""Positions of the block's centre before the ring and at the handover, along its axis."""
 _READY = tool((0.45, 0.30, 0.53), along=(-0.5, -1.0, -0.87), camera=(0.0, 1.0, -1.0))
 _PRESS = 0.003
 """How far below the mat the block is led, in metres, so that it does touch."""
