@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, NoReturn, ParamSpec, Self, TypeVar, cast
+from typing import TYPE_CHECKING, ClassVar, NoReturn, ParamSpec, Self, TypeVar, cast
 
 from duobench.errors import TaskError
 from duobench.types import CONTROL_HZ
@@ -81,6 +81,7 @@ class StateView:
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
     _relative: dict[tuple[str, str], tuple[float, float, float]] = field(default_factory=dict)
+    _heights: dict[str, float] = field(default_factory=dict)
 
     def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
         """Origin of a body in the frame of another body, in metres, computed once."""
@@ -88,6 +89,13 @@ class StateView:
         if found is None:
             found = self.simulation.relative_position(body, frame)
             self._relative[body, frame] = found
+        return found
+
+    def min_height(self, prop: str) -> float:
+        """Height of a prop's lowest point above the table top, in metres, computed once."""
+        found = self._heights.get(prop)
+        if found is None:
+            found = self._heights[prop] = self.simulation.min_height(prop)
         return found
 
 
@@ -112,6 +120,9 @@ class Predicate:
     and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """The same as a call, as a plain function, which Python calls in half the time."""
+    looks: ClassVar[bool] = True
+    """Whether an answer can differ where the layout, what is remembered and the answers of all
+    parts are as before: `test` looks at the simulation, or at a clock."""
 
     def __post_init__(self) -> None:
         test = self.test
@@ -203,6 +214,7 @@ class Not(Predicate):
     """What holds makes it fail, and the other way round."""
 
     __slots__ = ()
+    looks = False
 
     def _unmet(self, state: StateView) -> Words:
         return self.parts[0].why(state)
@@ -214,6 +226,7 @@ class AllOf(Predicate):
     """Each part that does not hold speaks for itself."""
 
     __slots__ = ()
+    looks = False
 
     def possible(self, state: StateView) -> bool:
         """Whether all of them can hold."""
@@ -227,6 +240,7 @@ class AnyOf(Predicate):
     """Says what all alternatives lack, and that none of them holds."""
 
     __slots__ = ()
+    looks = False
 
     def possible(self, state: StateView) -> bool:
         """Whether one of them can hold."""
@@ -264,6 +278,7 @@ class AnyOf(Predicate):
 class Since(Predicate):
     """A predicate that held at an earlier step of the episode."""
 
+    looks: ClassVar[bool] = False
     memory: Memory
     when: str = ""
     """How an explanation calls the last step at which `at` held: "when cube was let go"."""

@@ -6,6 +6,7 @@ Their logic, how they combine and what they remember, is in `stages.logic`.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -104,7 +105,7 @@ def supports(arm: Side, lid: str) -> Predicate:
 
     def pushes(state: StateView) -> bool:
         sim = state.simulation
-        return sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
+        return sim.contacts.pushes(arm, lid, lambda: sim.hinge_axis(lid))
 
     whole = grasped(arm, lid) | leaf(f"{arm} pushes {lid} open", pushes, off=_reach(arm, lid))
     return whole.called(
@@ -176,11 +177,11 @@ def raised(prop: str, height: float) -> Predicate:
     check_metres("The height of `raised`", height)
 
     def so_far(state: StateView) -> float:
-        return state.simulation.min_height(prop) - state.start_heights[prop]
+        return state.min_height(prop) - state.start_heights[prop]
 
     return leaf(
         f"{prop} is raised by {height * 1000:.0f} mm",
-        lambda state: state.simulation.min_height(prop) >= state.start_heights[prop] + height,
+        lambda state: state.min_height(prop) >= state.start_heights[prop] + height,
         otherwise=lambda state: f"{prop} is raised by {mm(so_far(state))}, not by {mm(height)}",
         off=lambda state: (height - so_far(state)) / height,
     )
@@ -370,6 +371,7 @@ def hinge_open(hinge: str, angle: float) -> Predicate:
 class VariantIs(Predicate):
     """A named choice of the layout."""
 
+    looks: ClassVar[bool] = False
     choice: str
     value: str
 
@@ -395,6 +397,7 @@ def variant(name: str, value: str) -> Predicate:
 class AtLeast(Predicate):
     """Some of its parts hold."""
 
+    looks: ClassVar[bool] = False
     count: int
     """How many at least."""
 
