@@ -104,7 +104,7 @@ class ContactOwners(ABC):
         self._limbs = {
             side: [self._index[limb_owner(side, limb)] for limb in Limb] for side in SIDES
         }
-        self._single = {row: self._group([row]) for row in self._index.values()}
+        self._single = [self._group([row]) for row in self._index.values()]
         self._arms = {side: self._group(rows) for side, rows in self._limbs.items()}
         self._grippers = {side: self._group(rows[:-1]) for side, rows in self._limbs.items()}
         self._hands = self._group([row for rows in self._limbs.values() for row in rows[:-1]])
@@ -151,6 +151,9 @@ class Contacts(ContactOwners):
         # A group of owners is a number whose binary digits are its rows.
         self._partners = [0] * len(self._index)
         """What each owner touches, as a group."""
+        self._touching: list[int] = []
+        """The two owners of each contact, as a group; none where there is but a margin."""
+        self._frames: Any = None
         self._pairs: list[list[int]] = []
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
@@ -174,7 +177,7 @@ class Contacts(ContactOwners):
         """Read the engine's contact list; a geom margin alone is no contact."""
         contact = self._data.contact
         owners, single = self._owners, self._single
-        partners = [0] * len(self._index)
+        partners, touching = [0] * len(self._index), []
         # Plain numbers: for a few dozen contacts they are several times faster than arrays.
         self._pairs, self._distances = contact.geom.tolist(), contact.dist.tolist()
         for (first, second), distance in zip(self._pairs, self._distances, strict=True):
@@ -182,7 +185,11 @@ class Contacts(ContactOwners):
                 one, other = owners[first], owners[second]
                 partners[one] |= single[other]
                 partners[other] |= single[one]
-        self._partners = partners
+                touching.append(single[one] | single[other])
+            else:
+                touching.append(0)
+        self._partners, self._touching = partners, touching
+        self._frames = None
         self._grasped.clear()
         self._solved = False
 
@@ -236,15 +243,11 @@ class Contacts(ContactOwners):
 
     def _normals(self, parts: list[int], row: int) -> Iterator[tuple[int, float]]:
         """Contacts of parts of the robot with an owner, and the sign of the normal towards it."""
-        owners = self._owners
-        for number, (first, second) in enumerate(self._pairs):
-            if self._distances[number] > 0.0:
-                continue
-            # The engine's normal points from the first geom to the second.
-            if owners[second] == row and owners[first] in parts:
-                yield number, 1.0
-            elif owners[first] == row and owners[second] in parts:
-                yield number, -1.0
+        both = [self._single[row] | self._single[part] for part in parts]
+        for number, touching in enumerate(self._touching):
+            if touching in both:
+                # The engine's normal points from the first geom to the second.
+                yield number, 1.0 if self._owners[self._pairs[number][1]] == row else -1.0
 
     def behind(
         self, side: Side, owner: str, hinge: HingeAxis, distance: float
@@ -301,10 +304,11 @@ class Contacts(ContactOwners):
         x, y, z = (b - a for a, b in zip(left, right, strict=True))
         far = math.sqrt(x * x + y * y + z * z)
         x, y, z = x / far, y / far, z / far
-        frames = self._data.contact.frame
+        if self._frames is None:
+            self._frames = self._data.contact.frame
         for finger, inwards in ((one, 1.0), (other, -1.0)):
             for number, sign in self._normals([finger], row):
-                a, b, c = frames[number, :3].tolist()
+                a, b, c = self._frames[number, :3].tolist()
                 if inwards * sign * (a * x + b * y + c * z) > MIN_PRESS_COSINE:
                     break
             else:

@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, ClassVar, NoReturn, ParamSpec, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, ParamSpec, Self, TypeVar, cast
 
 from duobench.errors import TaskError
 from duobench.types import CONTROL_HZ
@@ -58,9 +58,9 @@ class Clock:
         return 0 if self.reset.ask(state) else count + self.of.ask(state)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(kw_only=True, slots=True, eq=False)
 class StateView:
-    """One control step as predicates see it."""
+    """One control step as predicates see it, who change nothing of it."""
 
     simulation: Simulation
     """The simulation, whose contacts are those of this step.
@@ -80,22 +80,21 @@ class StateView:
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
-    _relative: dict[tuple[str, str], tuple[float, float, float]] = field(default_factory=dict)
-    _heights: dict[str, float] = field(default_factory=dict)
+    _found: dict[str | tuple[str, str], Any] = field(default_factory=dict)
+    """What was computed of poses so far."""
 
     def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
         """Origin of a body in the frame of another body, in metres, computed once."""
-        found = self._relative.get((body, frame))
+        found = self._found.get((body, frame))
         if found is None:
-            found = self.simulation.relative_position(body, frame)
-            self._relative[body, frame] = found
+            found = self._found[body, frame] = self.simulation.relative_position(body, frame)
         return found
 
     def min_height(self, prop: str) -> float:
         """Height of a prop's lowest point above the table top, in metres, computed once."""
-        found = self._heights.get(prop)
+        found = self._found.get(prop)
         if found is None:
-            found = self._heights[prop] = self.simulation.min_height(prop)
+            found = self._found[prop] = self.simulation.min_height(prop)
         return found
 
 
