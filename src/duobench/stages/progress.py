@@ -293,18 +293,18 @@ class Progress:
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        answers: dict[Predicate, bool] = {}
-        if self._last is not None and self._is_repeated(self._last, simulation, answers):
+        known: dict[Predicate, bool] = {}
+        if self._last is not None and self._is_repeated(self._last, simulation, known):
             stayed = self._last.stayed
         else:
-            stayed = self._judge(self._view(simulation, self._lasted, answers))
+            stayed = self._judge(self._view(simulation, self._lasted, known))
         self._lost[: self.stage] = [
             0 if stays else lost + 1 for stays, lost in zip(stayed, self._lost, strict=False)
         ]
         return self.stage
 
     def _is_repeated(
-        self, last: _Judgement, simulation: Simulation, answers: dict[Predicate, bool]
+        self, last: _Judgement, simulation: Simulation, known: dict[Predicate, bool]
     ) -> bool:
         """Whether this step comes to the same as the last one; if so, clocks have counted it.
 
@@ -313,17 +313,16 @@ class Progress:
         Args:
             last: The last step.
             simulation: As it is now.
-            answers: Where it is not so, what has been found out about this step on the way.
+            known: Gets the answers about this step so far, but for what may have asked a clock.
         """
         lasted = self._lasted.copy()
         for clock in last.running:
             lasted[clock] += 1
         state = self._view(simulation, lasted)
         for predicate, answer in last.seen:
-            now = predicate.test(state)
-            if not predicate.parts:
-                answers[predicate] = now
+            now = state.answers[predicate] = predicate.test(state)
             if now != answer:
+                known |= {each: so for each, so in state.answers.items() if not each.parts}
                 return False
         self._lasted = lasted
         return True
