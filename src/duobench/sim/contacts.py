@@ -151,6 +151,7 @@ class Contacts(ContactOwners):
         # A group of owners is a number whose binary digits are its rows.
         self._partners = [0] * len(self._index)
         """What each owner touches, as a group."""
+        self._fingers = {side: self._group(rows[:2]) for side, rows in self._limbs.items()}
         self._touching: list[int] = []
         """The two owners of each contact, as a group; none where there is but a margin."""
         self._frames: Any = None
@@ -289,7 +290,9 @@ class Contacts(ContactOwners):
         gripper. Fingers that are pressed on top of something touch it both, and grasp nothing: so
         each has a contact whose normal points to the other finger, within `MAX_PRESS_ANGLE`.
         """
-        row = self._index[owner]
+        row, fingers = self._index[owner], self._fingers[side]
+        if self._partners[row] & fingers != fingers:
+            return False
         answer = self._grasped.get((side, row))
         if answer is None:
             answer = self._grasped[side, row] = self._grasps(side, row)
@@ -297,9 +300,6 @@ class Contacts(ContactOwners):
 
     def _grasps(self, side: Side, row: int) -> bool:
         one, other, _, _ = self._limbs[side]
-        touching = self._partners[row]
-        if not (touching & self._single[one] and touching & self._single[other]):
-            return False
         left, right = (self._pad_centres[body].tolist() for body in self._pad_bodies[side])
         x, y, z = (b - a for a, b in zip(left, right, strict=True))
         far = math.sqrt(x * x + y * y + z * z)

@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, ParamSpec, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, Self, TypeVar, cast
 
 from duobench.errors import TaskError
 from duobench.types import CONTROL_HZ
@@ -117,11 +117,11 @@ class Predicate:
     vectorized: bool = field(default=False, repr=False)
     """Whether `test` also takes the view of n simulations at once, whose numbers are arrays (n,),
     and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""
-    ask: Callable[[StateView], bool] = field(init=False, repr=False)
-    """The same as a call, as a plain function, which Python calls in half the time."""
-    looks: ClassVar[bool] = True
+    looks: bool = field(default=True, repr=False)
     """Whether an answer can differ where the layout, what is remembered and the answers of all
     parts are as before: `test` looks at the simulation, or at a clock."""
+    ask: Callable[[StateView], bool] = field(init=False, repr=False)
+    """The same as a call, as a plain function, which Python calls in half the time."""
 
     def __post_init__(self) -> None:
         test = self.test
@@ -159,6 +159,10 @@ class Predicate:
     def called(self, name: str, otherwise: Callable[[StateView], str] | None = None) -> Self:
         """The same question in other words, for messages."""
         return replace(self, name=name, otherwise=otherwise or self.otherwise)
+
+    def answered_by(self, test: Callable[[StateView], bool]) -> Self:
+        """The same question, of which a test answers at once what its parts would one by one."""
+        return replace(self, test=test, looks=True)
 
     def unmet(self, state: StateView) -> Words:
         """Why it does not hold: the constraints in it that do not; nothing where it holds."""
@@ -213,7 +217,6 @@ class Not(Predicate):
     """What holds makes it fail, and the other way round."""
 
     __slots__ = ()
-    looks = False
 
     def _unmet(self, state: StateView) -> Words:
         return self.parts[0].why(state)
@@ -225,7 +228,6 @@ class AllOf(Predicate):
     """Each part that does not hold speaks for itself."""
 
     __slots__ = ()
-    looks = False
 
     def possible(self, state: StateView) -> bool:
         """Whether all of them can hold."""
@@ -239,7 +241,6 @@ class AnyOf(Predicate):
     """Says what all alternatives lack, and that none of them holds."""
 
     __slots__ = ()
-    looks = False
 
     def possible(self, state: StateView) -> bool:
         """Whether one of them can hold."""
@@ -277,7 +278,6 @@ class AnyOf(Predicate):
 class Since(Predicate):
     """A predicate that held at an earlier step of the episode."""
 
-    looks: ClassVar[bool] = False
     memory: Memory
     when: str = ""
     """How an explanation calls the last step at which `at` held: "when cube was let go"."""
@@ -338,7 +338,7 @@ def since(
     memory = Memory(event=predicate, reset=reset, only=only)
     name = f"since {predicate.name}" + ("" if reset is None else f" without {reset.name}")
     parts = (predicate,) if reset is None else (predicate, reset)
-    return Since(name, lambda state: memory in state.remembered, parts, memory=memory)
+    return Since(name, lambda state: memory in state.remembered, parts, memory=memory, looks=False)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -429,7 +429,7 @@ def held_for(predicate: Predicate, seconds: float, *, reset: Predicate | None = 
 @shared
 def _not(predicate: Predicate) -> Predicate:
     ask = predicate.ask
-    return Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
+    return Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,), looks=False)
 
 
 @shared
@@ -444,7 +444,7 @@ def all_of(*predicates: Predicate) -> Predicate:
                 return False
         return True
 
-    return AllOf(f"({name})", test, predicates)
+    return AllOf(f"({name})", test, predicates, looks=False)
 
 
 @shared
@@ -459,7 +459,7 @@ def any_of(*predicates: Predicate) -> Predicate:
                 return True
         return False
 
-    return AnyOf(f"({name})", test, predicates)
+    return AnyOf(f"({name})", test, predicates, looks=False)
 
 
 def _each_once(words: Iterable[Words]) -> Words:

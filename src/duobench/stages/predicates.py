@@ -6,7 +6,6 @@ Their logic, how they combine and what they remember, is in `stages.logic`.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -371,7 +370,6 @@ def hinge_open(hinge: str, angle: float) -> Predicate:
 class VariantIs(Predicate):
     """A named choice of the layout."""
 
-    looks: ClassVar[bool] = False
     choice: str
     value: str
 
@@ -390,6 +388,7 @@ def variant(name: str, value: str) -> Predicate:
         vectorized=True,
         choice=name,
         value=value,
+        looks=False,
     )
 
 
@@ -397,7 +396,6 @@ def variant(name: str, value: str) -> Predicate:
 class AtLeast(Predicate):
     """Some of its parts hold."""
 
-    looks: ClassVar[bool] = False
     count: int
     """How many at least."""
 
@@ -412,4 +410,5 @@ def at_least(count: int, *predicates: Predicate) -> Predicate:
         lambda state: sum([ask(state) for ask in asks]) >= count,
         predicates,
         count=count,
+        looks=False,
     )
