@@ -160,10 +160,6 @@ class Predicate:
         """The same question in other words, for messages."""
         return replace(self, name=name, otherwise=otherwise or self.otherwise)
 
-    def answered_by(self, test: Callable[[StateView], bool]) -> Self:
-        """The same question, of which a test answers at once what its parts would one by one."""
-        return replace(self, test=test, looks=True)
-
     def unmet(self, state: StateView) -> Words:
         """Why it does not hold: the constraints in it that do not; nothing where it holds."""
         return () if self.ask(state) else self.why(state)
