@@ -241,7 +241,7 @@ class Progress:
         """
         if self.success:
             return 0.0
-        state = self._view(simulation, self._lasted)
+        state = self._view(simulation, self._lasted, {})
         measure = Nearness(state, lambda predicate: predicate.ask(state), self._lasted.__getitem__)
         return float(measure.of(self._stages[self.stage].holds))
 
@@ -293,36 +293,37 @@ class Progress:
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        known: dict[Predicate, bool] = {}
-        if self._last is not None and self._is_repeated(self._last, simulation, known):
+        answers: dict[Predicate, bool] = {}
+        if self._last is not None and self._is_repeated(self._last, simulation, answers):
             stayed = self._last.stayed
         else:
-            stayed = self._judge(self._view(simulation, self._lasted, known))
+            stayed = self._judge(self._view(simulation, self._lasted, answers))
         self._lost[: self.stage] = [
             0 if stays else lost + 1 for stays, lost in zip(stayed, self._lost, strict=False)
         ]
         return self.stage
 
     def _is_repeated(
-        self, last: _Judgement, simulation: Simulation, known: dict[Predicate, bool]
+        self, last: _Judgement, simulation: Simulation, answers: dict[Predicate, bool]
     ) -> bool:
         """Whether this step comes to the same as the last one; if so, clocks have counted it.
 
-        Supposed that it does, clocks count so: what they say is among what is looked at then.
+        Supposed that it does, clocks count so: what they say is among what is looked at then. Up to
+        the first answer that differs all is as it is without that, since a clock is asked after it
+        has counted.
 
         Args:
             last: The last step.
             simulation: As it is now.
-            known: Gets the answers about this step so far, but for what may have asked a clock.
+            answers: Gets the answers about this step so far.
         """
         lasted = self._lasted.copy()
         for clock in last.running:
             lasted[clock] += 1
-        state = self._view(simulation, lasted)
+        state = self._view(simulation, lasted, answers)
         for predicate, answer in last.seen:
-            now = state.answers[predicate] = predicate.test(state)
+            now = answers[predicate] = predicate.test(state)
             if now != answer:
-                known |= {each: so for each, so in state.answers.items() if not each.parts}
                 return False
         self._lasted = lasted
         return True
@@ -356,7 +357,7 @@ class Progress:
         self,
         simulation: Simulation,
         lasted: Mapping[Clock, int],
-        answers: dict[Predicate, bool] | None = None,
+        answers: dict[Predicate, bool],
     ) -> StateView:
         return StateView(
             simulation=simulation,
@@ -365,7 +366,7 @@ class Progress:
             remembered=self._remembered,
             lasted=lasted,
             past=self._past,
-            answers={} if answers is None else answers,
+            answers=answers,
         )
 
     def _explain(self, sinces: Iterable[Since], state: StateView) -> None:
