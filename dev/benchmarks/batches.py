@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import statistics
 import time
 from collections.abc import Callable, Iterator
+from unittest.mock import patch
 
 import gymnasium as gym
 import mujoco
 import numpy as np
+from duobench.sim.simulation import Simulation
+from duobench.stages.progress import Progress
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
@@ -22,9 +26,15 @@ from dev.benchmarks.environments import (
 from dev.benchmarks.measure import Measurement, Work, seconds
 from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
+from duobench.evaluation.policies import ExpertPolicy
+from duobench.evaluation.rollout import rollout
 
 JUDGED = 1024
 """Episodes that are judged at once."""
+ALONE = 55.0
+"""Bar of a judgement of one episode, in microseconds."""
+SEEDS = 3
+"""Seeds of the episodes that are judged alone."""
 JUDGEMENT, LONG_JUDGEMENT = 6.0, 12.0
 """Bars of a judgement, in microseconds."""
 LONG = ("hinge_chest", "spring_door", "pour_marbles", "join_blocks", "bin_sort")
@@ -38,9 +48,9 @@ CONTROLS = int(mujoco.mjtState.mjSTATE_CTRL)
 
 
 def measure_judging(name: str, repeats: int = 20) -> Iterator[Measurement]:
-    """Measure a judgement of many episodes at once, and apart from it the copy of contacts.
+    """Measure a judgement of one episode, and of many at once, and apart from it their contacts.
 
-    Each episode is at another control step of an expert's, so that all of that is in the mean.
+    Each of many is at another control step of an expert's, so that all of that is in the mean.
     """
     env = duobench.make(name, cameras=False)
     actions = expert_actions(env)
@@ -74,6 +84,9 @@ def measure_judging(name: str, repeats: int = 20) -> Iterator[Measurement]:
     env.close()
     vector.close()
     yield Measurement(
+        what=f"{name}: a judgement", value=_alone(name) * 1e6, unit="us", at_most=ALONE
+    )
+    yield Measurement(
         what=f"{name}: a judgement, {JUDGED} at once",
         value=judged / JUDGED * 1e6,
         unit="us",
@@ -81,6 +94,31 @@ def measure_judging(name: str, repeats: int = 20) -> Iterator[Measurement]:
     )
     for what, more in (("its contacts", copied), ("how near it is", dense - judged)):
         yield Measurement(what=f"{name}: {what}", value=more / JUDGED * 1e6, unit="us")
+
+
+def _alone(name: str) -> float:
+    """Return the seconds that a judgement of one episode takes while an expert plays it.
+
+    It is `Progress.update` alone, in the time that the processor spends on this thread, on average
+    over all control steps of an episode, with the physics between them, after which nothing of it
+    is in the processor's caches; the least of the episodes of seeds 0 to 2.
+    """
+    env = duobench.make(name, cameras=False)
+    judge, times, means = Progress.update, list[float](), list[float]()
+
+    def timed(progress: Progress, simulation: Simulation) -> int:
+        start = time.thread_time()
+        stage = judge(progress, simulation)
+        times.append(time.thread_time() - start)
+        return stage
+
+    with patch.object(Progress, "update", timed):
+        for seed in range(SEEDS):
+            times.clear()
+            rollout(env, ExpertPolicy(env), seed=seed)
+            means.append(statistics.mean(times))
+    env.close()
+    return min(means)
 
 
 def _shortest(work: Callable[[], object], repeats: int) -> float:

@@ -10,7 +10,9 @@ import sys
 import traceback
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NoReturn, Self, TypeVar
+
+V = TypeVar("V")
 
 LONGEST_LINE = 400
 """Characters of a traceback's line that are kept."""
@@ -82,6 +84,24 @@ def check_known(kind: str, name: object, known: Collection[str]) -> None:
     """Reject a name that is not known."""
     if not isinstance(name, str) or name not in known:
         raise UnknownNameError(kind, name, known)
+
+
+class Named(dict[str, V]):
+    """What has names, such as bodies. One that is not known raises `UnknownNameError`.
+
+    Args:
+        kind: What has the names, for the message.
+        items: What is known.
+    """
+
+    def __init__(
+        self, kind: str, items: Mapping[str, V] | Iterable[tuple[str, V]] = ()
+    ) -> None:
+        super().__init__(items)
+        self.kind = kind
+
+    def __missing__(self, name: object) -> NoReturn:
+        raise UnknownNameError(self.kind, name, self)
 
 
 class ImportPathError(DuoBenchError):

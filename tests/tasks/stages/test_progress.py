@@ -6,13 +6,14 @@ import itertools
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from duobench.core.errors import TaskError
 from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ
-from duobench.tasks.stages.logic import Predicate, held_for, since
-from duobench.tasks.stages.predicates import raised, variant
+from duobench.tasks.stages.logic import AllOf, Predicate, StateView, held_for, since
+from duobench.tasks.stages.predicates import at_least, raised, variant
 from duobench.tasks.stages.progress import LOST_SECONDS, Progress, Stage, check_names
 from duobench.world.sim.duo import HOME
 from duobench.world.sim.simulation import Simulation
@@ -100,6 +101,50 @@ def test_memories_are_found_wherever_they_are_written(bench: Bench) -> None:
     a, b = bench.fact("a"), bench.fact("b")
     for constraint in (b & (b | since(a)) & since(a), b & ~~since(a), since(a) & b):
         assert bench.play(bench.begin(constraint), "b", "a", "b") == [0, 0, 1]
+
+
+def test_a_step_is_judged_the_same_whatever_the_step_before_was_judged_by(bench: Bench) -> None:
+    a, b, c, d = map(bench.fact, "abcd")
+    long = held_for(a | b, 0.1)
+    summed = held_for(b & ~c, 0.15, reset=c & d)
+    told = since(a & long, reset=d & held_for(~a, 0.05))
+    mixed = Predicate("d or for long", lambda state: long.ask(state) or "d" in bench.true, (long,))
+    constraints = (c & d & long & ~told, mixed & summed & told, at_least(2, a, mixed, told) & ~b)
+    stages = tuple(
+        Stage(name=str(number), instruction="", holds=holds, stays=mixed | ~holds)
+        for number, holds in enumerate(constraints)
+    )
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        progress, other = Progress(stages), Progress(stages)
+        progress.reset(bench.sim, {})
+        facts = set[str]()
+        for _ in range(200):
+            facts ^= {letter for letter in "abcd" if rng.random() < 0.1}
+            bench.true = set(facts)
+            other.set_state(progress.get_state(), {})  # and so forgets every earlier step
+            bench.asked.clear()
+            progress.update(bench.sim)
+            assert len(bench.asked) == len(set(bench.asked))
+            other.update(bench.sim)
+            assert progress.get_state() == other.get_state()
+
+
+def test_what_combines_is_asked_anew_only_where_something_looks_different(bench: Bench) -> None:
+    a, b = bench.fact("a"), bench.fact("b")
+    asked: list[str] = []
+
+    def both(state: StateView) -> bool:
+        asked.append("both")
+        return a.ask(state) and b.ask(state)
+
+    progress = bench.begin(AllOf("a and b", both, (a, b), looks=False))
+    bench.play(progress, "", "b", "", "a", "a", "a")
+    assert len(asked) == 2
+    assert bench.asked == ["a"] * 3 + ["a", "b"] * 3
+    progress.set_state(progress.get_state(), {})
+    bench.play(progress, "a")
+    assert len(asked) == 3
 
 
 def test_two_episodes_at_once_do_not_share_memory(bench: Bench) -> None:

@@ -41,7 +41,7 @@ def press_it_shut(sim: Simulation, case: Opening) -> None:
     contacts = sim.contacts
     for angle in np.arange(OPEN, sim.model.joint(case.lid).range[1], 0.005):
         set_hinge(sim, case.lid, angle)
-        pushes = contacts.pushes(case.holder, case.lid, sim.hinge_axis(case.lid))
+        pushes = contacts.pushes(case.holder, case.lid, lambda: sim.hinge_axis(case.lid))
         grasps = contacts.grasped(case.holder, case.lid)
         if contacts.arm(case.holder, case.lid) and not (pushes or grasps):
             return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from duobench.core.spatial import SE3, hypot, root, sum_of_products
@@ -31,10 +31,11 @@ class Port:
     pose: SE3
     """Frame in the body: origin at the peg's tip or the socket's mouth, z pointing outwards."""
 
-    @property
-    def reach(self) -> float:
-        """Distance in metres from the body's origin."""
-        return math.hypot(*self.pose.translation.tolist())
+    at: tuple[float, float, float] = field(init=False)
+    """Its origin in the body's frame, in metres."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "at", tuple(self.pose.translation.tolist()))
 
     def axis(self, simulation: Questions) -> Sequence[float]:
         """Outward direction (3,) in the table frame."""
@@ -42,7 +43,7 @@ class Port:
 
     def position(self, simulation: Questions) -> Sequence[float]:
         """Position (3,) in the table frame, in metres."""
-        offset = simulation.turned(self.body, self.pose.translation.tolist())
+        offset = simulation.turned(self.body, self.at)
         return [
             a + b for a, b in zip(offset, simulation.origin(self.body), strict=True)
         ]
@@ -62,8 +63,8 @@ def led_in(
     """
     # This costs a tenth of what follows, and is the answer at most steps of an episode.
     x, y, z = simulation.relative_position(peg.body, socket.body)
-    at_x, at_y, at_z = socket.pose.translation.tolist()
-    furthest = math.hypot(MAX_DEPTH, offset) + peg.reach
+    at_x, at_y, at_z = socket.at
+    furthest = math.hypot(MAX_DEPTH, offset) + math.hypot(*peg.at)
     near = hypot(x - at_x, y - at_y, z - at_z) <= furthest
     if near is False:  # one simulation; of many, some may be near
         return False

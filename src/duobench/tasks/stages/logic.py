@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, NoReturn, ParamSpec, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, Self, TypeVar, cast
 
 from duobench.core.errors import TaskError
 from duobench.core.types import CONTROL_HZ
@@ -58,9 +58,9 @@ class Clock:
         return 0 if self.reset.ask(state) else count + self.of.ask(state)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+@dataclass(kw_only=True, slots=True, eq=False)
 class StateView:
-    """One control step as predicates see it."""
+    """One control step as predicates see it, who change nothing of it."""
 
     simulation: Simulation
     """The simulation, whose contacts are those of this step.
@@ -80,16 +80,23 @@ class StateView:
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
-    _relative: dict[tuple[str, str], tuple[float, float, float]] = field(
-        default_factory=dict
-    )
+    _found: dict[str | tuple[str, str], Any] = field(default_factory=dict)
+    """What was computed of poses so far."""
 
     def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
         """Origin of a body in the frame of another body, in metres, computed once."""
-        found = self._relative.get((body, frame))
+        found = self._found.get((body, frame))
         if found is None:
-            found = self.simulation.relative_position(body, frame)
-            self._relative[body, frame] = found
+            found = self._found[body, frame] = self.simulation.relative_position(
+                body, frame
+            )
+        return found
+
+    def min_height(self, prop: str) -> float:
+        """Height of a prop's lowest point above the table top, in metres, computed once."""
+        found = self._found.get(prop)
+        if found is None:
+            found = self._found[prop] = self.simulation.min_height(prop)
         return found
 
 
@@ -112,6 +119,9 @@ class Predicate:
     vectorized: bool = field(default=False, repr=False)
     """Whether `test` also takes the view of n simulations at once, whose numbers are arrays (n,),
     and answers with booleans (n,): with `&` and comparisons, without `and`, `if` or `float`."""
+    looks: bool = field(default=True, repr=False)
+    """Whether an answer can differ where the layout, what is remembered and the answers of all
+    parts are as before: `test` looks at the simulation, or at a clock."""
     ask: Callable[[StateView], bool] = field(init=False, repr=False)
     """The same as a call, as a plain function, which Python calls in half the time."""
 
@@ -340,7 +350,13 @@ def since(
         "" if reset is None else f" without {reset.name}"
     )
     parts = (predicate,) if reset is None else (predicate, reset)
-    return Since(name, lambda state: memory in state.remembered, parts, memory=memory)
+    return Since(
+        name,
+        lambda state: memory in state.remembered,
+        parts,
+        memory=memory,
+        looks=False,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -441,7 +457,9 @@ def held_for(
 @shared
 def _not(predicate: Predicate) -> Predicate:
     ask = predicate.ask
-    return Not(f"not {predicate.name}", lambda state: not ask(state), (predicate,))
+    return Not(
+        f"not {predicate.name}", lambda state: not ask(state), (predicate,), looks=False
+    )
 
 
 @shared
@@ -456,7 +474,7 @@ def all_of(*predicates: Predicate) -> Predicate:
                 return False
         return True
 
-    return AllOf(f"({name})", test, predicates)
+    return AllOf(f"({name})", test, predicates, looks=False)
 
 
 @shared
@@ -471,7 +489,7 @@ def any_of(*predicates: Predicate) -> Predicate:
                 return True
         return False
 
-    return AnyOf(f"({name})", test, predicates)
+    return AnyOf(f"({name})", test, predicates, looks=False)
 
 
 def _each_once(words: Iterable[Words]) -> Words:

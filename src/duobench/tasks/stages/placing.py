@@ -57,7 +57,7 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
         x, y, _ = state.relative_position(prop, body)
         up_x, up_y, up_z = sim.axes(body)[6:]
         level = sim.origin(body)[2] + up_x * x + up_y * y + up_z * top
-        return sim.min_height(prop) - level
+        return state.min_height(prop) - level
 
     return leaf(
         f"{prop} is at most {height * 1000:.0f} mm above {body}",

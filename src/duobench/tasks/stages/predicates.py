@@ -112,7 +112,7 @@ def supports(arm: Side, lid: str) -> Predicate:
 
     def pushes(state: StateView) -> bool:
         sim = state.simulation
-        return sim.contacts.pushes(arm, lid, sim.hinge_axis(lid))
+        return sim.contacts.pushes(arm, lid, lambda: sim.hinge_axis(lid))
 
     whole = grasped(arm, lid) | leaf(
         f"{arm} pushes {lid} open", pushes, off=_reach(arm, lid)
@@ -186,13 +186,11 @@ def raised(prop: str, height: float) -> Predicate:
     check_metres("The height of `raised`", height)
 
     def so_far(state: StateView) -> float:
-        return state.simulation.min_height(prop) - state.start_heights[prop]
+        return state.min_height(prop) - state.start_heights[prop]
 
     return leaf(
         f"{prop} is raised by {height * 1000:.0f} mm",
-        lambda state: (
-            state.simulation.min_height(prop) >= state.start_heights[prop] + height
-        ),
+        lambda state: state.min_height(prop) >= state.start_heights[prop] + height,
         otherwise=lambda state: (
             f"{prop} is raised by {mm(so_far(state))}, not by {mm(height)}"
         ),
@@ -408,6 +406,7 @@ def variant(name: str, value: str) -> Predicate:
         vectorized=True,
         choice=name,
         value=value,
+        looks=False,
     )
 
 
@@ -429,4 +428,5 @@ def at_least(count: int, *predicates: Predicate) -> Predicate:
         lambda state: sum([ask(state) for ask in asks]) >= count,
         predicates,
         count=count,
+        looks=False,
     )

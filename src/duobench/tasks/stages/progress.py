@@ -115,6 +115,21 @@ class ProgressState:
     """For each stage, for how many control steps in a row nothing of it has stayed."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Judgement:
+    """A step that reached nothing new, and changed nothing of what is remembered.
+
+    The next step comes to the same where all that was looked at is as it was: predicates are pure.
+    """
+
+    seen: tuple[tuple[Predicate, bool], ...]
+    """What looked at the step, in the order in which it was asked, and what it answered."""
+    running: tuple[Clock, ...]
+    """The clocks that it counted for; each other one has stayed as it was, or is at 0."""
+    stayed: tuple[bool, ...]
+    """For each stage that was reached, whether what must stay of it did."""
+
+
 def check_names(
     stages: Sequence[Stage],
     simulation: Simulation,
@@ -203,6 +218,7 @@ class Progress:
         self._explained: list[Since] | None = None
         self._past: dict[Memory, str] = {}
         self._judged: StateView | None = None
+        self._last: _Judgement | None = None
 
     def explain(self, on: bool = True) -> None:
         """Be able to say in `unmet` why the next stage is not reached.
@@ -211,7 +227,7 @@ class Progress:
         """
         constraints = [stage.holds for stage in self._stages]
         self._explained = sinces_in(constraints) if on else None
-        self._past, self._judged = {}, None
+        self._past, self._judged, self._last = {}, None, None
 
     @property
     def unmet(self) -> Words:
@@ -247,7 +263,7 @@ class Progress:
         """
         if self.success:
             return 0.0
-        state = self._view(simulation)
+        state = self._view(simulation, self._lasted, {})
         measure = Nearness(
             state, lambda predicate: predicate.ask(state), self._lasted.__getitem__
         )
@@ -269,7 +285,7 @@ class Progress:
         self.stage = 0
         self.final_holds = False
         self._lost = [0] * self.max_stage
-        self._past, self._judged = {}, None
+        self._past, self._judged, self._last = {}, None, None
 
     def get_state(self) -> ProgressState:
         """All that the next judgement depends on, beside the simulation and the layout."""
@@ -299,35 +315,87 @@ class Progress:
         self._lost = list(state.lost)
         self._variants = dict(variants)
         self.stage, self.final_holds = state.stage, state.final_holds
-        self._past, self._judged = {}, None
+        self._past, self._judged, self._last = {}, None, None
 
     def update(self, simulation: Simulation) -> int:
         """Judge the current state of the simulation and return the stage."""
-        state = self._view(simulation)
-        for clock in self._clocks:
-            self._lasted[clock] = clock.after(state, self._lasted[clock])
+        answers: dict[Predicate, bool] = {}
+        if self._last is not None and self._is_repeated(
+            self._last, simulation, answers
+        ):
+            stayed = self._last.stayed
+        else:
+            stayed = self._judge(self._view(simulation, self._lasted, answers))
+        self._lost[: self.stage] = [
+            0 if stays else lost + 1
+            for stays, lost in zip(stayed, self._lost, strict=False)
+        ]
+        return self.stage
+
+    def _is_repeated(
+        self, last: _Judgement, simulation: Simulation, answers: dict[Predicate, bool]
+    ) -> bool:
+        """Whether this step comes to the same as the last one; if so, clocks have counted it.
+
+        Supposed that it does, clocks count so: what they say is among what is looked at then. Up to
+        the first answer that differs all is as it is without that, since a clock is asked after it
+        has counted.
+
+        Args:
+            last: The last step.
+            simulation: As it is now.
+            answers: Gets the answers about this step so far.
+        """
+        lasted = self._lasted.copy()
+        for clock in last.running:
+            lasted[clock] += 1
+        state = self._view(simulation, lasted, answers)
+        for predicate, answer in last.seen:
+            now = answers[predicate] = predicate.test(state)
+            if now != answer:
+                return False
+        self._lasted = lasted
+        return True
+
+    def _judge(self, state: StateView) -> tuple[bool, ...]:
+        """Ask all that matters at a step; return what stays of each stage that is reached."""
+        before = self.stage, self._remembered
+        running: list[Clock] = []
+        for clock, count in self._lasted.items():
+            self._lasted[clock] = clock.after(state, count)
+            if self._lasted[clock] > count:
+                running.append(clock)
         self.final_holds = self._stages[-1].holds(state)
         # Stages never fall, so only higher ones are asked, and the highest that holds counts.
         for number in range(self.max_stage, self.stage, -1):
             if self._stages[number - 1].holds(state):
                 self.stage = number
                 break
-        for number, stage in enumerate(self._stages[: self.stage]):
-            stays = stage.stays is None or stage.stays.ask(state)
-            self._lost[number] = 0 if stays else self._lost[number] + 1
+        stays = (stage.stays for stage in self._stages[: self.stage])
+        stayed = tuple(part is None or part.ask(state) for part in stays)
         self._remembered = recalled(self._memories, state)
+        self._last = None
         if self._explained is not None:
             self._explain(self._explained, state)
-        return self.stage
+        elif (self.stage, self._remembered) == before:
+            seen = tuple(each for each in state.answers.items() if each[0].looks)
+            self._last = _Judgement(seen=seen, running=tuple(running), stayed=stayed)
+        return stayed
 
-    def _view(self, simulation: Simulation) -> StateView:
+    def _view(
+        self,
+        simulation: Simulation,
+        lasted: Mapping[Clock, int],
+        answers: dict[Predicate, bool],
+    ) -> StateView:
         return StateView(
             simulation=simulation,
             start_heights=self._start_heights,
             variants=self._variants,
             remembered=self._remembered,
-            lasted=self._lasted,
+            lasted=lasted,
             past=self._past,
+            answers=answers,
         )
 
     def _explain(self, sinces: Iterable[Since], state: StateView) -> None:

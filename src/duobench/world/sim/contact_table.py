@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
+from operator import or_
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -112,22 +114,27 @@ class ContactTable(ContactOwners):
         partner = np.where(first, self._other[found], self._one[found])
         return found, partner, np.where(first, 1.0, -1.0)
 
-    def _touch(self, one: int, other: int) -> Booleans:
-        return self._touching[one, other]
+    def _group(self, rows: list[int]) -> list[int]:
+        return rows
+
+    def _touch(self, row: int, group: list[int]) -> Booleans:
+        return reduce(or_, (self._touching[row, other] for other in group))
 
     def grasped(self, side: Side, owner: str) -> Any:
         """Whether both fingers of a gripper press on an owner, towards each other."""
-        return self._presses[self._limbs[side][:2], self._row(owner)].all(axis=0)
+        return self._presses[self._limbs[side][:2], self._index[owner]].all(axis=0)
 
-    def pushes(self, side: Side, owner: str, hinge: HingeAxis) -> Booleans:
+    def pushes(
+        self, side: Side, owner: str, hinge: Callable[[], HingeAxis]
+    ) -> Booleans:
         """Whether a contact of an arm turns an owner towards the open end of its hinge (3, n)."""
-        row, limbs = self._row(owner), self._limbs[side]
+        row, limbs = self._index[owner], self._limbs[side]
         found, _, sign = self._contacts_of(
             np.isin(self._one, limbs) & (self._other == row),
             np.isin(self._other, limbs) & (self._one == row),
         )
         worlds = self._worlds[found]
-        here = HingeAxis(*(np.asarray(part)[:, worlds] for part in hinge))
+        here = HingeAxis(*(np.asarray(part)[:, worlds] for part in hinge()))
         opening = here.opening_at(self._points[:, found])
         pushed = np.zeros(self._touching.shape[-1], dtype=bool)
         lever = sign * sum_of_products(self._normals[:, found], opening)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from duobench.core.errors import check_known
+from duobench.core.errors import Named
 from duobench.core.spatial import dot, length
 from duobench.core.types import SIDES, Side
 from duobench.world.scene.naming import gripper_name, pad_names
@@ -95,7 +95,7 @@ class ContactOwners(ABC):
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        self._index: dict[str, int] = {}
+        self._index = Named[int]("contact owner")
         bodies = (model.body(body).name for body in model.geom_bodyid)
         self._owners = [
             self._index.setdefault(_owner_of_body(body), len(self._index))
@@ -106,6 +106,14 @@ class ContactOwners(ABC):
             side: [self._index[limb_owner(side, limb)] for limb in Limb]
             for side in SIDES
         }
+        self._single = [self._group([row]) for row in self._index.values()]
+        self._arms = {side: self._group(rows) for side, rows in self._limbs.items()}
+        self._grippers = {
+            side: self._group(rows[:-1]) for side, rows in self._limbs.items()
+        }
+        self._hands = self._group(
+            [row for rows in self._limbs.values() for row in rows[:-1]]
+        )
         self._pad_bodies = {
             side: [model.body(name).id for name in pad_names(side)] for side in SIDES
         }
@@ -115,35 +123,29 @@ class ContactOwners(ABC):
         """Names of all owners of geoms."""
         return tuple(self._index)
 
-    def _row(self, owner: str) -> int:
-        # Looked up first: to check each time takes a tenth of a judgement.
-        if owner not in self._index:
-            check_known("contact owner", owner, self._index)
-        return self._index[owner]
+    @abstractmethod
+    def _group(self, rows: list[int]) -> Any:
+        """Some owners, by row, as `_touch` takes them."""
 
     @abstractmethod
-    def _touch(self, one: int, other: int) -> Any:
-        """Whether two owners, by row, are in contact: a bool, or booleans (n,)."""
+    def _touch(self, row: int, group: Any) -> Any:
+        """Whether an owner, by row, is in contact with one of a group: a bool, or booleans (n,)."""
 
     def between(self, one: str, other: str) -> Any:
         """Whether two owners are in contact."""
-        return self._touch(self._row(one), self._row(other))
+        return self._touch(self._index[one], self._single[self._index[other]])
 
     def gripper(self, side: Side, owner: str) -> Any:
         """Whether a finger or the palm of a gripper is in contact with an owner."""
-        row = self._row(owner)
-        left, right, palm, _ = self._limbs[side]
-        return self._touch(left, row) | self._touch(right, row) | self._touch(palm, row)
+        return self._touch(self._index[owner], self._grippers[side])
 
     def arm(self, side: Side, owner: str) -> Any:
         """Whether any part of an arm is in contact with an owner: links, camera or gripper."""
-        return self._touch(self._limbs[side][-1], self._row(owner)) | self.gripper(
-            side, owner
-        )
+        return self._touch(self._index[owner], self._arms[side])
 
     def released(self, owner: str) -> Any:
         """Whether neither gripper is in contact with an owner."""
-        return (self.gripper(Side.LEFT, owner) | self.gripper(Side.RIGHT, owner)) ^ True
+        return self._touch(self._index[owner], self._hands) ^ True
 
 
 class Contacts(ContactOwners):
@@ -152,9 +154,15 @@ class Contacts(ContactOwners):
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         super().__init__(model)
         self._data = data
-        # A pair of owners is one number, lower row first, so that one set holds all contacts.
-        self._stride = len(self._index)
-        self._touching: set[int] = set()
+        # A group of owners is a number whose binary digits are its rows.
+        self._partners = [0] * len(self._index)
+        """What each owner touches, as a group."""
+        self._fingers = {
+            side: self._group(rows[:2]) for side, rows in self._limbs.items()
+        }
+        self._touching: list[int] = []
+        """The two owners of each contact, as a group; none where there is but a margin."""
+        self._frames: Any = None
         self._pairs: list[list[int]] = []
         self._distances: list[float] = []
         self._grasped: dict[tuple[Side, int], bool] = {}
@@ -168,7 +176,7 @@ class Contacts(ContactOwners):
         for geom, row in enumerate(self._owners):
             if model.geom_contype[geom] or model.geom_conaffinity[geom]:
                 self._solids.setdefault(row, []).append(geom)
-        self._hands = {
+        self._hand_geoms = {
             side: [geom for limb in limbs[:-1] for geom in self._solids.get(limb, ())]
             for side, limbs in self._limbs.items()
         }
@@ -177,41 +185,42 @@ class Contacts(ContactOwners):
     def update(self) -> None:
         """Read the engine's contact list; a geom margin alone is no contact."""
         contact = self._data.contact
-        owners, stride = self._owners, self._stride
-        touching = set()
+        owners, single = self._owners, self._single
+        partners, touching = [0] * len(self._index), []
         # Plain numbers: for a few dozen contacts they are several times faster than arrays.
         self._pairs, self._distances = contact.geom.tolist(), contact.dist.tolist()
         for (first, second), distance in zip(self._pairs, self._distances, strict=True):
             if distance <= 0.0:
                 one, other = owners[first], owners[second]
-                touching.add(
-                    one * stride + other if one < other else other * stride + one
-                )
-        self._touching = touching
+                partners[one] |= single[other]
+                partners[other] |= single[one]
+                touching.append(single[one] | single[other])
+            else:
+                touching.append(0)
+        self._partners, self._touching = partners, touching
+        self._frames = None
         self._grasped.clear()
         self._solved = False
 
     def partners(self, owner: str) -> frozenset[str]:
         """All owners in contact with one."""
-        row = self._row(owner)
-        return frozenset(
-            name for name, other in self._index.items() if self._touch(row, other)
-        )
+        return frozenset(name for name in self._index if self.between(owner, name))
 
-    def pushes(self, side: Side, owner: str, hinge: HingeAxis) -> bool:
+    def pushes(self, side: Side, owner: str, hinge: Callable[[], HingeAxis]) -> bool:
         """Whether a contact of any part of an arm turns an owner towards the open end of its hinge.
 
         The engine's normal tells where a contact pushes, and `MIN_LEVER` what turns nothing.
         """
-        contact = self._data.contact
-        return self.arm(side, owner) and any(
+        if not self.arm(side, owner):
+            return False
+        contact, axis = self._data.contact, hinge()
+        return any(
             sign
             * dot(
-                contact.frame[number, :3],
-                hinge.opening_at(contact.pos[number].tolist()),
+                contact.frame[number, :3], axis.opening_at(contact.pos[number].tolist())
             )
             >= MIN_LEVER
-            for number, sign in self._normals(self._limbs[side], self._row(owner))
+            for number, sign in self._normals(self._limbs[side], self._index[owner])
         )
 
     def moment(self, side: Side, owner: str, hinge: HingeAxis) -> float:
@@ -223,7 +232,7 @@ class Contacts(ContactOwners):
         from mujoco import mj_contactForce
 
         model, data, total, force = self._model, self._data, 0.0, np.zeros(6)
-        for number, sign in self._normals(self._limbs[side], self._row(owner)):
+        for number, sign in self._normals(self._limbs[side], self._index[owner]):
             self._solve()
             mj_contactForce(model, data, number, force)
             contact = data.contact
@@ -246,15 +255,14 @@ class Contacts(ContactOwners):
 
     def _normals(self, parts: list[int], row: int) -> Iterator[tuple[int, float]]:
         """Contacts of parts of the robot with an owner, and the sign of the normal towards it."""
-        owners = self._owners
-        for number, (first, second) in enumerate(self._pairs):
-            if self._distances[number] > 0.0:
-                continue
-            # The engine's normal points from the first geom to the second.
-            if owners[second] == row and owners[first] in parts:
-                yield number, 1.0
-            elif owners[first] == row and owners[second] in parts:
-                yield number, -1.0
+        both = [self._single[row] | self._single[part] for part in parts]
+        for number, touching in enumerate(self._touching):
+            if touching in both:
+                # The engine's normal points from the first geom to the second.
+                yield (
+                    number,
+                    1.0 if self._owners[self._pairs[number][1]] == row else -1.0,
+                )
 
     def behind(
         self, side: Side, owner: str, hinge: HingeAxis, distance: float
@@ -272,11 +280,11 @@ class Contacts(ContactOwners):
 
         model, data, ends = self._model, self._data, np.zeros(6)
         pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
-        for other in self._solids.get(self._row(owner), ()):
+        for other in self._solids.get(self._index[owner], ()):
             furthest = float(model.geom_rbound[other]) + HAND_SIZE + distance
             if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
                 continue
-            for one in self._hands[side]:
+            for one in self._hand_geoms[side]:
                 gap = mj_geomDistance(model, data, one, other, distance, ends)
                 if not 0.0 < gap < distance:
                     continue
@@ -298,7 +306,9 @@ class Contacts(ContactOwners):
         gripper. Fingers that are pressed on top of something touch it both, and grasp nothing: so
         each has a contact whose normal points to the other finger, within `MAX_PRESS_ANGLE`.
         """
-        row = self._row(owner)
+        row, fingers = self._index[owner], self._fingers[side]
+        if self._partners[row] & fingers != fingers:
+            return False
         answer = self._grasped.get((side, row))
         if answer is None:
             answer = self._grasped[side, row] = self._grasps(side, row)
@@ -306,15 +316,17 @@ class Contacts(ContactOwners):
 
     def _grasps(self, side: Side, row: int) -> bool:
         one, other, _, _ = self._limbs[side]
-        if not (self._touch(one, row) and self._touch(other, row)):
-            return False
-        left, right = self._pad_bodies[side]
-        across = self._pad_centres[right] - self._pad_centres[left]
-        x, y, z = (across / length(across)).tolist()
-        frames = self._data.contact.frame
+        left, right = (
+            self._pad_centres[body].tolist() for body in self._pad_bodies[side]
+        )
+        x, y, z = (b - a for a, b in zip(left, right, strict=True))
+        far = math.sqrt(x * x + y * y + z * z)
+        x, y, z = x / far, y / far, z / far
+        if self._frames is None:
+            self._frames = self._data.contact.frame
         for finger, inwards in ((one, 1.0), (other, -1.0)):
             for number, sign in self._normals([finger], row):
-                a, b, c = frames[number, :3].tolist()
+                a, b, c = self._frames[number, :3].tolist()
                 if inwards * sign * (a * x + b * y + c * z) > MIN_PRESS_COSINE:
                     break
             else:
@@ -330,6 +342,8 @@ class Contacts(ContactOwners):
             if distance < -limit and owners[one] != owners[other]
         ]
 
-    def _touch(self, one: int, other: int) -> bool:
-        low, high = (one, other) if one < other else (other, one)
-        return low * self._stride + high in self._touching
+    def _group(self, rows: list[int]) -> int:
+        return sum(1 << row for row in rows)
+
+    def _touch(self, row: int, group: int) -> bool:
+        return self._partners[row] & group != 0

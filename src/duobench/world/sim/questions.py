@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from duobench.core.errors import check_known
+from duobench.core.errors import Named
 from duobench.core.spatial import hypot
 from duobench.core.types import SIDES, Array, Side
 from duobench.world.objects.prop import Prop
@@ -43,10 +43,9 @@ class Questions(ABC):
         self._xanchor, self._xaxis = data.xanchor, data.xaxis
         self._xipos, self._site_xpos = data.xipos, data.site_xpos
         self._tools = {side: int(model.site(tcp_name(side)).id) for side in SIDES}
-        self.props = props
-        self._bodies = {
-            model.body(number).name: number for number in range(model.nbody)
-        }
+        self.props: Mapping[str, Prop] = Named("object", props)
+        bodies = ((model.body(number).name, number) for number in range(model.nbody))
+        self._bodies = Named("body", bodies)
         self._corners = {
             name: np.ascontiguousarray(corner_points(prop.solid).T)
             for name, prop in props.items()
@@ -58,11 +57,10 @@ class Questions(ABC):
             if not prop.fixed
         }
         # Id of each hinge, and where its angle is in `qpos`.
-        self._hinges = {
-            joint.name: (joint.id, int(joint.qposadr[0]))
-            for joint in map(model.joint, range(model.njnt))
-            if joint.type[0] == mjtJoint.mjJNT_HINGE
-        }
+        joints = map(model.joint, range(model.njnt))
+        hinges = (joint for joint in joints if joint.type[0] == mjtJoint.mjJNT_HINGE)
+        places = ((hinge.name, (hinge.id, int(hinge.qposadr[0]))) for hinge in hinges)
+        self._hinges = Named("hinge", places)
 
     def ask(self, question: Callable[[Any], Any], *, vectorized: bool) -> Any:  # noqa: ARG002
         """Value of a function of a simulation; `vectorized` says whether it takes many."""
@@ -76,22 +74,17 @@ class Questions(ABC):
     def _lowest(self, prop: str, x: Any, y: Any, z: Any) -> Any:
         """Height of a prop's lowest corner above its origin; the vertical is in its own frame."""
 
-    def _prop(self, name: str) -> Prop:
-        check_known("object", name, self.props)
-        return self.props[name]
-
     def body_id(self, name: str) -> int:
         """Id of a body."""
-        check_known("body", name, self._bodies)
         return self._bodies[name]
 
     def origin(self, body: str) -> Sequence[Any]:
         """Origin of a body in the table frame, in metres: x, y, z."""
-        return self._numbers(self._xpos, self.body_id(body))
+        return self._numbers(self._xpos, self._bodies[body])
 
     def axes(self, body: str) -> Sequence[Any]:
         """The nine numbers of a body's rotation matrix in the table frame, row by row."""
-        return self._numbers(self._xmat, self.body_id(body))
+        return self._numbers(self._xmat, self._bodies[body])
 
     def reach(self, arm: Side, body: str) -> Any:
         """Distance in metres from an arm's tool centre point to a body's centre of mass."""
@@ -111,9 +104,10 @@ class Questions(ABC):
 
     def relative_position(self, body: str, frame: str) -> tuple[Any, Any, Any]:
         """Origin of a body in the frame of another body, in metres."""
-        x, y, z = self.origin(body)
-        ox, oy, oz = self.origin(frame)
-        xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(frame)
+        rows, numbers = self._bodies, self._numbers
+        x, y, z = numbers(self._xpos, rows[body])
+        ox, oy, oz = numbers(self._xpos, rows[frame])
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = numbers(self._xmat, rows[frame])
         x, y, z = x - ox, y - oy, z - oz
         return (
             xx * x + yx * y + zx * z,
@@ -145,20 +139,17 @@ class Questions(ABC):
 
     def _velocity(self, prop: str) -> Sequence[Any]:
         """Linear velocity in the table frame and angular velocity in the prop's own, 3 each."""
-        if self._prop(prop).fixed:
+        if self.props[prop].fixed:
             return [0.0] * 6
         start = self._dofs[prop]
         return self._numbers(self._qvel, slice(start, start + 6))
 
     def angle(self, hinge: str) -> Any:
         """Angle of a hinge in radians."""
-        check_known("hinge", hinge, self._hinges)
-        start = self._hinges[hinge][1]
-        return self._numbers(self._qpos, slice(start, start + 1))[0]
+        return self._numbers(self._qpos, self._hinges[hinge][1])
 
     def hinge_axis(self, hinge: str) -> HingeAxis:
         """Axis of a hinge now, in the table frame."""
-        check_known("hinge", hinge, self._hinges)
         joint, _ = self._hinges[hinge]
         return HingeAxis(
             self._numbers(self._xanchor, joint), self._numbers(self._xaxis, joint)
@@ -166,6 +157,7 @@ class Questions(ABC):
 
     def min_height(self, prop: str) -> Any:
         """Height of the lowest point of a prop's root part above the table top, in metres."""
-        check_known("object", prop, self.props)
-        x, y, z = self.axes(prop)[6:]  # the vertical in the prop's frame
+        x, y, z = self.axes(self.props[prop].name)[
+            6:
+        ]  # the vertical in the prop's frame
         return self._lowest(prop, x, y, z) + self.origin(prop)[2]

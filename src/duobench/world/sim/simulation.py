@@ -1,7 +1,7 @@
 """One compiled model and its state: stepping, saving, restoring, placing, and asking."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
@@ -321,7 +321,7 @@ class Simulation(Questions):
 
     def place(self, name: str, pose: SE3) -> None:
         """Put a prop at a pose in the table frame, at rest; call `forward` after the last one."""
-        if self._prop(name).fixed:
+        if self.props[name].fixed:
             number = self.model.body(name).mocapid[0]
             self.data.mocap_pos[number] = pose.translation
             self.data.mocap_quat[number] = pose.wxyz
@@ -351,7 +351,7 @@ class Simulation(Questions):
             self.data.site_xmat[number].reshape(3, 3), self.data.site_xpos[number]
         )
 
-    def _numbers(self, array: Array, row: int | slice) -> list[float]:
+    def _numbers(self, array: Array, row: int | slice) -> Any:
         return array[row].tolist()
 
     def chosen(
