@@ -43,7 +43,7 @@ class Description:
     """The command that made it, if one command did."""
 
     def differences(self, other: "Description") -> list[str]:
-        """Differences that keep its episodes out of another data set: suites have their own layouts."""
+        """Differences that keep its episodes out of another set: suites have their own layouts."""
         name = "suite version"
         return differences({name: self.suite_version}, {name: other.suite_version})
 

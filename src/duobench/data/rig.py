@@ -139,7 +139,7 @@ def drivers_of(rig: Any) -> tuple[str, ...]:
 
 
 def placement(layout: Layout) -> str:
-    """Instructions for placing a layout's objects, one a line: in mm in the table frame, and in degrees."""
+    """Places of a layout's objects for people, one a line: mm in the table frame, degrees."""
     lines = []
     for name, pose in sorted(layout.poses.items()):
         x, y, z = 1000.0 * pose.translation

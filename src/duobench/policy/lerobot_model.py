@@ -267,7 +267,7 @@ def _dtype(model: Any) -> str:
 def _version(
     folder: Path, steps: int, mode: str, model: Any, device: str, amp: bool
 ) -> str:
-    """Version of a policy, which no run may change: checkpoint, actions executed, numbers, device, libraries."""
+    """Version of a policy: checkpoint, actions executed, numbers, device, libraries."""
     where = torch.device(device)
     card = f" ({torch.cuda.get_device_name(where)})" if where.type == "cuda" else ""
     return (

@@ -418,7 +418,7 @@ class LearningData:
 
 
 def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
-    """Problems that keep a policy that learns from a data set from playing here, one sentence each."""
+    """Reasons why a policy that learns from a data set cannot play here, a sentence each."""
     if info.get("fps") != CONTROL_HZ:
         yield f"It has {info.get('fps')} rows a second; {CONTROL_HZ:g} are needed."
     if not isinstance(features, Mapping):
