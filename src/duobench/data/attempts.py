@@ -11,8 +11,8 @@ from duobench.data.recording import Recording
 from duobench.data.stream import INTERRUPTED
 
 ATTEMPTS, TAKES = "attempts.json", "takes"
-"""What `record` has played, by which it goes on; and the folder of what people have led, one file a
-task, which several sessions may add to."""
+"""File of the attempts of `record`, by which it goes on; and the folder of those that people led,
+one file a task, which several sessions may add to."""
 ATTEMPTS_SCHEMA = 1
 RUN = "record.json"
 """Description of what `record` records."""
@@ -45,7 +45,7 @@ class Attempts:
 
 
 def of_task(data: DataSet, task: str) -> list[Attempt]:
-    """What was begun for a task, whoever acted; a `FileError` if it cannot be read."""
+    """Attempts that were begun for a task, by any actor; a `FileError` if it cannot be read."""
     paths = (data.path / ATTEMPTS, _takes(data, task))
     found = [read(path, Attempts, ATTEMPTS_SCHEMA) for path in paths if path.exists()]
     return sorted(

@@ -71,7 +71,7 @@ def write_data_card(
 
 
 def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
-    """What the card says of recordings, whose pictures are made."""
+    """Card of recordings, whose pictures are made."""
     from duobench.data.page import contact_sheet  # loads the engine
 
     data = DataSet.open(folder, create=False, import_tasks=import_tasks)
@@ -93,7 +93,7 @@ def _of_recordings(folder: Path, import_tasks: bool) -> dict[str, Any]:
 
 
 def _of_exports(folder: Path) -> dict[str, Any]:
-    """What the card says of an export, or of a folder with several."""
+    """Card of an export, or of a folder with several."""
     found = sorted(path.parents[1] for path in folder.glob("**/meta/info.json"))
     places = [path.relative_to(folder) for path in found]
     places = [

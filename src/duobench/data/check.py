@@ -1,4 +1,4 @@
-"""What is wrong with a data set: every file is read to its end, every claim in it checked."""
+"""Problems of a data set: every file is read to its end, every claim in it checked."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -170,7 +170,7 @@ def _beginning(
 
 
 def _disagreements(recording: Recording, path: Path) -> list[str]:
-    """What an episode says that does not agree with itself or with its place."""
+    """Disagreements of an episode with itself or with its place."""
     info, outcome = recording.info, recording.info.outcome
     stage, length, steps = recording.stage, len(recording), recording.steps
     horizon = None if info.config is None else info.config.horizon

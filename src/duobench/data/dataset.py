@@ -25,7 +25,7 @@ from duobench.data.schema import SCHEMA, VIDEO_SUFFIX, EpisodeInfo
 from duobench.tasks import catalog
 
 DESCRIPTION = "dataset.json"
-"""What makes a folder a data set."""
+"""File that makes a folder a data set."""
 EPISODES = "episodes"
 """Folder of the episodes, one folder a task in it."""
 SUFFIX = ".parquet"
@@ -34,7 +34,7 @@ SUFFIX = ".parquet"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Description:
-    """What is said about a data set as a whole."""
+    """Description of a data set as a whole."""
 
     suite_version: str
     versions: dict[str, str]
@@ -43,7 +43,7 @@ class Description:
     """The command that made it, if one command did."""
 
     def differences(self, other: "Description") -> list[str]:
-        """What keeps its episodes out of another data set: suites have their own layouts."""
+        """Differences that keep its episodes out of another set: suites have their own layouts."""
         name = "suite version"
         return differences({name: self.suite_version}, {name: other.suite_version})
 
@@ -94,7 +94,7 @@ class DataSet:
 
     @property
     def description(self) -> Path:
-        """What is said about the whole."""
+        """Description of the whole."""
         return self.path / DESCRIPTION
 
     def read_description(self) -> Description:
@@ -215,7 +215,7 @@ class DataSet:
 
     @property
     def discarded(self) -> "DataSet":
-        """What operators have discarded in sessions that go on, where no other reader looks."""
+        """Episodes that operators discarded in sessions that go on, where no other reader looks."""
         return DataSet(self.path / "discarded")
 
     def add(self, task: str, name: str, content: bytes) -> Path:

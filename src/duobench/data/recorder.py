@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
 
 OBSERVED = ("agent_pos", "tcp_pose")
-"""What of the observation is recorded as it is."""
+"""Parts of the observation that are recorded as they are."""
 UNDECIDED = "Nobody said whether to keep it."
 """Why an episode is not meant to be used that was left while it waited."""
 
@@ -110,17 +110,18 @@ class Recorder(DuoWrapper):
             cast("SimEnv", self.base) if hasattr(self.base, "simulation") else None
         )
         self.data = DataSet.open(data) if isinstance(data, str | Path) else data
-        """What episodes are added to, if anything."""
+        """Data set to which episodes are added, if any."""
         self.content: bytes | None = None
         """Without a data set, the last finished episode, as the content of its file."""
         self.actor = actor or Actor()
-        """Who or what acts, from the next episode on."""
+        """Actor, from the next episode on."""
         self.next_name: str | None = None
         """Name of the next episode's file; without one it is the next free number."""
         self.clutch: tuple[bool, bool] = (False, False)
         """Whether each hand, left then right, leads its arm in the next action."""
         self.device: str | None = None
-        """What led in this episode, where that shows only while it runs; else the actor's."""
+        """Device that led in this episode, where that shows only while it runs; else the
+        actor's."""
         if rig is not None and self.data is None:
             raise DataError(
                 "What cameras of a rig see is recorded in a data set; name one."
@@ -402,7 +403,7 @@ class Recorder(DuoWrapper):
 
 
 def _action_mode(env: gym.Env, limits: DuoLimits) -> ActionMode:
-    """What an action means here, if the environment takes single ones as its mode has them."""
+    """Mode of an action here, if the environment takes single ones as its mode has them."""
     mode = action_modes.get(env.get_wrapper_attr("action_mode"))
     if env.action_space != mode.space(limits):
         raise DataError(

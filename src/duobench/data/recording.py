@@ -35,7 +35,7 @@ class Recording:
     """One episode of T actions, with T + 1 rows of what was seen."""
 
     info: EpisodeInfo
-    """What is said about the episode as a whole."""
+    """Facts about the episode as a whole."""
     time: Array
     """Seconds (T + 1,) on a clock that never goes back: simulated time, 0 at the reset."""
     agent_pos: NDArray[np.float32]
@@ -54,7 +54,7 @@ class Recording:
     """Full states of the simulation (T + 1, n), from which images are rendered; n is 0
     on real arms."""
     action: Array
-    """What the actor wanted (T, m), in the environment's action mode: the label to learn from."""
+    """Action of the actor (T, m), in the environment's action mode: the label to learn from."""
     sent: Array
     """Joint targets in radians and openings that the arms were really sent (T, 16).
 
@@ -75,7 +75,7 @@ class Recording:
     frame_age: Array
     """Seconds from when they were taken to `time` (T + 1, v); NaN before the first one."""
     left_robot_state: Array
-    """What the left arm's driver says of it (T + 1, n), see `info.robot_state_names`; NaN where it
+    """State of the left arm from its driver (T + 1, n), see `info.robot_state_names`; NaN where it
     said something else. Without a rig (T + 1, 0)."""
     right_robot_state: Array
     """The same of the right arm (T + 1, n)."""
@@ -195,7 +195,7 @@ def _from_table(table: pa.Table) -> Recording:
 
 
 def _metadata(info: bytes) -> dict[bytes, bytes]:
-    """What an episode's file says about it, with a checksum, which Parquet has for rows alone."""
+    """Metadata of an episode's file, with a checksum, which Parquet has for rows alone."""
     return {INFO_KEY: info, _CHECKSUM_KEY: hashlib.sha256(info).hexdigest().encode()}
 
 

@@ -1,4 +1,4 @@
-"""What is recorded of a rig beside the environment's observation: its cameras and its arms."""
+"""Recorded state of a rig beside the environment's observation: its cameras and its arms."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, Protocol
@@ -14,7 +14,7 @@ from duobench.world.robot.frames import tcp_poses
 from duobench.world.sim.layout import Layout
 
 _MEASURED = ("time_s", "joints", "velocities", "torques")
-"""What every driver measures, beside its own robot state."""
+"""Measurements of every driver, beside its own robot state."""
 
 
 class RigState(Protocol):
@@ -43,7 +43,7 @@ class RigState(Protocol):
         ...
 
     def readings(self) -> Mapping[Side, Any]:
-        """What each arm says at this moment.
+        """Reading of each arm at this moment.
 
         That is `time_s`, `joints`, `velocities`, `torques`, and its driver's full robot `state` by
         the names of its library.
@@ -51,7 +51,7 @@ class RigState(Protocol):
         ...
 
     def gripper_readings(self) -> Mapping[Side, Any]:
-        """What each gripper says at this moment, with its `opening`."""
+        """Reading of each gripper at this moment, with its `opening`."""
         ...
 
 
@@ -131,7 +131,7 @@ class RigRecorder:
 
 
 def drivers_of(rig: Any) -> tuple[str, ...]:
-    """What talks to the arms, grippers and cameras of a rig, each kind once."""
+    """Drivers of the arms, grippers and cameras of a rig, each kind once."""
     parts = (rig.arms, rig.grippers, rig.cameras)
     return tuple(
         dict.fromkeys(str(device.driver) for part in parts for device in part.values())
@@ -139,7 +139,7 @@ def drivers_of(rig: Any) -> tuple[str, ...]:
 
 
 def placement(layout: Layout) -> str:
-    """Where people put a layout's objects, one a line: in mm in the table frame, and in degrees."""
+    """Places of a layout's objects for people, one a line: mm in the table frame, degrees."""
     lines = []
     for name, pose in sorted(layout.poses.items()):
         x, y, z = 1000.0 * pose.translation

@@ -1,4 +1,4 @@
-"""What a recording holds: its columns, and what is said about the episode as a whole.
+"""Schema of a recording: its columns, and facts about the episode as a whole.
 
 One Parquet file an episode. Row t holds what was seen before action t, the action, and what the
 step gave back; one last row holds what was seen after the last action, its action being null. So
@@ -39,7 +39,7 @@ episode, as that of ACT, may never learn them.
 
 
 def video_path(episode: Path, camera: str) -> Path:
-    """Where the video of a camera is, of an episode whose file, finished or not, is given."""
+    """Path of a camera's video, of an episode whose file, finished or not, is given."""
     return episode.with_name(f"{episode.stem}.{camera}{VIDEO_SUFFIX}")
 
 
@@ -101,7 +101,7 @@ COLUMNS = (
 
 
 class Domain(StrEnum):
-    """Where an episode was played."""
+    """Domain in which an episode was played."""
 
     SIM = "sim"
     REAL = "real"
@@ -116,12 +116,12 @@ class RigFacts:
     hash: str
     """SHA-256 of all that its file says."""
     drivers: tuple[str, ...] = ()
-    """What talks to its arms, grippers and cameras, each kind once; "simulated" is no hardware."""
+    """Drivers of its arms, grippers and cameras, each kind once; "simulated" is no hardware."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VideoFacts:
-    """What one camera of a rig saw, in a video beside the episode's file."""
+    """Video of one camera of a rig, beside the episode's file."""
 
     frames: int | None = None
     """Frames in the video; None while it is being recorded."""
@@ -132,7 +132,7 @@ class VideoFacts:
 
 
 class ActorKind(StrEnum):
-    """Who or what decided the actions."""
+    """Kind of the actor that decided the actions."""
 
     EXPERT = "expert"
     POLICY = "policy"
@@ -144,14 +144,15 @@ class ActorKind(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Actor:
-    """Who or what acted."""
+    """Actor of an episode."""
 
     kind: ActorKind = ActorKind.PROGRAM
     name: str = ""
     """Name of the policy, or a person's pseudonym."""
     version: str | None = None
     device: str | None = None
-    """What a person used, or a scripted operator imitated; "mouse and gamepad" if several."""
+    """Device that a person used, or a scripted operator imitated; "mouse and gamepad" if
+    several."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -174,7 +175,7 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EpisodeInfo:
-    """What is said about an episode as a whole."""
+    """Facts about an episode as a whole."""
 
     task: str
     """Its id."""
@@ -183,13 +184,13 @@ class EpisodeInfo:
     instruction: str
     """Instruction of the policy, or what an operator typed."""
     subinstructions: tuple[str, ...]
-    """What to do at stage 0, 1, ... to reach the next one."""
+    """Instructions at stages 0, 1, ... that lead to the next one."""
     layout: dict[str, Any]
     """How the episode began: the JSON form of a `Layout`; empty on real arms."""
     seed: int | None
     """Seed that sampled the layout; None if it was given."""
     split: str | None
-    """What the layout was sampled for, "train" or "eval"; None if it was given."""
+    """Split that the layout was sampled for, "train" or "eval"; None if it was given."""
     config: EnvConfig | None
     """Configuration of the environment; None where wrappers were put together by hand."""
     suite_version: str
@@ -205,9 +206,9 @@ class EpisodeInfo:
     control_rate_hz: float = CONTROL_HZ
     """Rows a second."""
     observation_names: tuple[str, ...] = JOINT_NAMES
-    """What the numbers of `agent_pos` and `sent` are."""
+    """Names of the numbers of `agent_pos` and `sent`."""
     action_names: tuple[str, ...] = JOINT_NAMES
-    """What the numbers of `action` are."""
+    """Names of the numbers of `action`."""
     action_mode: str = JOINT.name
     after_success: float = 0.0
     """Seconds that it was to go on after success, a whole number of control steps."""
@@ -224,7 +225,7 @@ class EpisodeInfo:
     """Videos beside the file, `NAME.CAMERA.mp4`, by camera, in the order of the numbers in the
     columns of frames; none in simulation, where images follow from states."""
     robot_state_names: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    """What the numbers of `left_robot_state` and `right_robot_state` are, by side."""
+    """Names of the numbers of `left_robot_state` and `right_robot_state`, by side."""
 
     @property
     def is_real(self) -> bool:
@@ -246,7 +247,7 @@ class EpisodeInfo:
 
     @property
     def mode(self) -> ActionMode:
-        """What the numbers of its actions mean.
+        """Mode of its actions.
 
         Raises:
             UnknownNameError: There is no such action mode here.
@@ -255,7 +256,7 @@ class EpisodeInfo:
 
     @property
     def begun(self) -> "EpisodeInfo":
-        """What was known when it began; the device may be known later."""
+        """Facts that were known when it began; the device may be known later."""
         actor = replace(self.actor, device=None)
         videos = dict.fromkeys(self.videos, VideoFacts())
         return replace(self, outcome=None, last_hash=None, videos=videos, actor=actor)

@@ -41,7 +41,7 @@ _LENGTH_BYTES = 8
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Head:
-    """What the file begins with."""
+    """Head of the file."""
 
     info: EpisodeInfo
     sizes: dict[str, int]
@@ -70,7 +70,7 @@ class EpisodeRows:
 
     def __init__(self, info: EpisodeInfo, sizes: Mapping[str, int]) -> None:
         self.info = info
-        """What is known about it, which grows."""
+        """Facts about it, which grow."""
         self.videos: Videos | None = None
         self._head = _Head(info=info, sizes=dict(sizes))
         self._rows = np.zeros(_FIRST_CAPACITY, self._head.row_type())
@@ -245,7 +245,7 @@ def _recording(info: EpisodeInfo, rows: NDArray[Any]) -> Recording:
 
 
 def read_left(partial: Path) -> tuple[EpisodeInfo, NDArray[Any]]:
-    """What was known about an episode when it began, and its whole rows, with that error."""
+    """Facts about an episode when it began, and its whole rows, with that error."""
     try:
         data = partial.read_bytes()
         end = _LENGTH_BYTES + int.from_bytes(data[:_LENGTH_BYTES], "little")

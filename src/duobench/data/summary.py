@@ -1,4 +1,4 @@
-"""What a data set adds up to: lengths, success, time a stage, actions and speeds."""
+"""Summary of a data set: lengths, success, time a stage, actions and speeds."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,7 +39,7 @@ _RANGES = np.tile(JOINT_RANGES, (len(SIDES), 1))
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Smoothness:
-    """What episodes' joint targets do that is hard to learn, or to execute on real arms."""
+    """Properties of episodes' joint targets that are hard to learn, or to execute on real arms."""
 
     at_limit: float
     """Share of steps with a joint at an end of its range."""
@@ -51,7 +51,7 @@ class Smoothness:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TaskSummary:
-    """What the episodes of one task add up to."""
+    """Summary of the episodes of one task."""
 
     task: str
     title: str
@@ -89,7 +89,7 @@ class TaskSummary:
 
     @property
     def attempted(self) -> str:
-        """What is known of attempts, in words; empty where nothing is."""
+        """Counts of attempts in words; empty where there are none."""
         if not self.attempts:
             return ""
         begun = sum(each.error != SKIPPED for each in self.attempts)
@@ -111,7 +111,7 @@ class TaskSummary:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class JointSummary:
-    """What one joint does in all episodes."""
+    """Summary of one joint in all episodes."""
 
     name: str
     low: float
@@ -128,7 +128,7 @@ class JointSummary:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Summary:
-    """What a data set adds up to."""
+    """Summary of a data set."""
 
     tasks: tuple[TaskSummary, ...]
     joints: tuple[JointSummary, ...]
@@ -153,7 +153,7 @@ class Summary:
 
     @property
     def domains(self) -> str:
-        """Where the episodes were played, in words."""
+        """Domains in which the episodes were played, in words."""
         real = sum(task.real for task in self.tasks)
         rigs = dict.fromkeys(rig for task in self.tasks for rig in task.rigs)
         parts = [f"{self.episodes - real} simulated"] if real < self.episodes else []

@@ -77,7 +77,7 @@ def count_frames(path: Path) -> int:
 
 
 def describe(path: Path, left_out: int = 0) -> VideoFacts:
-    """What an episode says about a finished video; a `DataError` if there is none."""
+    """Facts of an episode about a finished video; a `DataError` if there is none."""
     return VideoFacts(
         frames=count_frames(path), sha256=digest_of(path), left_out=left_out
     )
@@ -264,7 +264,7 @@ class Videos:
             encoder.close()
 
     def finish(self) -> dict[str, VideoFacts]:
-        """What the finished videos hold, by camera."""
+        """Facts about the finished videos, by camera."""
         self.close()
         for encoder in self._encoders.values():
             encoder.check()

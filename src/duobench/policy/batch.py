@@ -38,7 +38,7 @@ class Session:
     """One episode of a policy; a subclass adds what else the policy remembers of it."""
 
     instruction: str
-    """What to do, in words."""
+    """Instruction in words."""
     seed: int
     """Seed of what is sampled in it."""
     call: int = 0
@@ -70,7 +70,7 @@ class BatchPolicy(Protocol):
 
     @property
     def metadata(self) -> PolicyMetadata:
-        """What the policy expects of the environment."""
+        """Expectations of the policy on the environment."""
         ...
 
     def begin(self, instruction: str, seed: int) -> Session:
@@ -225,7 +225,7 @@ class SessionPolicy:
 
     @property
     def intended_action(self) -> ArrayLike | None:
-        """What a plain policy in it wanted its last action to be, if it has disturbed it."""
+        """Action that a plain policy in it intended last, if it has disturbed it."""
         return getattr(self._session, "intended", None)
 
     def close(self) -> None:
@@ -237,9 +237,9 @@ class SessionPolicy:
 class _PlainSession(Session):
     policy: Policy
     noise: Noise
-    """Where Python's and NumPy's global generators are in this episode."""
+    """State of Python's and NumPy's global generators in this episode."""
     intended: ArrayLike | None = None
-    """What the policy wanted its last action to be, if it has disturbed it."""
+    """Action that the policy intended last, if it has disturbed it."""
 
 
 def _reset(policy: Policy, instruction: str, seed: int) -> Noise:

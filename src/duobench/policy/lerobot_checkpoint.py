@@ -31,9 +31,9 @@ from duobench.envs.state_labels import StatePart
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")
 ADAPTER = "adapter_config.json"
-"""What low-rank adapters are saved with, in place of the weights."""
+"""File of low-rank adapters, in place of the weights."""
 _TRAINING = "train_config.json"
-"""What LeRobot's trainer saves with a checkpoint: where the data set was, nothing that changes what
+"""File of LeRobot's trainer beside a checkpoint: where the data set was, nothing that changes what
 the policy does."""
 _EMPTY = f"{IMAGE_PREFIX}empty_camera_"
 """Placeholders that a model fills itself."""
@@ -47,21 +47,21 @@ DIFFUSION = "diffusion"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Address:
-    """What `lerobot:PATH_OR_ID?steps=30&device=cpu&dtype=float32` says."""
+    """Parts of `lerobot:PATH_OR_ID?steps=30&device=cpu&dtype=float32`."""
 
     checkpoint: str
     """Folder of a checkpoint, or its id on the Hub."""
     steps: int | None = None
     """Actions executed of each chunk; None takes the usual 30, or all that there are."""
     device: str | None = None
-    """What the model runs on, as torch names it; None takes the best that is there."""
+    """Device of the model, as torch names it; None takes the best that is there."""
     dtype: str | None = None
     """Numbers of the weights, "float32" or "bfloat16"; None takes those of the checkpoint."""
     action: str | None = None
     """Mode that its actions are meant for, as an export names it; None takes what the names of its
     data set say."""
     domain: str = DOMAINS[0]
-    """Where it plays, "sim" or "real"; for a policy that learned with domain ids."""
+    """Domain in which it plays, "sim" or "real"; for a policy that learned with domain ids."""
 
 
 def parse(text: str) -> Address:
@@ -165,7 +165,7 @@ def read(path: Path) -> Mapping[str, Any]:
 def inputs(
     config: Any, rename_map: Mapping[str, str]
 ) -> tuple[tuple[str, ...], tuple[int, int] | None]:
-    """What a checkpoint sees, in names of this benchmark: cameras, and the size of their images.
+    """Inputs of a checkpoint, in names of this benchmark: cameras, and the size of their images.
 
     Args:
         config: Its configuration, LeRobot's `PreTrainedConfig`.
@@ -228,7 +228,7 @@ def _check_vectors(config: Any) -> None:
 
 
 def state_parts(folder: Path, config: Any) -> tuple[StatePart, ...]:
-    """What a checkpoint's state holds behind joint positions and openings.
+    """Parts of a checkpoint's state behind joint positions and openings.
 
     The names of its numbers say it, as those of its actions do; 16 numbers are joints and openings.
     """
@@ -268,7 +268,7 @@ def _with_near_miss(key: str) -> str:
 
 
 def labels_of(folder: Path, size: int, mode: str | None = None) -> ActionLabels:
-    """What the `size` numbers of a checkpoint's actions are; a mode says it whatever names do.
+    """Names of the `size` numbers of a checkpoint's actions; a mode says it whatever names do.
 
     Their names stand beside the checkpoint, where `duobench train` writes them, or else in the
     data set, as long as it is where it was. Sixteen numbers without names are joint targets.

@@ -48,7 +48,7 @@ _RENAMING = "rename_observations_processor"
 _DTYPES = ("bfloat16", "float32")
 _NORMAL = (torch.randn, torch.randn_like, torch.normal)
 _PREFIX = "model."
-"""What published weights leave out of their names."""
+"""Prefix that published weights leave out of their names."""
 _MOST_NAMED = 3
 
 
@@ -128,7 +128,8 @@ class LeRobotPolicy:
             dtype=_dtype(self._model),
             device=torch.device(device).type,
         )
-        """What it expects, and a version that names checkpoint, numbers and device."""
+        """Expectations on the environment, and a version that names checkpoint, numbers and
+        device."""
 
     def begin(self, instruction: str, seed: int) -> LeRobotSession:
         """Begin an episode, beside those that are under way."""
@@ -192,7 +193,7 @@ class LeRobotPolicy:
         return [self._labels.to_actions(rows) for rows in actions.float().cpu().numpy()]
 
     def _objects(self, observation: Observation) -> Chunk:
-        """Where the objects are; tasks differ in how many numbers that is."""
+        """State of the objects; tasks differ in how many numbers that is."""
         numbers = np.asarray(observation[ENVIRONMENT_STATE], np.float32)
         if len(numbers) != self._object_numbers:
             raise PolicyError(
@@ -266,7 +267,7 @@ def _dtype(model: Any) -> str:
 def _version(
     folder: Path, steps: int, mode: str, model: Any, device: str, amp: bool
 ) -> str:
-    """What a run must not change: checkpoint, actions executed, numbers, device, libraries."""
+    """Version of a policy: checkpoint, actions executed, numbers, device, libraries."""
     where = torch.device(device)
     card = f" ({torch.cuda.get_device_name(where)})" if where.type == "cuda" else ""
     return (

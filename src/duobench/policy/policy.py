@@ -1,4 +1,4 @@
-"""What a policy is: two methods, and what it expects of an environment."""
+"""Protocol of a policy: two methods, and its expectations on an environment."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _LONGEST_SHOWN = 400
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyMetadata:
-    """What a policy expects of the environment that it acts in."""
+    """Expectations of a policy on the environment that it acts in."""
 
     name: str
     """How the policy calls itself, for people."""
@@ -51,8 +51,9 @@ class PolicyMetadata:
     control_rate_hz: float = CONTROL_HZ
     """Actions a second that the policy was made for."""
     version: str | None = None
-    """What changes when the policy does, such as the hash of its checkpoint; a run goes on only
-    with the version it began with. An evaluation takes the hash of the module's source for None."""
+    """Version that changes when the policy does, such as the hash of its checkpoint; a run goes on
+    only with the version it began with. An evaluation takes the hash of the module's source for
+    None."""
     horizon: int | None = None
     """Actions of one chunk; None if that varies or is unknown."""
     batch_invariant: bool = False
@@ -60,7 +61,7 @@ class PolicyMetadata:
     dtype: str | None = None
     """Numbers that the model computes in, such as "bfloat16"."""
     device: str | None = None
-    """What the model runs on, such as "cuda" or "cpu"."""
+    """Device of the model, such as "cuda" or "cpu"."""
 
     def __post_init__(self) -> None:
         for name, convert in _CONVERSIONS.items():
@@ -121,7 +122,7 @@ _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     "object_state": bool,
     "batch_invariant": bool,
 }
-"""What makes plain values of what is given, which records and messages hold."""
+"""Conversions to plain values, which records and messages hold."""
 
 
 @runtime_checkable
@@ -134,7 +135,7 @@ class Policy(Protocol):
 
     @property
     def metadata(self) -> PolicyMetadata:
-        """What the policy expects of the environment."""
+        """Expectations of the policy on the environment."""
         ...
 
     def reset(self, instruction: str, seed: int) -> None:

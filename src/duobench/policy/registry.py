@@ -36,7 +36,7 @@ A_POLICY = (
 
 
 class PolicyKind(StrEnum):
-    """Where a policy comes from: the first two read the simulation, a baseline needs nothing."""
+    """Origin of a policy: the first two read the simulation, a baseline needs nothing."""
 
     EXPERT = "expert"
     BLIND = "blind"
@@ -67,7 +67,7 @@ class PolicyName:
     """The name as the user gave it."""
     kind: PolicyKind
     reference: str
-    """What is made: a word, `module:attribute`, or what follows `lerobot:`."""
+    """Reference to the policy: a word, `module:attribute`, or what follows `lerobot:`."""
     variety: str | None = None
     """Name of the expert's variety, if there is one in the name."""
 

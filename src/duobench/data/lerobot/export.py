@@ -68,7 +68,7 @@ _Job = tuple[ExportFolder, int]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Exported:
-    """What an export came to."""
+    """Outcome of an export."""
 
     episodes: int
     frames: int
@@ -181,7 +181,7 @@ def _plan(
     paths: Sequence[tuple[int, Path]],
     options: ExportOptions,
 ) -> Export:
-    """What to export into one folder; every recording is read to the end."""
+    """Plan of an export into one folder; every recording is read to the end."""
     episodes, tasks, digests = [], set(), set[str]()
     for number, path in paths:
         recording, digest = Recording.read(path), digest_of(path)
@@ -299,7 +299,7 @@ def _check(recording: Recording, options: ExportOptions, path: Path) -> None:
 def _exporter(
     sources: Sequence[DataSet], plans: Mapping[ExportFolder, Export], view_of: ViewOf
 ) -> Callable[[_Job], _Job]:
-    """What exports one episode after the other; it keeps the model of a task."""
+    """Exporter of one episode after the other; it keeps the model of a task."""
     options = next(iter(plans.values())).options
     source_of = lru_cache(maxsize=1)(
         partial(ImageSource, cameras=options.cameras, size=options.size)

@@ -66,7 +66,7 @@ class SourceEpisode:
     """Which of the data sets it is from, in the order in which they were given."""
     domain: Domain = Domain.SIM
     split: str | None = None
-    """What its layout was sampled for; None if that was given."""
+    """Split that its layout was sampled for; None if that was given."""
     look: str | None = None
     """Its look, where each rendered episode has its own; else that of the options."""
 
@@ -80,16 +80,16 @@ class Export:
     versions: dict[str, str]
     """Of the packages that the images depend on."""
     episodes: tuple[SourceEpisode, ...]
-    """What is exported, in the order of the export."""
+    """Episodes in the order of the export."""
     object_state_names: tuple[str, ...] = ()
-    """What the numbers of the object state are; none where it is not exported."""
+    """Names of the numbers of the object state; none where it is not exported."""
     cameras: dict[str, Any] = field(default_factory=dict)
     domains: tuple[str, ...] = DOMAINS
-    """What the numbers 0, 1 of the column `domain` stand for."""
+    """Meaning of the numbers 0, 1 of the column `domain`."""
 
     @property
     def vectors(self) -> dict[str, tuple[str, ...]]:
-        """What the numbers are of each column that holds several in a row."""
+        """Names of the numbers of each column that holds several in a row."""
         vectors = {
             STATE: state_labels.names_of(self.options.state),
             ACTION: LABELS[self.options.action].names,
@@ -162,7 +162,7 @@ class Residual:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class EpisodeFacts:
-    """What the export notes about a finished episode, beside its files."""
+    """Facts about a finished episode, beside its files."""
 
     counts: dict[str, list[list[int]]]
     """How often each value occurs in each channel (3, 256), by camera."""
@@ -184,7 +184,7 @@ class ExportFolder:
         return self.path / "meta"
 
     def facts(self, index: int) -> Path:
-        """What is noted about a finished episode."""
+        """Facts about a finished episode."""
         return self.meta / "duobench" / f"{index:06d}.json"
 
     def data(self, index: int) -> Path:
@@ -236,13 +236,13 @@ class ExportFolder:
             )
 
     def read_facts(self, index: int) -> EpisodeFacts:
-        """What was noted about a finished episode."""
+        """Facts that were noted about a finished episode."""
         advice = "Delete the file and export again."
         return read(self.facts(index), EpisodeFacts, SCHEMA, advice=advice)
 
 
 def _numbers(index: int) -> dict[str, int]:
-    """What the paths of an episode's files are made of, in every format."""
+    """Numbers in the paths of an episode's files, in every format."""
     chunk, file = divmod(index, CHUNK_SIZE)
     named = {"chunk_index": chunk, "file_index": file}
     return named | {"episode_chunk": chunk, "episode_index": index}
@@ -288,7 +288,7 @@ def describe(
 
 
 def _describe_video(size: tuple[int, int]) -> dict[str, Any]:
-    """What `meta/info.json` says about a video, under the keys that LeRobot's own writer uses."""
+    """Entry of `meta/info.json` about a video, under the keys that LeRobot's own writer uses."""
     return {
         "video.height": size[0],
         "video.width": size[1],

@@ -1,4 +1,4 @@
-"""What describes a finished export: `info.json`, `stats.json`, tables of tasks and episodes.
+"""Metadata of a finished export: `info.json`, `stats.json`, tables of tasks and episodes.
 
 All of it is computed from the files of the episodes and from what was noted beside them. Statistics
 are exact: of vectors from all rows, of images from counts of values.
@@ -114,7 +114,7 @@ def _statistics(
 
 
 def _episode(export: Export, index: int, numbers: _Lists) -> dict[str, Any]:
-    """Where an episode is, and its statistics, as a row of the table of episodes."""
+    """Place of an episode and its statistics, as a row of the table of episodes."""
     source, (chunk, file) = export.episodes[index], divmod(index, CHUNK_SIZE)
     first = export.first_row(index)
     row: dict[str, Any] = {

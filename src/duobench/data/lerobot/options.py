@@ -1,4 +1,4 @@
-"""What can be chosen about an export."""
+"""Options of an export."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ class Format(StrEnum):
     """LeRobot's data set format, by its version."""
 
     V30 = "v3.0"
-    """What LeRobot reads since 0.4."""
+    """Format that LeRobot reads since 0.4."""
     V21 = "v2.1"
-    """What LeRobot 0.3, openpi and Isaac-GR00T read."""
+    """Format that LeRobot 0.3, openpi and Isaac-GR00T read."""
 
     @property
     def paths(self) -> tuple[str, str]:
-        """Where the numbers and the images of an episode are, as `meta/info.json` says it."""
+        """Paths of the numbers and the images of an episode, in the form of `meta/info.json`."""
         if self is Format.V30:
             place = "chunk-{chunk_index:03d}/file-{file_index:03d}"
             return f"data/{place}.parquet", f"videos/{{video_key}}/{place}.mp4"
@@ -46,9 +46,9 @@ class Pairing(StrEnum):
     """Which observation stands in a row with action t."""
 
     CAUSAL = "causal"
-    """What was seen before the action, o_t: what a policy sees when it decides."""
+    """Observation before the action, o_t: the one that a policy has when it decides."""
     DELAYED = "delayed"
-    """What was seen after it, o_{t+1} [paper, data sets]."""
+    """Observation after it, o_{t+1} [paper, data sets]."""
 
     @property
     def offset(self) -> int:
@@ -60,14 +60,14 @@ class ActionSource(StrEnum):
     """Which of the recorded numbers become `action`."""
 
     INTENDED = "intended"
-    """What the actor wanted, where it acted in joint targets or in the exported mode; else what was
+    """Action of the actor, where it acted in joint targets or in the exported mode; else what was
     sent."""
     SENT = "sent"
-    """What the arms were really sent: clipped to limits, and with noise that an actor added to its
-    own actions."""
+    """Targets that were really sent to the arms: clipped to limits, and with noise that an actor
+    added to its own actions."""
     GIVEN = "given"
-    """What the actor wanted; tool poses that are exported in another mode are brought to joint
-    targets by inverse kinematics that starts at the observed joints of each row."""
+    """Action of the actor as given; tool poses that are exported in another mode are brought to
+    joint targets by inverse kinematics that starts at the observed joints of each row."""
 
 
 _KINDS = {"format": Format, "pairing": Pairing, "action_source": ActionSource}
@@ -144,13 +144,13 @@ class ExportForm:
     pairing: Pairing = Pairing.CAUSAL
     """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
     action: str = JOINT.name
-    """What the actions are meant for: joint (targets), cartesian (tool poses) or cartesian_relative
+    """Mode of the actions: joint (targets), cartesian (tool poses) or cartesian_relative
     (changes of them), with rotations as six numbers; see duobench docs lerobot."""
     action_source: ActionSource = ActionSource.INTENDED
     """Which recorded numbers they are made of: what the actor wanted (intended; where it acted in
     something else, what was sent), what was sent, or what was given, brought to joint targets."""
     state: tuple[StatePart, ...] = ()
-    """What the state holds behind joint positions and openings: tool poses (tcp_pose), joint
+    """Parts of the state behind joint positions and openings: tool poses (tcp_pose), joint
     velocities (joint_velocity), or both."""
     object_state: bool = False
     """Export where the objects are too, as numbers that no camera sees."""

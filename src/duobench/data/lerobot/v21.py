@@ -1,4 +1,4 @@
-"""What describes an export in LeRobot's format v2.1, and what others read beside it.
+"""Metadata of an export in LeRobot's format v2.1, and files that others read beside it.
 
 Isaac-GR00T reads `meta/modality.json`, which names parts of the state and of the actions, and
 `meta/stats.json`, which LeRobot's v2.1 has no more [getting_started/data_preparation.md,
@@ -29,7 +29,7 @@ _KINDS = {
     r"rotation_\d": "eef_rotation",
     r"joint_\d_velocity": "arm_velocity",
 }
-"""What a number belongs to, by a pattern of its name without the side; `eef` is the tool."""
+"""Part that a number belongs to, by a pattern of its name without the side; `eef` is the tool."""
 
 Numbers = Mapping[str, Mapping[str, Any]]
 """Statistics by name of each feature."""
@@ -87,7 +87,7 @@ def _modality(export: Export) -> dict[str, Any]:
 
 
 def _slices(names: Sequence[str]) -> dict[str, dict[str, int]]:
-    """Where the numbers of each part begin and end, by its name: `left_arm`, `left_gripper`."""
+    """Range of the numbers of each part, by its name: `left_arm`, `left_gripper`."""
     slices, end = {}, 0
     for part, numbers in groupby(names, _part):
         start, end = end, end + len(list(numbers))

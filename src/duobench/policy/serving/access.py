@@ -1,4 +1,4 @@
-"""Who may ask a server: the keys, and the hosts that need one."""
+"""Access to a server: the keys, and the hosts that need one."""
 
 import hmac
 import os
@@ -39,7 +39,7 @@ def check_access(host: str, key: str | None) -> None:
 
 
 def headers(key: str | None) -> dict[str, str]:
-    """What a client sends with its first request."""
+    """Headers of a client's first request."""
     return {} if key is None else {"Authorization": f"{_SCHEMES[0]} {key}"}
 
 

@@ -1,4 +1,4 @@
-"""Where a policy is served, and in which format: data, without a connection."""
+"""Address of a served policy, and its format: data, without a connection."""
 
 import re
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ MAX_S = 86_400.0
 """Most seconds for one answer, and to wait: a day; sockets know no endless time."""
 LOOPBACK = "127.0.0.1"
 _SCHEMES = ("ws", "wss")
-"""What the address of a server begins with."""
+"""Schemes of the address of a server."""
 _FORM = "The address of a server is ws://HOST:PORT or wss://HOST:PORT."
 
 OPENPI = "duobench.policy.serving.client:OpenpiPolicy"
@@ -40,12 +40,12 @@ WORDS: Mapping[str, PolicyKind] = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyAddress:
-    """Where a policy answers that an evaluation has started in a process of its own."""
+    """Address of a policy that an evaluation has started in a process of its own."""
 
     host: str = LOOPBACK
     port: int
     key: str
-    """What it asks for; only those who play with it have it."""
+    """Key that it asks for; only those who play with it have it."""
     batching: Batching | None
     """How many observations it answers together; None for a plain policy, which plays one episode
     at a time."""
@@ -59,7 +59,7 @@ class PolicyAddress:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RemoteServer:
-    """Where a policy is served, and in which format; nothing of it is written to a record."""
+    """Address of a served policy, and its format; nothing of it is written to a record."""
 
     url: str
     """Address, such as ws://HOST:PORT, with a path if the server has one."""

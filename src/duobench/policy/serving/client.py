@@ -29,14 +29,14 @@ from duobench.policy.serving.connection import ConnectedPolicy, actions_of, repo
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
 
 VLLM_PATH = "/v1/realtime/robot/openpi"
-"""Where vLLM-Omni serves robot policies."""
+"""Path at which vLLM-Omni serves robot policies."""
 _ROBOARENA_KEYS = {"needs_session_id", "n_external_cameras", "needs_wrist_camera"}
-"""What the first message of a RoboArena server holds."""
+"""Keys of the first message of a RoboArena server."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Dialect:
-    """What one kind of server understands beside plain observations."""
+    """Dialect of one kind of server, beside plain observations."""
 
     name: str
     reset: tuple[str, ...] | None = None
@@ -93,7 +93,7 @@ class OpenpiPolicy(ConnectedPolicy):
     health_path = HEALTH_PATH
     _dialect: Dialect
     _added: Mapping[str, Any] = MappingProxyType({})
-    """What every observation of the episode also holds."""
+    """Values that every observation of the episode also holds."""
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode, with a connection of its own where the server knows no other way.
@@ -199,7 +199,7 @@ class OwnPolicy(OpenpiPolicy):
     """A policy in a process of its own, whose errors are those of one in this process."""
 
     intended_action: Any = None
-    """What it wanted its last action to be, if it has disturbed it."""
+    """Action that it intended last, if it has disturbed it."""
     busy_s: float = 0.0
     """Seconds that it took for its answers, without those for which they waited."""
 

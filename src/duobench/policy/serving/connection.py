@@ -47,7 +47,7 @@ _NOT_ALLOWED = (401, 403)
 _LONGEST_LIST = 1000
 """Characters of a list of names that are kept."""
 LOST = (OSError, EOFError, InvalidHandshake, ConnectionClosed)
-"""What is raised where there is no connection, or no more."""
+"""Errors of a missing or lost connection."""
 _UNREADABLE = (
     CloseCode.PROTOCOL_ERROR,
     CloseCode.INVALID_DATA,
@@ -60,11 +60,11 @@ class ConnectedPolicy(ABC):
     """A policy at a server; a subclass knows what is said there."""
 
     metadata: PolicyMetadata
-    """What the policy expects of the environment."""
+    """Expectations of the policy on the environment."""
     batching: Batching | None
     """How many observations the server answers together, if it tells."""
     health_path: ClassVar[str]
-    """Where a server of this kind says that it lives."""
+    """Path at which a server of this kind says that it lives."""
     _default_format: ClassVar[str | None] = None
     """Name of the format of a server for which none is given; None takes openpi's keys."""
 
@@ -131,7 +131,7 @@ class ConnectedPolicy(ABC):
     def _metadata_from_format(
         self, name: str, version: str, facts: object
     ) -> PolicyMetadata:
-        """What a policy of others expects; its version also says in which format."""
+        """Expectations of a policy of others; its version also says in which format."""
         digest = hashlib.sha256(repr(facts).encode(errors="replace")).hexdigest()[:16]
         version = f"{version}, format {digest}, {self._server.executed}"
         return self._format.metadata(name, version)
@@ -158,7 +158,7 @@ class ConnectedPolicy(ABC):
         connection.send(data)
 
     def _heard(self, connection: ClientConnection) -> str | bytes:
-        """What the server says next; time in which this process is stopped does not count."""
+        """Next message of the server; time in which this process is stopped does not count."""
         while True:
             try:
                 return connection.recv(self._left())

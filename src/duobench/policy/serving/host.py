@@ -203,7 +203,7 @@ class PolicyHost:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _RequestedEpisode:
-    """What distinguishes one episode of a client from the next."""
+    """Key that distinguishes one episode of a client from the next."""
 
     prompt: str = ""
     seed: int = 0
@@ -315,7 +315,7 @@ class ClientSession:
             self._loop.end(future.result())
 
     async def _result(self, future: Future[T]) -> T:
-        """What the inference loop answers; giving up gives the place in its queue back."""
+        """Answer of the inference loop; giving up gives the place in its queue back."""
         try:
             async with asyncio.timeout(self._answer_s):
                 return await asyncio.wrap_future(future)

@@ -1,4 +1,4 @@
-"""What server and client agree on, and what each accepts from the other, all in one place.
+"""Limits that server and client agree on, and those of what each accepts, in one place.
 
 A peer that sends more, or takes longer, is refused; that costs little memory and time.
 """
@@ -8,7 +8,7 @@ from duobench.core.types import FLAT_SIZE
 PROTOCOL = 1
 """Version of what our server adds to openpi's protocol."""
 HEALTH_PATH = "/healthz"
-"""Where a server of ours says that it lives."""
+"""Path at which a server of ours says that it lives."""
 VLA_EVAL_PROTOCOL = 1
 """Version of vla-eval's protocol that is spoken."""
 

@@ -67,7 +67,7 @@ class ActionFormat:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MessageFormat:
-    """What a server expects and gives."""
+    """Format of a server's messages."""
 
     images: Mapping[str, str] = field(default_factory=dict)
     """Their key: our camera."""
@@ -115,7 +115,7 @@ class MessageFormat:
         return self.image_size[0] - self.rendered_size[0]
 
     def metadata(self, name: str, version: str) -> PolicyMetadata:
-        """What a policy with this format expects of the environment."""
+        """Expectations of a policy with this format on the environment."""
         return PolicyMetadata(
             name=name,
             version=version,
@@ -165,7 +165,7 @@ class MessageFormat:
         return np.concatenate([parts[part] for part in _PARTS], axis=1)
 
     def measured_action(self, observation: Observation) -> NDArray[np.float32]:
-        """Where the arms are, as an action (n,) that the server would give."""
+        """Measured state of the arms as an action (n,) that the server would give."""
         parts = _parts_of(observation, self._action_gripper)
         if self.actions.mode.startswith("cartesian"):
             parts["left_arm"], parts["right_arm"] = (parts[pose] for pose in _POSES)

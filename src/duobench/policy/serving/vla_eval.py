@@ -74,7 +74,7 @@ _CAMERAS = ("head", "left_wrist", "right_wrist")
 
 
 class DeclaredSpec(msgspec.Struct, frozen=True):
-    """What a server says about one component: what its numbers mean, and how many they are."""
+    """Declaration of a server about one component: the meaning and count of its numbers."""
 
     format: str = ""
     dims: int = 0
@@ -82,7 +82,7 @@ class DeclaredSpec(msgspec.Struct, frozen=True):
 
 
 class Declared(msgspec.Struct, frozen=True):
-    """What a server says about itself, what it wants of a benchmark, gives and expects."""
+    """Declaration of a server: its needs of a benchmark, its actions and observations."""
 
     model_server: str = ""
     harness_version: str = ""
@@ -244,7 +244,7 @@ def observation_spec(message_format: MessageFormat) -> dict[str, Spec]:
 
 
 def contradictions(declared: Declared, message_format: MessageFormat) -> Iterator[str]:
-    """What a server says about itself and a format says otherwise, one sentence part each."""
+    """Contradictions between a server's declaration and a format, one phrase each."""
     yield from _of_actions(declared.action_spec, message_format)
     yield from _of_observations(declared.observation_spec, message_format)
     yield from _of_parameters(declared.observation_params, message_format)

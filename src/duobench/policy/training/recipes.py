@@ -13,7 +13,7 @@ class Setting(NamedTuple):
     option: str
     value: str
     why: str
-    """Where the value comes from: the paper, the checkpoints that its authors have published since
+    """Source of the value: the paper, the checkpoints that its authors have published since
     (their model cards, November 2026), or a choice of ours and its reason."""
 
     @property

@@ -67,7 +67,7 @@ class Training:
     folder: Path
     tasks: tuple[str, ...]
     names: Mapping[str, Sequence[str]]
-    """What the numbers of its features are."""
+    """Names of the numbers of its features."""
     suite_version: str | None
 
     def command(self, more: Sequence[str] = ()) -> list[str]:
@@ -80,7 +80,7 @@ class Training:
 
     @property
     def checkpoint(self) -> Path:
-        """Where the policy will be."""
+        """Path at which the policy will be."""
         return self.folder / LAST
 
     def is_finished(self, more: Sequence[str] = ()) -> bool:
@@ -216,7 +216,7 @@ def _plan(
 
 
 def program() -> Path:
-    """Where `lerobot-train` is; a `PolicyError` where LeRobot is not installed."""
+    """Path of `lerobot-train`; a `PolicyError` where LeRobot is not installed."""
     beside = Path(sys.executable).with_name(PROGRAM)
     command = str(beside) if beside.exists() else shutil.which(PROGRAM)
     if command is None:
@@ -360,7 +360,7 @@ class LearningData:
         self.names = {
             key: list(map(str, names)) for key, names in found.items() if names
         }
-        """What the numbers of its features are, where it says so."""
+        """Names of the numbers of its features, where it says so."""
         self.suite_version = (self._read("meta/duobench.json") or {}).get(SUITE)
         """Version of the suite that its episodes are of, where it says so."""
         if self.suite_version not in (None, SUITE_VERSION):
@@ -418,7 +418,7 @@ class LearningData:
 
 
 def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
-    """What keeps a policy that learns from a data set from playing here, one sentence each."""
+    """Reasons why a policy that learns from a data set cannot play here, a sentence each."""
     if info.get("fps") != CONTROL_HZ:
         yield f"It has {info.get('fps')} rows a second; {CONTROL_HZ:g} are needed."
     if not isinstance(features, Mapping):
@@ -441,7 +441,7 @@ def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
 def _state_problems(
     features: Mapping[str, Any], names: list[Any] | None
 ) -> Iterator[str]:
-    """What keeps a policy from seeing the state that it learned from."""
+    """Problems that keep a policy from seeing the state that it learned from."""
     parts = state_labels.find(names or JOINT_NAMES)
     if parts is None:
         yield (
@@ -456,7 +456,7 @@ def _state_problems(
 
 
 _SEEN = (STATE, OBJECT_STATE, *(f"{IMAGE_PREFIX}{camera}" for camera in POLICY_CAMERAS))
-"""What an environment can show, under the names of a data set."""
+"""Features that an environment can show, under the names of a data set."""
 
 
 def _wrong_shape(features: Mapping[str, Any], key: str, size: int) -> Iterator[str]:

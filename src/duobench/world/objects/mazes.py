@@ -31,7 +31,7 @@ CORNERS: tuple[Cell, ...] = (
 
 
 class Direction(Enum):
-    """Direction of the ball after a tilt, as steps in columns and rows; the board's x points east."""
+    """Direction of the ball after a tilt, in columns and rows; the board's x points east."""
 
     EAST = (1, 0)
     NORTH = (0, 1)
