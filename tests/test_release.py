@@ -70,7 +70,7 @@ def test_the_first_page_begins_with_what_is_played_in_a_bare_debian_and_what_che
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(readme[: readme.index("make demo")].splitlines()) <= 12
     checks = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
-    assert re.search(r"^make --jobs=2 test ", checks, re.MULTILINE)
+    assert re.search(r"^make test ", checks, re.MULTILINE)
 
 
 def test_a_python_is_found_by_its_version_alone() -> None:
