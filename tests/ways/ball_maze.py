@@ -406,6 +406,11 @@ SINCERE: dict[str, Way] = {
 }
 
 
+KIND_NAMES = ("solved", "comes again", "put down", "lost grip", "loosened")
+KINDS = (0.45, 0.2, 0.15, 0.1, 0.1)
+"""What happens in ways that are taken at random, and how often."""
+
+
 def sample(rng: np.random.Generator) -> Way:
     lift = rng.uniform(0.03, 0.09)
     handling = Handling(
@@ -414,6 +419,14 @@ def sample(rng: np.random.Generator) -> Way:
         lift=lift,
         tilt=safe_tilt(math.radians(rng.uniform(6.0, 20.0)), lift),
     )
-    back = rng.random() < 0.3
-    again = comes_again(int(rng.integers(1, 10)), handling) if back else None
-    return way(handling, script=again, **random_tempo(rng, trembling=0.25))
+    runs = int(rng.integers(1, 5))
+    kinds = (
+        None,
+        comes_again(int(rng.integers(1, 10)), handling),
+        do((set_down, runs), (pause, int(rng.integers(3, 150))), (script, handling)),
+        do((lost_grip, runs, int(rng.integers(3, 120)))),
+        loosened(int(rng.integers(1, 9)), runs),
+    )
+    kind = int(rng.choice(len(kinds), p=KINDS))
+    tempo = random_tempo(rng, trembling=0.25)
+    return way(handling, script=kinds[kind], before=(f"{KIND_NAMES[kind]} ", do()), **tempo)
