@@ -410,8 +410,9 @@ SINCERE: dict[str, Way] = {
 KINDS = ("solved", "comes again", "put down", "grip lost", "loosened")
 SHARES = (0.45, 0.2, 0.15, 0.1, 0.1)
 """What happens in ways that are taken at random, and how often."""
-SURE_LIFT = 0.05
-"""From which height in metres on a board that trembles or is tilted back stays off the table."""
+SURE_LIFT, SHAKEN = 0.05, 0.015
+"""From which height in metres on a board that trembles or is tilted back stays off the table, and
+how much lower its edges may come than told."""
 
 
 def sample(rng: np.random.Generator) -> Way:
@@ -430,7 +431,9 @@ def sample(rng: np.random.Generator) -> Way:
         tempo["tremble"] = 0.0
     elif tempo["tremble"] > 0.0 or kind == "comes again":
         # Lower, they bump the board on the table.
-        handling = replace(handling, lift=max(lift, SURE_LIFT))
+        lift = max(lift, SURE_LIFT)
+        tilt = safe_tilt(handling.tilt, lift - SHAKEN)
+        handling = replace(handling, lift=lift, tilt=tilt)
     scripts = {
         "comes again": comes_again(int(rng.integers(1, 10)), handling),
         "put down": do((set_down, runs), (pause, int(rng.integers(3, 150))), (script, handling)),
