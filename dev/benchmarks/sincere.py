@@ -2,8 +2,8 @@
 
 `python -m dev.benchmarks.sincere --episodes 30` takes, for every task, ways at random from
 `tests.ways` (height, tilt and depth of grasps, places, heights of release, order, arms, slow
-motion and trembling), plays each in a layout of its own without a time limit, and compares the
-stage that was reached with what a person would call done.
+motion, trembling, halts, slips and second grasps), plays each in a layout of its own without a time
+limit, and compares the stage that was reached with what a person would call done.
 """
 
 from __future__ import annotations

@@ -104,6 +104,7 @@ def board_in_hands(bench: TaskHarness) -> bool:
     return held and bench.stage > 2 and bench.sim.position("board")[2] > BASE + 0.012
 
 
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(
     ("bench", "way", "in_hands"),
     [
@@ -117,9 +118,9 @@ def board_in_hands(bench: TaskHarness) -> bool:
     indirect=["bench"],
 )
 def test_hands_that_took_it_again_are_told_to_go_on(
-    bench: TaskHarness, way: str, in_hands: Callable[[TaskHarness], bool]
+    bench: TaskHarness, way: str, in_hands: Callable[[TaskHarness], bool], seed: int
 ) -> None:
-    layout, said = bench.start(0), []
+    layout, said = bench.start(seed), []
     texts = bench.task.subinstructions(layout)
     for _ in bench.steps(ways_of(bench.task.id).SINCERE[way].script, then=20):
         if not bench.progress.success and in_hands(bench):

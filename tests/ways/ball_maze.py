@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -430,6 +431,14 @@ SINCERE: dict[str, Way] = {
 }
 
 
+KINDS = ("solved", "comes again", "put down", "grip lost", "loosened")
+SHARES = (0.45, 0.2, 0.15, 0.1, 0.1)
+"""What happens in ways that are taken at random, and how often."""
+SURE_LIFT, SHAKEN = 0.05, 0.015
+"""From which height in metres on a board that trembles or is tilted back stays off the table, and
+how much lower its edges may come than told."""
+
+
 def sample(rng: np.random.Generator) -> Way:
     lift = rng.uniform(0.03, 0.09)
     handling = Handling(
@@ -438,6 +447,21 @@ def sample(rng: np.random.Generator) -> Way:
         lift=lift,
         tilt=safe_tilt(math.radians(rng.uniform(6.0, 20.0)), lift),
     )
-    back = rng.random() < 0.3
-    again = comes_again(int(rng.integers(1, 10)), handling) if back else None
-    return way(handling, script=again, **random_tempo(rng, trembling=0.25))
+    runs = int(rng.integers(1, 5))
+    kind = KINDS[rng.choice(len(KINDS), p=SHARES)]
+    tempo = random_tempo(rng, trembling=0.25)
+    if kind == "put down":
+        # Hands that tremble move the ball when they take hold of the board.
+        tempo["tremble"] = 0.0
+    elif tempo["tremble"] > 0.0 or kind == "comes again":
+        # Lower, they bump the board on the table.
+        lift = max(lift, SURE_LIFT)
+        tilt = safe_tilt(handling.tilt, lift - SHAKEN)
+        handling = replace(handling, lift=lift, tilt=tilt)
+    scripts = {
+        "comes again": comes_again(int(rng.integers(1, 10)), handling),
+        "put down": do((set_down, runs), (pause, int(rng.integers(3, 150))), (script, handling)),
+        "grip lost": do((lost_grip, runs, int(rng.integers(3, 120)))),
+        "loosened": loosened(int(rng.integers(1, 9)), runs),
+    }
+    return way(handling, script=scripts.get(kind), before=(f"{kind}, ", do()), **tempo)

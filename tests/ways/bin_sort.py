@@ -32,7 +32,7 @@ from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.world.scene.naming import TABLE
 from duobench.world.sim.simulation import Simulation
 from tests.steps import do, to
-from tests.ways.way import ONE, Way, cheats, left_alone, random_tempo, tilt, ways_to
+from tests.ways.way import ONE, Way, cheats, left_alone, random_slip, random_tempo, tilt, ways_to
 
 MAX_STANDING_TILT = math.radians(20.0)
 COLOURS = ("white", "black")
@@ -392,4 +392,5 @@ def sample(rng: np.random.Generator) -> Way:
         order = COLOURS if rng.random() < 0.5 else COLOURS[::-1]
         chosen = {colour: SIDES[rng.integers(2)] for colour in COLOURS}
         how = replace(how, order=order, arms=chosen)
-    return way(how, **tempo)
+    slip = random_slip(rng, *((OWN[colour], f"{colour}_cube") for colour in COLOURS))
+    return way(how, **tempo, **slip)

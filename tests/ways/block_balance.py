@@ -27,7 +27,17 @@ from duobench.tasks.experts.scripts.block_balance import lay_beam, lower, take_b
 from duobench.world.scene.naming import TABLE
 from duobench.world.sim.simulation import Simulation
 from tests.steps import do, pause, to
-from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, fingers_on, random_tempo, ways_to
+from tests.ways.way import (
+    ONE,
+    SLOW,
+    TURNS,
+    Way,
+    cheats,
+    fingers_on,
+    random_slip,
+    random_tempo,
+    ways_to,
+)
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR, FAR = 0.032, 0.078
@@ -382,11 +392,18 @@ SINCERE: dict[str, Way] = {
 }
 
 
+APART = 0.15
+"""Share of the ways taken at random with one block later than the other, now and then twice."""
+
+
 def sample(rng: np.random.Generator) -> Way:
     releases = ((SIDES,), ((LEFT,), (RIGHT,)), ((RIGHT,), (LEFT,)))
     release = releases[rng.choice(len(releases), p=(0.8, 0.1, 0.1))]
+    beam_arm = SIDES[rng.integers(2)]
+    again = (apart, rng.uniform(0.0, 1.2), {"twice": bool(rng.random() < 0.5)})
     return way(
-        beam_arm=SIDES[rng.integers(2)],
+        script=do(again) if rng.random() < APART else None,
+        beam_arm=beam_arm,
         along=rng.uniform(-0.03, 0.03),
         beam_gap=rng.uniform(0.0, 0.006),
         heights=tuple(rng.uniform(-0.010, 0.030, 2).tolist()),
@@ -397,4 +414,5 @@ def sample(rng: np.random.Generator) -> Way:
         pause=int(rng.integers(0, 15)),
         release=release,
         **random_tempo(rng, trembling=0.25),
+        **random_slip(rng, (beam_arm, "beam"), most=0.03),
     )

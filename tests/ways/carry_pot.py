@@ -35,7 +35,7 @@ from duobench.world.objects.pot import HANDLE_OFFSET, HANDLE_Z, HEIGHT, PLATE
 from duobench.world.scene.naming import TABLE
 from duobench.world.sim.simulation import Simulation
 from tests.steps import by, do, pause, to
-from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, random_tempo, ways_to
+from tests.ways.way import ONE, SLIPPING, SLOW, TURNS, Way, cheats, random_tempo, ways_to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_X, NEAR_Y = 0.10, 0.08
@@ -381,6 +381,10 @@ SINCERE: dict[str, Way] = {
 }
 
 
+SLIPS = ((), (LEFT,), (RIGHT,))
+"""Arms from which a pot slips first."""
+
+
 def sample(rng: np.random.Generator) -> Way:
     hold = {
         side: HandleGrasp(
@@ -396,7 +400,19 @@ def sample(rng: np.random.Generator) -> Way:
     tremble = float(rng.choice((0.0, 0.0, 0.01, 0.02)))
     # Who lets go one hand after the other puts the pot down first.
     highest = (0.008 if tremble == 0.0 else 0.004) if len(order) == 1 else 0.0
+    slipping = do(
+        (
+            slip,
+            rng.uniform(0.01, 0.04),
+            *SLIPS[rng.integers(len(SLIPS))],
+            {"lift": rng.uniform(0.02, 0.06)},
+        )
+    )
+    kind = rng.random()
+    before = ("both lift it and put it down, ", up_and_down) if kind > 1 - SLIPPING else None
     return way(
+        script=slipping if kind < SLIPPING else None,
+        before=before,
         hold=hold,
         lift=rng.uniform(0.045, 0.12),
         clearance=rng.uniform(0.02, 0.10),

@@ -11,7 +11,17 @@ import numpy as np
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
 from duobench.tasks.experts.handling import LET_GO, pick_cube
-from duobench.tasks.experts.motion import Arms, Script, down, follow, move, release, together, wait
+from duobench.tasks.experts.motion import (
+    Arms,
+    Script,
+    down,
+    follow,
+    grip,
+    move,
+    release,
+    together,
+    wait,
+)
 from duobench.tasks.experts.scripts.hinge_chest import (
     HOLDER,
     INSERTER,
@@ -25,12 +35,29 @@ from duobench.tasks.experts.scripts.hinge_chest import (
 from duobench.tasks.hinge_chest import CAVITY_REGION, OPEN_ANGLE
 from duobench.world.objects import chest as box
 from duobench.world.objects.blocks import CUBE_EDGE
-from duobench.world.objects.chest import CAVITY, RIM_HEIGHT, WALL
+from duobench.world.objects.chest import (
+    CAVITY,
+    HINGE,
+    LID_LENGTH,
+    LID_UNDERSIDE,
+    LIP,
+    RIM_HEIGHT,
+    WALL,
+)
 from duobench.world.scene.naming import gripper_name
 from duobench.world.sim.simulation import Simulation
 from tests.steps import Act, at_once, back, by, do, pause, to
 from tests.ways.opening import Opening
-from tests.ways.way import ONE, SLOW, TURNS, Way, cheats, random_tempo, ways_to
+from tests.ways.way import (
+    ONE,
+    SLOW,
+    TURNS,
+    Way,
+    cheats,
+    random_slip,
+    random_tempo,
+    ways_to,
+)
 
 LID = "chest/lid"
 _PICK_HEIGHT = 0.028
@@ -45,6 +72,11 @@ _FAR, _STEP = 0.2, 0.004
 metres."""
 _ABOVE = 0.15
 """Height of the tool in metres over the open chest."""
+_PINCH, _AROUND_THE_LID = (0.012, -0.075), 0.5
+"""Where fingers pinch the open lid from above: from its end, and along it, in metres; and how far
+they are open before."""
+_PINCHED = 1.37
+"""To which angle a hand that has pinched the lid raises it, in radians: off the other hand."""
 
 
 def _rod(chest: SE3, x: float, z: float) -> SE3:
@@ -214,6 +246,38 @@ def sink(arms: Arms, way: Insertion, start: float, end: float) -> Script:
     )
 
 
+def _at_the_end(chest: SE3, angle: float, up: float = 0.0) -> SE3:
+    """Tool pose of fingers around the end of the lid, open by `angle` radians, or `up` above it."""
+    into, y = _PINCH
+    reach = LID_LENGTH + LIP - into + up
+    x, _, z = SE3.about((0, 1, 0), angle).apply([-reach, 0.0, LID_UNDERSIDE + WALL / 2])
+    hand = SE3.about((0, 1, 0), angle - math.pi / 2) @ down(0.0, 0.0, 0.0, yaw=math.pi / 2)
+    return chest @ SE3(hand.rotation, np.array([HINGE[0] + x, y, HINGE[2] + z]))
+
+
+def pinch_the_lid(arms: Arms) -> Script:
+    """The lid sinks onto the other hand; the holder pinches its end and raises it off that hand."""
+    chest, high = arms.sim.pose("chest"), PLAIN.open_angle
+    yield from sink(arms, PLAIN, high, high - 0.45)
+    yield from wait(15)
+    arms.openings[HOLDER.index] = _AROUND_THE_LID
+    yield from back(arms, HOLDER, 0.16)
+    yield from by(arms, HOLDER, z=0.15, arrive=False)
+    start = arms.sim.angle(LID)
+    yield from to(arms, HOLDER, _at_the_end(chest, start, 0.10), tolerance=0.02)
+    yield from to(arms, HOLDER, _at_the_end(chest, start), speed=0.1)
+    yield from grip(arms, HOLDER)
+    yield from turn_pinched(arms, _PINCHED - start)
+    yield from wait(10)
+
+
+def turn_pinched(arms: Arms, turn: float) -> Script:
+    """The holder turns the lid that it pinches by so many radians."""
+    chest, start = arms.sim.pose("chest"), arms.sim.angle(LID)
+    yield from follow(arms, lambda f: {HOLDER: _at_the_end(chest, start + f * turn)}, 1.0)
+    yield from wait(20)
+
+
 def wait_below(sunk: float) -> Act:
     """The holder sinks by so many radians, the lid onto the other hand, and waits until the cube is
     in before it takes the lid again.
@@ -229,6 +293,7 @@ LIFT = _lift_with_the_back_of_the_hand
 ALONE = do((pick_cube, INSERTER, "cube", _PICK_HEIGHT), LIFT, CHEST.let_go)
 BOTH, OVER = CHEST.hold_and_fetch, come_over_the_chest
 LET_FALL = (BOTH, OVER, LEAVE, (pause, 20), CHEST.insert)
+PINCHED = (BOTH, OVER, pinch_the_lid)
 cheat = cheats(CHEST.is_in)
 AGAIN, HELD = (CHEST.insert, _take_the_lid_again), {"deed": CHEST.held_open_at_last}
 ADVERSARIES: dict[str, Way] = {
@@ -263,6 +328,17 @@ ADVERSARIES: dict[str, Way] = {
         )
         for sunk in ("0.3", "0.4", "0.5")
     },
+    **{
+        f"the hand that pinches the lid presses it shut by {a} rad while the cube goes in": cheat(
+            2,
+            *PINCHED,
+            (turn_pinched, -float(a)),
+            CHEST.insert,
+            (up_and_aside, 0.14),
+            lacks="right has turned chest/lid shut",
+        )
+        for a in ("0.25", "0.40")
+    },
     "the hand that holds the lid taps at its edge": cheat(
         2, BOTH, OVER, tapping, _take_the_lid_again, **HELD
     ),
@@ -294,11 +370,13 @@ lid, and how much further in it may go for each radian more, in metres."""
 MOST_SLIPPED = 15
 """Control steps for which the lid lies on the hand below those in which the holder sinks and comes
 back, a second in all with most of these [task definitions]."""
+SINKS_TO = OPEN + 0.05
+"""To which angle in radians a lid may sink onto the other hand."""
 OUTWARD = 0.15
 """Share of the ways taken at random with a hand turned outwards."""
-KINDS = (0.5, 0.1, 0.2, 0.2)
+KINDS = (0.45, 0.1, 0.15, 0.2, 0.1)
 """Shares of those in which both arms work at once, one after the other, in which the lid sinks onto
-the hand, and in which the hand leans on it."""
+the hand, in which the hand leans on it, and in which the holder stays right below it."""
 
 
 def done(sim: Simulation) -> bool:
@@ -409,6 +487,9 @@ SINCERE: dict[str, Way] = {
     "one arm after the other": way(script=one_after_the_other(PLAIN)),
     "a hand that leans on the lid": way(script=along_the_lid(PLAIN, 0.03)),
     "a hand that leans hard on the lid": way(script=along_the_lid(BRUSH, 0.04)),
+    "the holder pinches the end of the lid": way(
+        script=do(*PINCHED, CHEST.insert, (pause, 10), (up_and_aside, 0.14))
+    ),
     "the lid sinks onto the hand for a moment": way(script=slipped(PLAIN, 0.3, 10)),
     "the lid lies on the hand for a second": way(script=slipped(PLAIN, 0.4, 30)),
     **{
@@ -433,11 +514,15 @@ def sample(rng: np.random.Generator) -> Way:
         grasp_height=(grasp := rng.uniform(0.026, 0.042)),
         drop_height=rng.uniform(0.042, _over_rim(0.05, grasp)),
     )
+    steps = int(rng.integers(3, MOST_SLIPPED))
     kinds = (
         put_in(how),
         one_after_the_other(how),
-        slipped(how, rng.uniform(0.05, 0.3), int(rng.integers(3, MOST_SLIPPED))),
+        # It sinks, and stays open.
+        slipped(how, rng.uniform(0.05, min(0.3, open_angle - SINKS_TO)), steps),
         along_the_lid(how, rng.uniform(0.0, 0.04)),
+        wait_below(rng.uniform(0.0, 0.16)),
     )
     script = kinds[rng.choice(len(kinds), p=KINDS)]
-    return way(how, script=script, **random_tempo(rng, trembling=0.25))
+    tempo = random_tempo(rng, trembling=0.25)
+    return way(how, script=script, **tempo, **random_slip(rng, (INSERTER, "cube")))

@@ -36,7 +36,17 @@ from duobench.world.objects.joint_blocks import (
 )
 from duobench.world.sim.simulation import Simulation
 from tests.steps import do, to
-from tests.ways.way import ONE, TURNS, Way, cheats, fingers_on, left_alone, random_tempo, ways_to
+from tests.ways.way import (
+    ONE,
+    TURNS,
+    Way,
+    cheats,
+    fingers_on,
+    left_alone,
+    random_slip,
+    random_tempo,
+    ways_to,
+)
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 LIGHT, DARK = "light_block", "dark_block"
@@ -423,4 +433,5 @@ def sample(rng: np.random.Generator) -> Way:
         lean=rng.uniform(0.25, 0.40),
         pushed_from=rng.uniform(0.008, 0.018) if rng.random() < 0.25 else None,
         **random_tempo(rng, trembling=0.15 if height > LOW + 0.01 else 0.0),
+        **random_slip(rng, (LEFT, LIGHT), (RIGHT, DARK), most=0.03),
     )

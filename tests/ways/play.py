@@ -18,6 +18,8 @@ MAX_STEPS = 4000
 """Control steps after which a script is taken for one that does not get on."""
 SETTLE = 45
 """Control steps for which the robot waits after the script: nothing of a cheat may count later."""
+HALT = (5, 30)
+"""Control steps for which arms halt at least, and below how many."""
 PATIENCE = 30
 """Control steps in a row at which a task is done when it is done for good: one second."""
 MOVED = 1e-3
@@ -65,6 +67,7 @@ def play(bench: TaskHarness, way: Way, seed: int) -> Judgement:
 def control_steps(bench: TaskHarness, way: Way, seed: int) -> Iterator[bool]:
     """Act as a way does; after each control step, whether its script is over."""
     noise = np.random.default_rng((seed, 0x747265))
+    halting = np.random.default_rng((seed, 0x68616C74))
 
     def send(action: np.ndarray) -> None:
         shake = way.tremble * noise.normal(size=action.shape)
@@ -74,8 +77,9 @@ def control_steps(bench: TaskHarness, way: Way, seed: int) -> Iterator[bool]:
     steps, last = 0, bench.sim.duo.command().flat
     for _ in way.script(bench.arms):
         action = bench.arms.action()
-        for part in range(1, way.slowness + 1):
-            send(action - (action - last) * (1 - part / way.slowness))
+        halted = halting.integers(*HALT) if halting.random() < way.halts else 0
+        for part in range(1, way.slowness + 1 + halted):
+            send(action - (action - last) * max(0.0, 1 - part / way.slowness))
             steps += 1
             yield False
         last = action

@@ -42,7 +42,17 @@ from duobench.world.objects.cup import HEIGHT, INNER_RADIUS, WALL
 from duobench.world.scene.naming import TABLE
 from duobench.world.sim.simulation import Simulation
 from tests.steps import do, to
-from tests.ways.way import ONE, TURNS, Way, cheats, left_alone, random_tempo, tilt, ways_to
+from tests.ways.way import (
+    ONE,
+    SLIPPING,
+    TURNS,
+    Way,
+    cheats,
+    left_alone,
+    random_tempo,
+    tilt,
+    ways_to,
+)
 
 MIDDLE = SE3.at(0.5, 0.0)
 """Where a cup stands between the squares."""
@@ -392,6 +402,15 @@ SINCERE: dict[str, Way] = {
 }
 
 
+def lift_once(arms: Arms, side: Side) -> Script:
+    """An arm lifts its cup and puts it down again."""
+    yield from take(arms, side)
+    yield from put_back(
+        arms, side, arms.sim.pose(CUPS[side]).moved(z=-arms.sim.min_height(CUPS[side]))
+    )
+    yield from home(arms, side)
+
+
 def sample(rng: np.random.Generator) -> Way:
     tempo = random_tempo(rng)
     how = Pouring(
@@ -405,4 +424,8 @@ def sample(rng: np.random.Generator) -> Way:
         ahead=rng.uniform(-0.2, 0.3),
         reach=rng.uniform(0.030, 0.038),
     )
-    return way(how, **tempo)
+    side = SIDES[rng.integers(2)]
+    before = (
+        (f"{side} cup lifted once, ", do((lift_once, side))) if rng.random() < SLIPPING else None
+    )
+    return way(how, before=before, **tempo)

@@ -54,6 +54,7 @@ from tests.ways.way import (
     WayFailedError,
     cheats,
     left_alone,
+    random_slip,
     random_tempo,
     ways_to,
 )
@@ -435,4 +436,5 @@ def sample(rng: np.random.Generator) -> Way:
         slope=0.75 + 2.0 * depth + rng.uniform(0.0, 0.15),
         azimuth=rng.uniform(-0.3, 0.1),
         **random_tempo(rng, trembling=0.2),
+        **random_slip(rng, (INSERTER, "cube")),
     )

@@ -19,11 +19,18 @@ TRIES = 6
 SEEDS, MOST = range(5), 4
 """Seeds of layouts on which some ways are all tried, and of how many the deed is done at least."""
 OFTEN = {
-    "ball_maze": ("put down", "loses its grip"),
+    "ball_maze": ("put down", "loses its grip", "loosens"),
     "block_balance": ("hops", "raised, and put on again"),
     "carry_pot": ("slipped", "then both lift it"),
-    "hinge_chest": ("waits below it", "straight down, its camera aside", "lies on the hand"),
-    "spring_door": ("pulls it shut", "at the back of the floor", "to 0.92 rad"),
+    "hinge_chest": (
+        "waits below it",
+        "stays right below",
+        "hovers",
+        "pinches",
+        "straight down, its camera aside",
+        "lies on the hand",
+    ),
+    "spring_door": ("pulls it shut", "presses it shut", "at the back of the floor", "to 0.92 rad"),
 }
 """Parts of the names of those, by task."""
 

@@ -25,7 +25,7 @@ from duobench.world.objects.bowl import FLOOR, RADIUS, RIM_HEIGHT, WALL
 from duobench.world.sim.simulation import Simulation
 from tests.steps import Act, bring, by, clear_of, do, drop, hand_back, lower, meet, pick_lying, to
 from tests.ways import handing
-from tests.ways.way import ONE, TURNS, Way, cheats, random_tempo, ways_to
+from tests.ways.way import ONE, TURNS, Way, cheats, random_slip, random_tempo, ways_to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 MIDDLE = (0.48, 0.0, CUBE_EDGE / 2 + 0.002)
@@ -207,8 +207,9 @@ SINCERE: dict[str, Way] = {
 
 def sample(rng: np.random.Generator) -> Way:
     slant = math.radians(rng.uniform(0, 45))
+    grasps = handing.random_grasps(rng, BAR, 0.044, left=0.2)
     return way(
-        **handing.random_grasps(rng, BAR, 0.044, left=0.2),
+        **grasps,
         centre=(rng.uniform(0.45, 0.55), rng.uniform(-0.05, 0.05), rng.uniform(0.28, 0.38)),
         rise=math.radians(rng.uniform(10, 60)),
         slant=slant,
@@ -217,4 +218,5 @@ def sample(rng: np.random.Generator) -> Way:
         x=rng.uniform(-0.03, 0.03),
         y=rng.uniform(-0.04, 0.01),
         **random_tempo(rng, **handing.RARELY),
+        **random_slip(rng, (grasps["bar"].giver, BAR.body)),
     )

@@ -27,7 +27,7 @@ from duobench.world.objects.gate import MAT_EDGE, MAT_THICKNESS, RING_HEIGHT, RI
 from duobench.world.sim.simulation import Simulation
 from tests.steps import bring, by, clear_of, do, drop, lower, pick_lying, to
 from tests.ways import handing
-from tests.ways.way import ONE, TURNS, Way, cheats, random_tempo, ways_to
+from tests.ways.way import ONE, TURNS, Way, cheats, random_slip, random_tempo, ways_to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 ABOVE = 0.020
@@ -243,8 +243,9 @@ SINCERE: dict[str, Way] = {
 
 def sample(rng: np.random.Generator) -> Way:
     flat = rng.random() < 0.25
+    grasps = handing.random_grasps(rng, BAR, 0.042)
     return way(
-        **handing.random_grasps(rng, BAR, 0.042),
+        **grasps,
         slant=math.radians(rng.uniform(40, 50) if flat else rng.uniform(0, 15)),
         rise=math.radians(rng.uniform(40, 50)),
         beyond=rng.uniform(-0.030, 0.030),
@@ -254,4 +255,5 @@ def sample(rng: np.random.Generator) -> Way:
         x=rng.uniform(-0.05, 0.05),
         y=rng.uniform(-0.05, 0.02),
         **random_tempo(rng, **handing.RARELY),
+        **random_slip(rng, (grasps["bar"].giver, BAR.body)),
     )

@@ -26,7 +26,7 @@ from duobench.world.objects.hexagon_peg import ACROSS_FLATS, BOARD_HEIGHT, HEXAG
 from duobench.world.sim.simulation import Simulation
 from tests.steps import back, bring, clear_of, do, drop, hand_back, meet, to
 from tests.ways import handing
-from tests.ways.way import ONE, TURNS, Way, cheats, random_tempo, ways_to
+from tests.ways.way import ONE, TURNS, Way, cheats, random_slip, random_tempo, ways_to
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
 NEAR_BOARD = 3
@@ -209,12 +209,14 @@ SINCERE: dict[str, Way] = {
 
 
 def sample(rng: np.random.Generator) -> Way:
+    grasps = handing.random_grasps(rng, BAR, 0.042, left=0.2)
     return way(
-        **handing.random_grasps(rng, BAR, 0.042, left=0.2),
+        **grasps,
         centre=(rng.uniform(0.47, 0.53), rng.uniform(-0.03, 0.03), rng.uniform(0.36, 0.40)),
         rise=math.radians(rng.uniform(30, 65)),
         slant=math.radians(rng.uniform(0, 10)),
         depth=rng.uniform(-0.008, 0.028),
         retreat=bool(rng.random() < 0.7),
         **random_tempo(rng, **handing.RARELY),
+        **random_slip(rng, (grasps["bar"].giver, BAR.body)),
     )

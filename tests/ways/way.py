@@ -22,12 +22,15 @@ from duobench.core.types import SIDES, Side
 from duobench.tasks.experts.motion import Arms, Script
 from duobench.world.sim.contacts import Limb, limb_owner
 from duobench.world.sim.simulation import Simulation
-from tests.steps import Act, do
+from tests.steps import Act, do, drop, pause, pick_lying
 
 Deed = Callable[[Simulation], bool]
 
 SLOW, TURNING_SLOWLY = 0.02, 0.3
 """Speeds in m/s and rad/s below which a person would say that a thing does not move."""
+HALTING, HALTS, SLIPPING = 0.25, 0.01, 0.15
+"""Shares of the ways taken at random whose arms halt, how often these do, and of those in which
+something slips from a hand before."""
 
 
 class Hands(Enum):
@@ -69,11 +72,16 @@ class Way:
     """Standard deviation in radians of white noise in every joint target, at each control step."""
     slowness: int = 1
     """Control steps for each action of the script, which is approached in equal parts."""
+    halts: float = 0.0
+    """Chance at each action that the arms stay where it led them for up to a second."""
+    first: str = ""
+    """What the arms do before the script, for messages."""
     how: object = None
     """The numbers that the script takes, if it takes some."""
 
     def __str__(self) -> str:
-        text = f"{self.how}, slowness {self.slowness}, tremble {self.tremble}"
+        tempo = f"slowness {self.slowness}, tremble {self.tremble}, halts {self.halts}"
+        text = f"{self.first}{self.how}, {tempo}"
         return re.sub(r"\d+\.\d+", lambda number: f"{float(number[0]):.3g}", text)
 
 
@@ -99,15 +107,20 @@ def ways_to(act: Callable[[Arms, H], Script], done: Deed, expert: H) -> Callable
         seed: int = 0,
         tremble: float = 0.0,
         slowness: int = 1,
+        halts: float = 0.0,
+        before: tuple[str, Act] | None = None,
         **changes: Any,
     ) -> Way:
         how = replace(how, **changes)  # type: ignore[type-var]
+        first, begin = before or ("", do())
         return Way(
-            script=script or (lambda arms: act(arms, how)),
+            script=do(begin, script or (lambda arms: act(arms, how))),
             deed=done,
             seed=seed,
             tremble=tremble,
             slowness=slowness,
+            halts=halts,
+            first=first,
             how=how,
         )
 
@@ -117,9 +130,23 @@ def ways_to(act: Callable[[Arms, H], Script], done: Deed, expert: H) -> Callable
 def random_tempo(
     rng: np.random.Generator, *, slowly: float = 0.15, trembling: float = 0.15
 ) -> dict[str, Any]:
-    """Now and then half the speed, now and then a tremble of 10 mrad."""
+    """Now and then half the speed, a tremble of 10 mrad, or halts of up to a second."""
     slow, trembles = rng.random(2) < (slowly, trembling)
-    return {"slowness": 1 + int(slow), "tremble": 0.01 * float(trembles)}
+    halts = HALTS * float(rng.random() < HALTING)
+    return {"slowness": 1 + int(slow), "tremble": 0.01 * float(trembles), "halts": halts}
+
+
+def random_slip(
+    rng: np.random.Generator, *choices: tuple[Side, str], most: float = 0.06
+) -> dict[str, Any]:
+    """Now and then one of these objects slips from that arm when it is lifted by up to `most`
+    metres, and is left where it comes to lie.
+    """
+    if rng.random() >= SLIPPING:
+        return {}
+    (side, body), lift = choices[rng.integers(len(choices))], rng.uniform(0.0, most)
+    slip = do((pick_lying, side, body, {"lift": lift}), (pause, 6), (drop, side), (pause, 10))
+    return {"before": (f"{body} slips from {lift} m, ", slip)}
 
 
 def left_alone(sim: Simulation, *props: str) -> bool:
