@@ -1,1 +1,1 @@
-"""`make -f dev/Makefile release`: build every distribution, check it, and install it where there is no network."""
+"""`make -f dev/Makefile release`: build the distributions, check and install them."""

@@ -6,7 +6,7 @@ of a camera is not changed: where it really is stands in its calibration.
 """
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
@@ -17,7 +17,6 @@ from duobench.core.backend import Image
 from duobench.core.errors import BackendError, DataError, OptionError, check_known
 from duobench.core.spatial import SE3
 from duobench.core.types import HEAD, Array
-from duobench.data.images import View
 from duobench.real.devices import Camera
 from duobench.real.rig import CameraCalibration, CameraConfig
 from duobench.world.robot.cameras import (
@@ -29,6 +28,9 @@ from duobench.world.robot.cameras import (
     TABLE_FROM_HEAD,
     WRIST_FOCAL,
 )
+
+if TYPE_CHECKING:
+    from duobench.data.images import View
 
 NATIVE = (NATIVE_HEIGHT, NATIVE_WIDTH)
 """Height and width of a canonical image in pixels."""
@@ -171,7 +173,7 @@ class CanonicalViews:
         return found
 
 
-def view_of(camera: str, about: Mapping[str, Any]) -> View:
+def view_of(camera: str, about: Mapping[str, Any]) -> "View":
     """The view of a camera: its images as the simulation's camera would have taken them.
 
     It is the same that a policy has on the rig, for exports of what was recorded.
