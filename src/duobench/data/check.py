@@ -12,12 +12,12 @@ import numpy as np
 
 from duobench.core.errors import DataError, DuoBenchError, FileError, ForeignTaskError
 from duobench.core.files import CHECKSUM, checksum, digest_of, read_object
+from duobench.core.processes import Progress, run_all
 from duobench.core.randomness import SUITE_VERSION
 from duobench.core.types import POLICY_CAMERAS
 from duobench.core.versions import package_versions
 from duobench.data.attempts import ATTEMPTS, RUN, compared
 from duobench.data.dataset import SUFFIX, DataSet
-from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, VideoFacts, steps_after_success, video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
