@@ -1,8 +1,8 @@
 """The pool of processes that do jobs of ours side by side: export, check, verification.
 
 Its processes end with the one that starts them, however that ends. Policies, which are code of
-others, play in processes of `evaluation.runners`: those lead a group, have a clock of their own, and
-may be on another machine.
+others, play in processes of `evaluation.runners`: those lead a group, have a clock of their own,
+and may be on another machine.
 """
 
 import os
