@@ -29,7 +29,7 @@ SURFACE = {
         open_source read_results rollout source summarize wilson_interval write_bundle write_report
     """,
     "duobench.printing": """
-        Foot Paper PrintChoice PrintJob PrintedPart Recipe Spot fit_coupon job_of lay_out
+        Foot Paper PrintChoice PrintJob PrintedPart Recipe Spot job_of lay_out
         layout_sheet neutral_layout outlines_of placing_jig recipe_of stl_bytes threemf_bytes
         write_prints
     """,
