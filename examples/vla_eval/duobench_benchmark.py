@@ -22,7 +22,7 @@ from vla_eval.recording import NullEpisodeRecorder  # pyright: ignore[reportMiss
 from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
 from duobench.core.errors import OptionError, PolicyError, check_known
-from duobench.envs.execution import Step
+from duobench.evaluation import Step
 from duobench.policy.serving.vla_eval import action_spec, observation_spec
 from duobench.tasks import catalog
 
