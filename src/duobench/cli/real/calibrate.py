@@ -143,11 +143,12 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
-    from duobench.real.drivers.robotiq import measure_ends
+    from duobench.real.opening import DRIVERS, driver_at
     from duobench.real.rig import GripperDriver
 
     known, arm = Rig.read(rig_file(rig)), Side(side)
-    if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
+    config = known.grippers[arm]
+    if config.driver is not GripperDriver.HARDWARE:
         raise AdvisedError(
             f"The {side} gripper of this rig has no positions to measure."
         )
@@ -157,7 +158,7 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
     )
     if not sys.stdin.readline():
         raise AdvisedError("Nobody said that the gripper may move.")
-    found = measure_ends(known.grippers[arm], SystemClock())
+    found = driver_at(DRIVERS[config.driver]).measure_ends(config, SystemClock())
     replace(known, grippers={**known.grippers, arm: found}).write(rig)
     say(
         f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}."

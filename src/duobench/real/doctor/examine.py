@@ -144,7 +144,7 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     ends, usual = (
         (each.open_count, each.closed_count) for each in (config, GripperConfig())
     )
-    is_measured = config.driver is not GripperDriver.ROBOTIQ or ends != usual
+    is_measured = config.driver is not GripperDriver.HARDWARE or ends != usual
     advice = f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
     return Outcome.NOTE.unless(is_measured, name, value, advice)
 

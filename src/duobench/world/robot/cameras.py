@@ -13,7 +13,7 @@ import numpy as np
 from duobench.core.errors import RenderingError
 from duobench.core.spatial import SE3, length
 from duobench.core.types import HEAD, SIDES, wrist_name
-from duobench.world.robot.frames import TCP_OFFSET
+from duobench.world.robot.gripper import GRIPPER
 
 NATIVE_HEIGHT, NATIVE_WIDTH = 720, 1280
 """Native image size of all three cameras in pixels."""
@@ -116,7 +116,7 @@ def describe_cameras() -> dict[str, dict[str, Any]]:
         >>> describe_cameras()["head"]["frame"]
         'table'
     """
-    tool_from_wrist = SE3.at(z=-TCP_OFFSET) @ FLANGE_FROM_WRIST
+    tool_from_wrist = SE3.at(z=-GRIPPER.tool_offset) @ FLANGE_FROM_WRIST
     wrists = {
         wrist_name(side): _describe(WRIST_FOCAL, f"{side}_tool", tool_from_wrist)
         for side in SIDES

@@ -11,9 +11,9 @@ from duobench.world.robot.frames import (
     LINK7_FROM_TCP,
 )
 from duobench.world.scene.cameras import add_wrist_camera
+from duobench.world.scene.gripper import add_gripper
 from duobench.world.scene.meshes import add_link, add_mesh
 from duobench.world.scene.naming import arm_joint_names, flange_name, tcp_name
-from duobench.world.scene.robotiq import add_gripper
 from duobench.world.scene.surfaces import DISTAL, PROXIMAL, collide_unseen, visual_only
 
 JOINT_DAMPING = 0.21
