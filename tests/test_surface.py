@@ -163,6 +163,7 @@ OFFERED = """
     duobench.web.messages
     duobench.world.kinematics.inverse
     duobench.world.looks.look
+    duobench.world.robot.cameras
     duobench.world.robot.frames
     duobench.world.robot.joints
     duobench.world.sim.simulation

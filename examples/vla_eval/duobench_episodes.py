@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from duobench.core.errors import OptionError
 from duobench.core.randomness import episode_seed
-from duobench.core.types import HEAD
 from duobench.envs import EnvConfig, ResetNeededError, make
 from duobench.envs.execution import execute, optional_method
 from duobench.evaluation import Step
@@ -22,6 +21,7 @@ from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.policy.serving.vla_eval import MODES
 from duobench.results.run import needed_options
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import HEAD
 
 Observation = Mapping[str, Any]
 Size = Sequence[int] | int

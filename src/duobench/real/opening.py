@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from duobench.core.references import load
-from duobench.core.types import POLICY_CAMERAS, SIDES
+from duobench.core.types import SIDES
 from duobench.real.clock import Clock, PacedClock, SystemClock
 from duobench.real.duo import FrankaDuo
 from duobench.real.guard import Guard
@@ -20,6 +20,7 @@ from duobench.real.rig import (
     GripperDriver,
     Rig,
 )
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.gripper import GRIPPER
 
 SIMULATED, REHEARSAL = "simulated", "rehearsal"

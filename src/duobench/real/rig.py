@@ -20,10 +20,10 @@ import msgspec
 from duobench.core import files
 from duobench.core.errors import FileError, OptionError, UnknownNameError, check_known
 from duobench.core.settings import decode, parse
-from duobench.core.types import ARM_JOINTS, POLICY_CAMERAS, SIDES, Side
+from duobench.core.types import ARM_JOINTS, SIDES, Side
 from duobench.real.addresses import is_host, is_simulator
 from duobench.real.cell import LONGEST, Obstacle, Workspace
-from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
 from duobench.world.robot.fr3_links import LINKS
 from duobench.world.robot.gripper import GRIPPER
 

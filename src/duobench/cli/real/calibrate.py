@@ -16,11 +16,12 @@ from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
 from duobench.core.sheets import Paper
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, Side, wrist_name
+from duobench.core.types import Side
 from duobench.real.calibration.board import RULER_MM, Board, Detector, write_board
 from duobench.real.canonical import nominal_pose
 from duobench.real.clock import SystemClock
 from duobench.real.rig import CameraCalibration, Rig
+from duobench.world.robot.cameras import HEAD, wrist_name
 
 if TYPE_CHECKING:
     from duobench.real.calibration.places import Measured

@@ -15,14 +15,13 @@ from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
 from duobench.core.files import make_folder, taken_back, writing
 from duobench.core.sheets import Paper
-from duobench.core.types import POLICY_CAMERAS
 from duobench.envs.config import checked_seed
 from duobench.results.folder import RunFolder
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT, LOOKS, RANDOM
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv

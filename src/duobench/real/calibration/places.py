@@ -15,7 +15,7 @@ import numpy as np
 from duobench.core.backend import Image
 from duobench.core.errors import CalibrationError
 from duobench.core.spatial import SE3, rotation_by, rotation_vector
-from duobench.core.types import ARM_JOINTS, HEAD, Array, Side, wrist_name
+from duobench.core.types import ARM_JOINTS, Array, Side
 from duobench.real.calibration.board import (
     Board,
     Detection,
@@ -28,6 +28,7 @@ from duobench.real.calibration.board import (
 )
 from duobench.real.canonical import nominal_pose
 from duobench.real.rig import UNPOSED, CameraCalibration
+from duobench.world.robot.cameras import HEAD, wrist_name
 from duobench.world.robot.frames import tool_pose
 from duobench.world.robot.gripper import GRIPPER
 from duobench.world.robot.joints import JOINT_RANGES
