@@ -44,11 +44,11 @@ import duobench
 from duobench.cli.shared.console import console
 from duobench.core.backend import Image
 from duobench.core.errors import DuoBenchError
-from duobench.core.types import POLICY_CAMERAS, Array
+from duobench.core.types import Array
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import Info, Observation, Step, rollout
 from duobench.tasks import catalog
-from duobench.world.robot.cameras import OVERVIEW, View
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.world.sim.rendering import Renderer
 from duobench.world.sim.simulation import Simulation
 

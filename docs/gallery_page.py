@@ -14,10 +14,10 @@ from gallery_shots import FOLDER, STAGE_SIZE, camera_file, stage_file
 from PIL import ImageDraw, ImageFont
 
 from duobench.core.errors import DuoBenchError
-from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.core.types import CONTROL_HZ
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
 COVER_WIDTH = 840
 COLUMNS = 3

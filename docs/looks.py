@@ -18,10 +18,9 @@ from gallery_sources import DIGITS, model_digest
 from PIL import ImageDraw, ImageFont
 
 from duobench.cli.shared.console import console
-from duobench.core.types import HEAD
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import LOOKS, look
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import HEAD, OVERVIEW
 from duobench.world.sim.rendering import Renderer
 from duobench.world.sim.simulation import Simulation
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from duobench.printing import Foot, PrintJob, fit_coupon, job_of, placing_jig, recipe_of
-from duobench.printing.details import shopping_lines
+from duobench.printing import Foot, PrintJob, job_of, placing_jig, recipe_of
+from duobench.printing.details import lines_of
 from duobench.tasks import catalog
 
 PAGE = "printing_parts.md"
@@ -16,8 +16,8 @@ FOLDER = "printing"
 """Where the pictures are, beside the page."""
 DRAWN = "drawn.json"
 """Beside the pictures: what they were drawn from."""
-COUPON, JIG = "coupon", "jig"
-JOBS = (COUPON, JIG, *catalog.names())
+JIG = "jig"
+JOBS = (JIG, *catalog.names())
 INTRODUCTION = """# The printed parts of every task
 
 Written and rendered by `make docs`: the parts as they lie on the printer's bed, and, where some of
@@ -25,16 +25,13 @@ them go together, how they do. `duobench print TASK` writes the files of a task 
 recipe: sizes to measure, masses, supports, layers. [Printing](printing.md) says why the objects are
 as they are.
 
-Nothing of this was printed by us so far; a slicer, PrusaSlicer, takes all parts in tests. Grams
-and hours are estimated from the volume.
+Nothing of this was printed by us so far; a slicer, PrusaSlicer, takes all parts in tests.
 """
 
 
 @cache
 def job(name: str) -> PrintJob:
-    """Return what is printed of a task, of the first maze; or the coupon, or the jig."""
-    if name == COUPON:
-        return fit_coupon()
+    """Return what is printed of a task, of the first maze; or the jig."""
     return placing_jig(Foot()) if name == JIG else job_of(catalog.get(name))
 
 
@@ -67,11 +64,7 @@ def section(name: str, pictures: Path) -> Iterator[str]:
     recipe = recipe_of(job(name))
     yield f"## {recipe.title}"
     yield ""
-    yield (
-        f"`duobench print {recipe.id}`"
-        if recipe.id != COUPON
-        else "Part of every folder."
-    )
+    yield f"`duobench print {recipe.id}`"
     for file, words in (
         (f"{recipe.id}.jpg", f"The parts of {recipe.title} on the bed"),
         (together_file(recipe.id), f"How the parts of {recipe.title} go together"),
@@ -80,17 +73,15 @@ def section(name: str, pictures: Path) -> Iterator[str]:
             yield from ("", f"![{words}]({FOLDER}/{file})")
     if recipe.parts:
         yield ""
-        yield "| part | count | size (mm) | up | infill | mass of one (g) | hours |"
-        yield "| --- | ---: | --- | --- | --- | ---: | ---: |"
+        yield "| part | count | size (mm) | up | infill | mass of one (g) |"
+        yield "| --- | ---: | --- | --- | --- | ---: |"
         for part in recipe.parts:
             mass = "any" if part.mass_g is None else f"{part.mass_g[1]:.0f}"
             size = " × ".join(f"{edge:.0f}" for edge in part.size_mm)
             yield (
                 f"| `{part.name}` | {part.count} | {size} | {part.orientation} | "
-                f"{part.infill_percent} %, {part.infill_pattern} | {mass} | {part.hours:.1f} |"
+                f"{part.infill_percent} %, {part.infill_pattern} | {mass} |"
             )
-        yield ""
-        yield f"About {recipe.filament_g:.0f} g of filament and {recipe.hours:.1f} hours."
     else:
         yield from ("", "Nothing of this task is printed.")
     for title, lines in (
@@ -98,7 +89,7 @@ def section(name: str, pictures: Path) -> Iterator[str]:
             "Put together:",
             [f"{n}. {line}" for n, line in enumerate(recipe.assembly, 1)],
         ),
-        ("Bought:", list(shopping_lines(recipe.bought))),
+        ("Not printed:", list(lines_of(recipe.bought))),
         ("Notes:", [f"- {line}" for line in recipe.notes]),
     ):
         if lines:

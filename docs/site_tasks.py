@@ -14,10 +14,10 @@ import prints_page
 from gallery_shots import FILM, FOLDER, camera_file
 from tables import baselines, object_states_of, table
 
-from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.core.types import CONTROL_HZ
 from duobench.results.entrants import AUTHORS, PAPER, WARNING, published, value_of
 from duobench.tasks.task import Task
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
 DOCS = Path(__file__).parent
 LEARNED = baselines.RESULTS

@@ -15,7 +15,7 @@ import numpy as np
 
 import duobench
 from duobench.core.spatial import SE3
-from duobench.core.types import POLICY_CAMERAS, SIDES
+from duobench.core.types import SIDES
 from duobench.envs import action_labels, spaces
 from duobench.envs.action_modes import ACTION_MODES
 from duobench.policy.serving.vla_eval import MODES
@@ -33,6 +33,7 @@ from duobench.world.objects.solid import (
     placed,
     printable,
 )
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS, JOINT_RANGES, VELOCITY_LIMITS
 
 DOCS = Path(__file__).parent

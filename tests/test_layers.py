@@ -58,7 +58,6 @@ AT_HOME = {
     "duobench.real": ("franky", "pymodbus", "serial", "pyrealsense2", "cv2"),
     "duobench.evaluation.runners.ray_cluster": ("ray",),
     "duobench.evaluation.runners.ray_process": ("ray",),
-    "duobench.evaluation.interop.vla_eval": ("vla_eval",),
     "duobench.evaluation.interop.vlagents_bridge": ("vlagents",),
 }
 GYMNASIUM = ("gymnasium", "gym")
@@ -276,7 +275,7 @@ def test_a_violation_is_found(tmp_path: Path, path: str, source: str, complaint:
         ("world/scene/a.py", "import mujoco\nmujoco.mj_stepping_stone"),
         ("tasks/stages/a.py", "import numpy as np\nnp.randomly"),
         ("policy/lerobot_model.py", "import torch\nfrom lerobot import policies"),
-        ("evaluation/interop/vla_eval.py", "from vla_eval.specs import x"),
+        ("evaluation/interop/vlagents_bridge.py", "from vlagents.client import x"),
         ("real/a.py", "from duobench.teleop import x\nfrom duobench.results import y"),
     ],
 )

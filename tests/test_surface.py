@@ -29,7 +29,7 @@ SURFACE = {
         open_source read_results rollout source summarize wilson_interval write_bundle write_report
     """,
     "duobench.printing": """
-        Foot Paper PrintChoice PrintJob PrintedPart Recipe Spot fit_coupon job_of lay_out
+        Foot Paper PrintChoice PrintJob PrintedPart Recipe Spot job_of lay_out
         layout_sheet neutral_layout outlines_of placing_jig recipe_of stl_bytes threemf_bytes
         write_prints
     """,
@@ -132,10 +132,14 @@ OFFERED = """
     duobench.core.types
     duobench.envs.action_labels
     duobench.envs.duo_env
+    duobench.envs.execution
     duobench.envs.observation_wrappers
     duobench.envs.protocol
     duobench.envs.sim_env
     duobench.envs.spaces
+    duobench.policy.policy
+    duobench.policy.serving.message_format
+    duobench.policy.serving.vla_eval
     duobench.real.calibration.views
     duobench.real.clock
     duobench.real.duo
@@ -143,6 +147,7 @@ OFFERED = """
     duobench.real.opening
     duobench.real.rig
     duobench.results.folder
+    duobench.results.run
     duobench.results.scores
     duobench.results.suite
     duobench.tasks.experts.expert
@@ -158,6 +163,7 @@ OFFERED = """
     duobench.web.messages
     duobench.world.kinematics.inverse
     duobench.world.looks.look
+    duobench.world.robot.cameras
     duobench.world.robot.frames
     duobench.world.robot.joints
     duobench.world.sim.simulation
@@ -169,9 +175,10 @@ private, whatever its name."""
 def test_docs_examples_and_plugins_import_what_is_public() -> None:
     pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
     code = [*(ROOT / "examples").rglob("*.py"), *(ROOT / "plugins").rglob("*.py")]
+    beside = {path.stem for path in code}
     used = {
         found[1]
         for path in [*pages, *code]
         for found in re.finditer(r"^\s*from (duobench[\w.]*) import", path.read_text(), re.M)
     }
-    assert used - SURFACE.keys() == set(OFFERED.split())
+    assert used - SURFACE.keys() - beside == set(OFFERED.split())

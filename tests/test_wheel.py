@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from duobench.core.types import POLICY_CAMERAS
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.docs.markdown import modules, text_of
 from tests.test_repository import ROOT, tracked
 

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from duobench.core.backend import Image
-from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS, SIDES
+from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.data.rig import RigRecorder
 from duobench.real.clock import SystemClock
@@ -35,7 +35,7 @@ from duobench.real.drivers.simulated import (
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env
 from duobench.real.rig import Rig
-from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS
 
 ROOT = Path(__file__).parents[2]

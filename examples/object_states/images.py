@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 from torch import nn
 
 from duobench.core.errors import DataError, DuoBenchError, PolicyError
-from duobench.core.types import POLICY_CAMERAS, SIDES
+from duobench.core.types import SIDES
 from duobench.data import DataSet, ImageSource
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 SIZE = 96
 """Height and width of images, in pixels."""

@@ -23,7 +23,6 @@ from duobench.core.errors import (
     UnknownNameError,
 )
 from duobench.core.files import locked
-from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet, ImageSource, Recording
 from duobench.data.arrange import merge
 from duobench.data.images import plain_view, resized
@@ -35,6 +34,7 @@ from duobench.data.schema import Domain
 from duobench.envs.state_labels import StatePart
 from duobench.policy.training.training import plan_all
 from duobench.real.canonical import view_of
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.data.conftest import EPISODES, LENGTHS
 from tests.data.real.number_duo import (
     SIZE,

@@ -23,11 +23,10 @@ import pytest
 import replays
 from PIL import Image, ImageSequence
 
-from duobench.core.types import POLICY_CAMERAS
 from duobench.printing.details import details
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import LOOKS, look
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 from duobench.world.scene.compose import compose
 from tests.docs.markdown import DOCS, ROOT, blocks, links, page_of, run, run_python, text_of
 from tests.golden import episodes

@@ -18,7 +18,7 @@ from duobench.envs.config import IMAGE_SIZE
 from duobench.evaluation.replay.sources import LAYOUTS
 from duobench.evaluation.replay.verify import Verdict
 from duobench.evaluation.replay.viewer import MAX_ITEMS
-from duobench.printing import coupon, jig, recipe
+from duobench.printing import jig, recipe
 from duobench.printing.formats import BED_STEP
 from duobench.real.calibration import places
 from duobench.real.calibration.board import RULER_MM
@@ -74,13 +74,9 @@ SENTENCES: Mapping[str, Sequence[str]] = {
     "leaderboard": (f"episodes 0 to {EPISODES - 1} of each", f"--episodes {EPISODES} "),
     "printing": (
         "1240 kg/m³",
-        f"{1e9 * recipe.MATERIAL_PER_SECOND:.0f} mm³ a second",
-        f"{percent(recipe.WASTE - 1)} is added",
-        f"{percent(recipe.SPARSE)} of the rest",
+        f"{percent(recipe.SPARSE)} infill",
         f"± {percent(recipe.TOLERANCE)}",
         f"{1000 * BED_STEP:.1f} mm apart",
-        f"{mm(*coupon.HEXAGON_PLAYS[::4])} mm of play",
-        f"{mm(*coupon.SQUARE_PLAYS[::4])} mm;",
     ),
     "real_cameras": (
         "**Not yet tried on a camera",
@@ -166,8 +162,6 @@ def test_tables_have_what_the_code_has() -> None:
 
 
 def test_numbers_that_pages_round_are_what_they_say() -> None:
-    assert coupon.HEXAGON_PLAYS[2] == hexagon_peg.CLEARANCE
-    assert coupon.SQUARE_PLAYS[2] == joint_blocks.CLEARANCE
     assert RULER_MM[Paper.A4] == 200.0
 
 

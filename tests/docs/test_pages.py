@@ -16,7 +16,7 @@ from tables import TABLES, written
 
 import duobench
 from duobench.core.randomness import SUITE_VERSION
-from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.core.types import CONTROL_HZ
 from duobench.data.schema import SCHEMA
 from duobench.envs.duo_env import base_of
 from duobench.envs.registration import VERSION
@@ -25,6 +25,7 @@ from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
 from duobench.results.report import SUMMARY_SCHEMA
 from duobench.results.run import RUN_SCHEMA, TimeLimits
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.scene.compose import SUBSTEPS
 from tests.docs.markdown import DOCS, PAGES, ROOT, blocks, links, page_of, table, tables, text_of

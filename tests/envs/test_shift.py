@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from duobench.core.errors import OptionError, UnknownNameError
-from duobench.core.types import POLICY_CAMERAS
 from duobench.envs.config import EnvConfig
 from duobench.tasks.shifts.shift import Shift
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.envs.tools import Make, arrays, equal, make_small, sim_of
 
 TASK, SEED, STEPS = "spring_door", 5, 12

@@ -13,7 +13,7 @@ import pytest
 from duobench.cli import main
 from duobench.core.errors import EvaluationError
 from duobench.core.files import CHECKSUM, checksum, zipped
-from duobench.data.processes import Progress
+from duobench.core.processes import Progress
 from duobench.evaluation.replay import leaderboard
 from duobench.evaluation.replay.leaderboard import make_leaderboard
 from duobench.results import leaderboard as results_leaderboard

@@ -24,13 +24,13 @@ from duobench.core.errors import (
     PolicyError,
     UnknownNameError,
 )
-from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet, Recording
 from duobench.evaluation.rollout import rollout
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
 from duobench.results.suite import Suite
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.docs.markdown import ROOT
 
 EXAMPLES = ROOT / "examples" / "object_states"

@@ -10,11 +10,11 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import DESKTOP, PHONE, View
-from duobench.core.types import POLICY_CAMERAS
 from duobench.real.sessions.cameras import CameraFeed
 from duobench.real.sessions.rig_teleoperation import RigTeleopPage
 from duobench.web.page import assets
 from duobench.web.server import PageServer
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.pages.windows import DARK_PHONE, broken_rules, opened, until
 from tests.real.rigs import camera, wait
 from tests.teleop.test_real import Bench

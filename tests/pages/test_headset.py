@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import duobench
 from duobench.envs.duo_env import base_of
 from duobench.web.geometry import Geometry
-from duobench.world.robot.cameras import HEAD_PITCH, TABLE_FROM_HEAD
+from duobench.world.robot.cameras import CAMERAS, HEAD, HEAD_PITCH
 from duobench.world.robot.workcell import FLOOR_Z
 from tests.pages.driving import Operated, operated
 
@@ -66,7 +66,7 @@ def place(page: Operated, part: str, position: np.ndarray, turn: Rotation) -> No
 
 def in_room(position: Any) -> np.ndarray:
     """A position of the world in the room, with the viewer where the robot's head is."""
-    return ROOM_HEAD + ROOM_FROM_WORLD.apply(np.array(position) - TABLE_FROM_HEAD.translation)
+    return ROOM_HEAD + ROOM_FROM_WORLD.apply(np.array(position) - CAMERAS[HEAD].pose.translation)
 
 
 def enter(page: Operated, name: str = "VR") -> None:
@@ -94,9 +94,9 @@ def test_the_viewer_sees_what_the_robots_head_camera_sees(page: Operated) -> Non
     enter(page)
     left, right = matrices(page)
     np.testing.assert_allclose(
-        (left[:3, 3] + right[:3, 3]) / 2, TABLE_FROM_HEAD.translation, atol=1e-5
+        (left[:3, 3] + right[:3, 3]) / 2, CAMERAS[HEAD].pose.translation, atol=1e-5
     )
-    np.testing.assert_allclose(left[:3, :3], TABLE_FROM_HEAD.rotation, atol=1e-5)
+    np.testing.assert_allclose(left[:3, :3], CAMERAS[HEAD].pose.rotation, atol=1e-5)
     assert left[1, 3] - right[1, 3] == pytest.approx(0.063, abs=0.005)  # between the eyes
     ports = page.page.evaluate("eyes.slice(-2).map((eye) => eye[2])")
     assert ports == [[0, 0, 500, 800], [500, 0, 500, 800]]
@@ -150,13 +150,13 @@ def test_a_click_of_the_stick_puts_the_view_anew_and_opens_the_clutch(page: Oper
         Rotation.from_euler("YX", [1.0, -HEAD_PITCH]),
     )
     left, right = matrices(page)
-    assert np.linalg.norm((left + right)[:3, 3] / 2 - TABLE_FROM_HEAD.translation) > 0.5
+    assert np.linalg.norm((left + right)[:3, 3] / 2 - CAMERAS[HEAD].pose.translation) > 0.5
     now = press(page, "right", "thumbstick", 1)
     assert now["right"]["buttons"]["recentre"]
     assert now["right"]["squeeze"] == 0
     left, right = matrices(page)
-    np.testing.assert_allclose((left + right)[:3, 3] / 2, TABLE_FROM_HEAD.translation, atol=1e-5)
-    np.testing.assert_allclose(left[:3, :3], TABLE_FROM_HEAD.rotation, atol=1e-5)
+    np.testing.assert_allclose((left + right)[:3, 3] / 2, CAMERAS[HEAD].pose.translation, atol=1e-5)
+    np.testing.assert_allclose(left[:3, :3], CAMERAS[HEAD].pose.rotation, atol=1e-5)
     press(page, "right", "thumbstick", 0)
     assert press(page, "right", "squeeze", 0.2)["right"]["squeeze"] == pytest.approx(0.2)
     assert press(page, "right", "squeeze", 1)["right"]["squeeze"] == 1

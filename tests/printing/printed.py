@@ -14,7 +14,6 @@ from duobench.printing import (
     Foot,
     PrintedPart,
     PrintJob,
-    fit_coupon,
     job_of,
     placing_jig,
     stl_bytes,
@@ -27,13 +26,11 @@ TASKS = catalog.names()
 
 @cache
 def job(name: str) -> PrintJob:
-    """What is printed of a task, of all mazes; or the coupon, or the jig."""
-    if name == "coupon":
-        return fit_coupon()
+    """What is printed of a task, of all mazes; or the jig."""
     return placing_jig(Foot()) if name == "jig" else job_of(catalog.get(name), ("all",))
 
 
-JOBS = ("coupon", "jig", *TASKS)
+JOBS = ("jig", *TASKS)
 PARTS = [(name, part.name) for name in JOBS for part in job(name).parts]
 
 

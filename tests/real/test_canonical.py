@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from duobench.core.errors import OptionError
-from duobench.core.types import HEAD, POLICY_CAMERAS, Array
+from duobench.core.types import Array
 from duobench.envs.sim_env import SimEnv
 from duobench.real.canonical import NATIVE, CanonicalView, focal_of, nominal_pose, remapped
 from duobench.real.rig import UNPOSED, CameraCalibration
 from duobench.tasks import catalog
-from duobench.world.robot.cameras import describe_cameras
+from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS, describe_cameras
 from duobench.world.sim.rendering import Renderer
 from tests.real.lenses import D405, ZED, directions_of
 

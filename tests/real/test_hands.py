@@ -62,7 +62,7 @@ def lab() -> Iterator[Lab]:
     fakes = {side: FakeGripper(clock.now) for side in SIDES}
     duo = open_rig(Rig.simulated(), clock, guard=False)
     for side, fake in fakes.items():
-        config = GripperConfig(driver=GripperDriver.ROBOTIQ, port=fake.port)
+        config = GripperConfig(driver=GripperDriver.HARDWARE, port=fake.port)
         duo.grippers[side] = RobotiqGripper(config, clock, answer_s=PATIENT_S)
     made = Lab(
         FrankaDuo(

@@ -14,7 +14,7 @@ import pytest
 
 from duobench.core.errors import BackendError, UnknownNameError
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, POLICY_CAMERAS, SIDES, DuoCommand, Side
+from duobench.core.types import SIDES, DuoCommand, Side
 from duobench.real.clock import PacedClock, VirtualClock
 from duobench.real.duo import FrankaDuo
 from duobench.real.opening import REHEARSAL_SIZE, open_rig, rehearsal_rig
@@ -23,6 +23,7 @@ from duobench.real.rig import JOINT_TORQUES
 from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.sim import rendering_process
 from duobench.world.sim.rendering import Renderer

@@ -13,7 +13,7 @@ import pytest
 from duobench.core.errors import ActionError, BackendError
 from duobench.real.clock import Clock, SystemClock, VirtualClock
 from duobench.real.devices import GripperReading
-from duobench.real.drivers.robotiq import READ_HZ, RobotiqGripper, Status, measure_ends
+from duobench.real.drivers.robotiq import READ_HZ, RobotiqGripper, Status
 from duobench.real.registers import ACTIVATE, GO
 from duobench.real.rig import GripperConfig, GripperDriver
 from duobench.results.labels import FaultKind
@@ -24,7 +24,7 @@ PATIENT_S = 20.0
 
 
 def gripper_at(port: str, clock: Clock, answer_s: float = PATIENT_S) -> RobotiqGripper:
-    config = GripperConfig(driver=GripperDriver.ROBOTIQ, port=port, speed=200, force=50)
+    config = GripperConfig(driver=GripperDriver.HARDWARE, port=port, speed=200, force=50)
     return RobotiqGripper(config, clock, answer_s=answer_s)
 
 
@@ -234,11 +234,11 @@ def test_ends_are_measured() -> None:
     with benched(connect=False) as bench:
         bench.fake.registers.ends = (5, 221)
         config = GripperConfig(port=bench.fake.port, force=50)
-        found = measure_ends(config, bench.clock, answer_s=PATIENT_S)
+        found = RobotiqGripper.measure_ends(config, bench.clock, answer_s=PATIENT_S)
         assert found == replace(config, open_count=5, closed_count=221)
         bench.fake.object_at = 100
         with pytest.raises(BackendError, match="between its fingers"):
-            measure_ends(config, bench.clock, answer_s=PATIENT_S)
+            RobotiqGripper.measure_ends(config, bench.clock, answer_s=PATIENT_S)
 
 
 def test_it_is_read_in_a_thread_of_its_own() -> None:

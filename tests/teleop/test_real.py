@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS, SIDES, Side
+from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.data import Actor, ActorKind, DataSet, find_problems
 from duobench.data.attempts import of_task
 from duobench.real.clock import VirtualClock
@@ -33,6 +33,7 @@ from duobench.teleop.hands import HandDevice
 from duobench.teleop.teleoperation import TeleopState
 from duobench.web.server import PageServer
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.real.sessions.test_recording import Script
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.web.pages import open_page, wait_until

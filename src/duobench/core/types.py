@@ -53,18 +53,6 @@ class Side(StrEnum):
 
 SIDES = (Side.LEFT, Side.RIGHT)
 
-HEAD = "head"
-"""The camera above the robot's shoulders."""
-
-
-def wrist_name(side: Side) -> str:
-    """Name of the camera on an arm's wrist."""
-    return f"{side}_wrist"
-
-
-POLICY_CAMERAS = (HEAD, *(wrist_name(side) for side in SIDES))
-"""The cameras that a policy may see, and sees if nothing else is said."""
-
 
 def real_array(values: ArrayLike, dtype: type[np.floating[Any]]) -> NDArray[Any]:
     """Numbers as an array of floats."""

@@ -12,12 +12,11 @@ import numpy as np
 
 from duobench.core.errors import DataError, DuoBenchError, FileError, ForeignTaskError
 from duobench.core.files import CHECKSUM, checksum, digest_of, read_object
+from duobench.core.processes import Progress, run_all
 from duobench.core.randomness import SUITE_VERSION
-from duobench.core.types import POLICY_CAMERAS
 from duobench.core.versions import package_versions
 from duobench.data.attempts import ATTEMPTS, RUN, compared
 from duobench.data.dataset import SUFFIX, DataSet
-from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording
 from duobench.data.schema import COLUMNS, VideoFacts, steps_after_success, video_path
 from duobench.data.stream import SUFFIX as PART_SUFFIX
@@ -27,6 +26,7 @@ from duobench.envs.episode_state import EpisodeState
 from duobench.envs.protocol import make_env
 from duobench.envs.sim_env import sim_of
 from duobench.tasks.shifts.shift import NO_SHIFT
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 _GAPPY = ("frame_age", "left_robot_state", "right_robot_state")
 """Columns that are NaN where a device said nothing."""

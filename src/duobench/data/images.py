@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from duobench.core.backend import Image
 from duobench.core.errors import DataError, DuoBenchError, OptionError
-from duobench.core.types import POLICY_CAMERAS, as_several, as_size
+from duobench.core.types import as_several, as_size
 from duobench.data.recording import Recording
 from duobench.data.schema import video_path
 from duobench.envs.config import IMAGE_SIZE
@@ -23,6 +23,7 @@ from duobench.tasks.object_state import ObjectState
 from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation

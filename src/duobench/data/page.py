@@ -8,12 +8,13 @@ import numpy as np
 
 from duobench.core.files import write
 from duobench.core.pages import render
-from duobench.core.types import CONTROL_HZ, HEAD
+from duobench.core.types import CONTROL_HZ
 from duobench.core.video import jpeg
 from duobench.data.dataset import DataSet
 from duobench.data.images import ImageSource, RecordedImages, resized
 from duobench.data.recording import Recording
 from duobench.data.summary import JUMP, REVERSAL, Summary
+from duobench.world.robot.cameras import HEAD
 
 PAGE = "index.html"
 """Name of the page in the folder of the data set."""

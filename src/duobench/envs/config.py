@@ -12,20 +12,13 @@ from duobench.core.errors import (
     escaped,
 )
 from duobench.core.randomness import EVAL, SPLITS
-from duobench.core.types import (
-    CONTROL_HZ,
-    POLICY_CAMERAS,
-    as_count,
-    as_several,
-    as_size,
-    as_whole,
-)
+from duobench.core.types import CONTROL_HZ, as_count, as_several, as_size, as_whole
 from duobench.envs import action_modes
 from duobench.envs.rewards import REWARDS, STAGE
 from duobench.tasks.shifts.shift import NO_SHIFT, Shift
 from duobench.world.looks.catalog import DEFAULT, as_look
 from duobench.world.looks.look import Look
-from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
 from duobench.world.robot.joints import check_speed_fraction
 
 RENDER_MODES = ("rgb_array",)

@@ -11,7 +11,7 @@ import numpy as np
 
 from duobench.core.errors import OptionError, check_known
 from duobench.core.randomness import EVAL
-from duobench.core.types import POLICY_CAMERAS, Array, as_several
+from duobench.core.types import Array, as_several
 from duobench.envs.config import IMAGE_SIZE
 from duobench.envs.duo_env import (
     DuoWrapper,
@@ -28,7 +28,7 @@ from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import level_for
 from duobench.tasks.shifts.samples import EpisodeKey
 from duobench.tasks.shifts.shift import SENSING, Shift
-from duobench.world.robot.cameras import check_image_size
+from duobench.world.robot.cameras import POLICY_CAMERAS, check_image_size
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv

@@ -22,11 +22,12 @@ from duobench.core.lerobot_keys import (
     feature_names,
 )
 from duobench.core.randomness import SUITE_VERSION
-from duobench.core.types import FLAT_SIZE, POLICY_CAMERAS
+from duobench.core.types import FLAT_SIZE
 from duobench.envs import action_labels, state_labels
 from duobench.envs.action_labels import LABELS, ActionLabels
 from duobench.envs.action_modes import JOINT
 from duobench.envs.state_labels import StatePart
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 CONFIG, WEIGHTS = "config.json", "model.safetensors"
 PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")

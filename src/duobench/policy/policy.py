@@ -13,12 +13,12 @@ from duobench.core.errors import PolicyError, escaped
 from duobench.core.types import (
     CONTROL_HZ,
     FLAT_SIZE,
-    POLICY_CAMERAS,
     as_count,
     as_several,
     as_size,
     real_array,
 )
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 if TYPE_CHECKING:
     import gymnasium as gym

@@ -9,7 +9,6 @@ from duobench.core.references import lazy
 
 if TYPE_CHECKING:
     from duobench.core.sheets import Paper as Paper
-    from duobench.printing.coupon import fit_coupon as fit_coupon
     from duobench.printing.folder import (
         PrintChoice as PrintChoice,
         write_prints as write_prints,

@@ -157,11 +157,7 @@ _MODULES = {
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PurchasedPart:
-    """Something to buy, or to make by other means.
-
-    The paper names no products. What is bought should come as near to these sizes as can be had:
-    where it differs, the real task differs from the simulated one by as much.
-    """
+    """Something that is not printed: screws, or an object with the sizes of the simulated one."""
 
     name: str
     props: tuple[str, ...] = ()
@@ -169,8 +165,6 @@ class PurchasedPart:
     count: int = 1
     sizes: tuple[str, ...] = ()
     """One phrase each."""
-    note: str = ""
-    """What else matters, in a sentence."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -209,7 +203,7 @@ def details_of(task: str) -> TaskDetails:
 
 
 def parts_to_buy(task: Task) -> tuple[PurchasedPart, ...]:
-    """What to buy for a task: nothing for one whose objects are all printed.
+    """Return what is not printed of a task: nothing where all of its objects are.
 
     Objects of a task that is not the benchmark's, and not printable, are listed with their sizes.
     """
@@ -236,8 +230,8 @@ def _unprinted(prop: Prop) -> PurchasedPart:
     return PurchasedPart(name=prop.name, props=(prop.name,), sizes=tuple(sizes))
 
 
-def shopping_lines(parts: Iterable[PurchasedPart]) -> Iterator[str]:
-    """What is bought as lines of a list in Markdown."""
+def lines_of(parts: Iterable[PurchasedPart]) -> Iterator[str]:
+    """Yield a list in Markdown of what is not printed."""
     for part in parts:
-        yield f"- {part.count} × {part.name}{f' ({part.note})' if part.note else ''}"
+        yield f"- {part.count} × {part.name}"
         yield from (f"    - {size}" for size in part.sizes)

@@ -18,8 +18,6 @@ from duobench.core.files import (
 )
 from duobench.core.sheets import Paper
 from duobench.core.versions import __version__
-from duobench.printing.coupon import ID as COUPON, fit_coupon
-from duobench.printing.details import shopping_lines
 from duobench.printing.formats import stl_bytes, threemf_bytes
 from duobench.printing.jig import ID as JIG, Foot, placing_jig
 from duobench.printing.parts import ALL_VARIANTS, PrintJob, job_of
@@ -81,7 +79,7 @@ def write_prints(
     foot: Foot | None = None,
     progress: Callable[[Recipe], None] = lambda _recipe: None,
 ) -> None:
-    """Write everything that is needed to print the objects of tasks, the fit coupon and a jig.
+    """Write everything that is needed to print the objects of tasks, and a jig.
 
     Args:
         folder: A new folder, or one that holds what the same choice gave.
@@ -92,7 +90,7 @@ def write_prints(
         seed: The seed that the layouts come from, for the title of the sheets.
         paper: What the sheets are printed on.
         foot: The foot of the mount that the jig is for; without one there is no jig.
-        progress: Called with each recipe once its folder is written, that of the coupon first.
+        progress: Called with each recipe once its folder is written, that of the jig first.
 
     Raises:
         UnknownNameError: No object of the tasks has such a variant.
@@ -121,7 +119,7 @@ def write_prints(
         paper=paper.value,
         foot_mm=foot and (1000 * foot.front, 1000 * foot.width),
     )
-    first = (fit_coupon(), *([placing_jig(foot)] if foot else ()))
+    first = (placing_jig(foot),) if foot else ()
     with locked(folder):
         begin_or_continue(
             folder, folder / DESCRIPTION, choice, FOLDER_SCHEMA, what="print"
@@ -139,22 +137,14 @@ def write_prints(
                     layout_sheet(task, layout, title, paper),
                 )
             progress(recipes[-1])
-        words = {
-            "recipes": recipes,
-            "shopping_lines": shopping_lines,
-            "untried": UNTRIED,
-        }
-        for name, template in (
-            ("README.md", "prints.md.j2"),
-            ("shopping.md", "shopping.md.j2"),
-        ):
-            write(folder / name, pages.render("duobench.printing", template, **words))
+        overview = pages.render(
+            "duobench.printing", "prints.md.j2", recipes=recipes, untried=UNTRIED
+        )
+        write(folder / "README.md", overview)
 
 
 def _check_names(ids: list[str]) -> None:
-    taken = sorted(
-        {name for name in ids if ids.count(name) > 1 or name in (COUPON, JIG)}
-    )
+    taken = sorted({name for name in ids if ids.count(name) > 1 or name == JIG})
     if taken:
         raise FabricationError(
             f"Each folder needs a name of its own, got twice: {taken}."

@@ -94,7 +94,7 @@ class ObjectMass:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class PrintJob:
-    """What is printed together: all of a task, or the coupon."""
+    """Parts that are printed together: all of a task, or the jig."""
 
     id: str
     """Name of its folder: the task's."""

@@ -1,27 +1,23 @@
-"""How to print a job: printer, settings, masses, sizes to measure, and what it takes.
+"""How to print a job: printer, settings, masses, sizes to measure, and how it is put together."""
 
-Filament and time are estimates from the volume, `MATERIAL_PER_SECOND` says how.
-"""
-
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from duobench.core import pages
 from duobench.printing import details
-from duobench.printing.details import Dimension, PurchasedPart, shopping_lines
+from duobench.printing.details import Dimension, PurchasedPart, lines_of
 from duobench.printing.formats import hex_colour
 from duobench.printing.parts import PrintedPart, PrintJob, lay_out
 from duobench.world.objects.mazes import CELLS, MAZES, Cell
 from duobench.world.objects.shapes import PRINTER
 from duobench.world.objects.solid import PLA_DENSITY
 
-RECIPE_SCHEMA = 2
+RECIPE_SCHEMA = 3
 NOZZLE, LAYER, FINE_LAYER = 0.4, 0.2, 0.12
 """Diameter of the nozzle and height of the layers in mm; the finer ones are for chamfers."""
-WALLS, CAPS = 4, 5
-"""Lines of a wall, and layers of a floor or a roof."""
+WALLS = 4
+"""Lines of a wall."""
 SPARSE = 0.15
 """Share that is filled of what may be lighter than simulated."""
 SOLID_PATTERN, SPARSE_PATTERN = "rectilinear", "grid"
@@ -29,13 +25,6 @@ SOLID_PATTERN, SPARSE_PATTERN = "rectilinear", "grid"
 one that some of them begin with is refused at 100 %."""
 TOLERANCE = 0.05
 """Share by which the mass of what is lifted may be off."""
-MATERIAL_PER_SECOND = 8e-9
-"""Volume in m³ that a printer lays down in a second, all in all, in layers of 0.2 mm; in finer
-ones less by as much. A slow printer needs twice the time, and a fast one half of it."""
-WASTE = 1.05
-"""What is laid down over what is in the parts: purged, brims, supports."""
-_STEEP = 0.72
-"""Share of an area that looks up or down from which on it is a floor or a roof."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,9 +53,6 @@ class PartRecipe:
     volume_cm3: float
     mass_g: tuple[float, float, float] | None
     """Mass of one: least, target and most. None where it may weigh anything."""
-    filament_g: float
-    """Estimate for all copies, as `hours` is."""
-    hours: float
     dimensions: list[Dimension]
 
 
@@ -87,7 +73,7 @@ class Recipe:
     """How to print a job."""
 
     id: str
-    """The task, "coupon" or "jig"."""
+    """The task, or "jig"."""
     title: str
     printer: str
     material: str
@@ -102,9 +88,6 @@ class Recipe:
     """How that is done."""
     bought: list[PurchasedPart]
     notes: list[str]
-    filament_g: float
-    """Estimate, as `hours` is."""
-    hours: float
 
 
 def recipe_of(job: PrintJob) -> Recipe:
@@ -135,32 +118,12 @@ def recipe_of(job: PrintJob) -> Recipe:
         assembly=list(known.assembly),
         bought=list(job.bought),
         notes=_notes(job),
-        filament_g=round(math.fsum(part.filament_g for part in parts), 1),
-        hours=round(math.fsum(part.hours for part in parts), 1),
     )
-
-
-def extruded(part: PrintedPart) -> float:
-    """Volume in m³ that is laid down for one part: all of it, or walls, caps and sparse infill."""
-    volume = part.volume
-    if part.is_solid:
-        return volume
-    corners = part.mesh.vertices[part.mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    areas = np.linalg.norm(normals, axis=1)
-    is_flat = np.abs(normals[:, 2]) > _STEEP * areas
-    skin = float(
-        areas[~is_flat].sum() * WALLS * NOZZLE + areas[is_flat].sum() * CAPS * LAYER
-    )
-    skin = min(volume, skin / 1000)
-    return skin + SPARSE * (volume - skin)
 
 
 def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
     key = _key(job, part)
     changes = [details.CHANGES[key]] if key in details.CHANGES else []
-    laid_down = extruded(part) * part.count * WASTE
-    layer = FINE_LAYER if key in details.FINE else LAYER
     width, depth, height = (round(1000 * float(edge), 2) for edge in part.size)
     return PartRecipe(
         name=part.name,
@@ -174,15 +137,13 @@ def _part(job: str, part: PrintedPart, beds: list[int]) -> PartRecipe:
         colour_changes=[
             (round(1000 * above, 3), hex_colour(rgba)) for above, rgba in changes
         ],
-        layer_mm=layer,
+        layer_mm=FINE_LAYER if key in details.FINE else LAYER,
         walls=WALLS,
         infill_percent=100 if part.is_solid else round(100 * SPARSE),
         infill_pattern=SOLID_PATTERN if part.is_solid else SPARSE_PATTERN,
         supports=details.details_of(job).supports.get(key.partition("/")[2], "none"),
         volume_cm3=round(1e6 * part.volume, 2),
         mass_g=_range(1000 * part.mass) if part.is_solid else None,
-        filament_g=round(1000 * laid_down * part.density, 1),
-        hours=round(laid_down / MATERIAL_PER_SECOND * LAYER / layer / 3600, 2),
         dimensions=[
             *(
                 Dimension(what=what, mm=mm, tolerance_mm=details.FREE)
@@ -238,7 +199,7 @@ def _corner(cell: Cell) -> str:
 
 UNTRIED = (
     "Nothing of this was printed by us so far; a slicer, PrusaSlicer, takes all parts of the "
-    "benchmark in tests. Print the coupon first, weigh and measure."
+    "benchmark in tests. Weigh and measure."
 )
 
 
@@ -248,13 +209,9 @@ def recipe_page(recipe: Recipe) -> str:
         "duobench.printing",
         "recipe.md.j2",
         recipe=recipe,
-        bought=list(shopping_lines(recipe.bought)),
+        bought=list(lines_of(recipe.bought)),
         mass=_mass,
         untried=UNTRIED,
-        waste=f"{100 * (WASTE - 1):.0f}",
-        rate=f"{1e9 * MATERIAL_PER_SECOND:.0f}",
-        layer=LAYER,
-        sparse=f"{100 * SPARSE:.0f}",
         tolerance=f"{100 * TOLERANCE:.0f}",
     )
 

@@ -16,17 +16,14 @@ from PIL import Image as Pictures
 from duobench.core.backend import Image
 from duobench.core.errors import BackendError, DataError, OptionError, check_known
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, Array
+from duobench.core.types import Array
 from duobench.real.devices import Camera
 from duobench.real.rig import CameraCalibration, CameraConfig
 from duobench.world.robot.cameras import (
-    FLANGE_FROM_WRIST,
-    HEAD_FOCAL,
+    CAMERAS,
     MUJOCO_FROM_OPENCV,
     NATIVE_HEIGHT,
     NATIVE_WIDTH,
-    TABLE_FROM_HEAD,
-    WRIST_FOCAL,
 )
 
 if TYPE_CHECKING:
@@ -39,7 +36,7 @@ _Floats = NDArray[np.float32]
 
 def focal_of(camera: str) -> float:
     """Focal length in pixels of a camera's canonical image."""
-    return HEAD_FOCAL if camera == HEAD else WRIST_FOCAL
+    return CAMERAS[camera].focal
 
 
 def nominal_pose(camera: str) -> SE3:
@@ -47,9 +44,7 @@ def nominal_pose(camera: str) -> SE3:
 
     The parent is the table for the head, and the flange for a wrist.
     """
-    return (
-        TABLE_FROM_HEAD if camera == HEAD else FLANGE_FROM_WRIST
-    ) @ MUJOCO_FROM_OPENCV
+    return CAMERAS[camera].pose @ MUJOCO_FROM_OPENCV
 
 
 def distorted(points: Array, lens: CameraCalibration) -> Array:

@@ -20,7 +20,8 @@ from duobench.core.spatial import SE3
 from duobench.core.types import SIDES, Array, Side
 from duobench.real.cell import Obstacle, Workspace
 from duobench.real.follower import HIGHEST, LOWEST
-from duobench.world.scene.naming import tcp_name
+from duobench.world.robot.gripper import GRIPPER
+from duobench.world.scene.naming import gripper_name, tcp_name
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -46,7 +47,6 @@ PATH_STEP = 0.02
 _ALLOWED_NEARER = 1e-4
 """A path may begin too near something, if it comes no nearer than by this many metres."""
 _GREY = (0.5, 0.5, 0.5, 1.0)
-_FINGER_WORDS = ("driver", "coupler", "spring_link", "follower", "pad")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -279,8 +279,9 @@ def _part_of(model: MjModel, geom: int) -> _Part:
         rest = body.removeprefix(f"{side}/")
         if rest == body:
             continue
-        if rest.startswith("gripper"):
-            is_finger = rest.endswith(_FINGER_WORDS)
+        gripper = f"{gripper_name(side)}/"
+        if body.startswith(gripper):
+            is_finger = GRIPPER.finger_of(body.removeprefix(gripper)) is not None
             words = (
                 f"a finger of the {side} gripper"
                 if is_finger

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from duobench.core.references import load
-from duobench.core.types import POLICY_CAMERAS, SIDES
+from duobench.core.types import SIDES
 from duobench.real.clock import Clock, PacedClock, SystemClock
 from duobench.real.duo import FrankaDuo
 from duobench.real.guard import Guard
@@ -20,6 +20,8 @@ from duobench.real.rig import (
     GripperDriver,
     Rig,
 )
+from duobench.world.robot.cameras import POLICY_CAMERAS
+from duobench.world.robot.gripper import GRIPPER
 
 SIMULATED, REHEARSAL = "simulated", "rehearsal"
 REHEARSAL_SIZE = (180, 320)
@@ -66,7 +68,7 @@ COMPUTED = {SIMULATED: Rig.simulated, REHEARSAL: rehearsal_rig}
 """The rigs without hardware by their names."""
 DRIVERS = {
     ArmDriver.FRANKY: "franky_arm:FrankyArm",
-    GripperDriver.ROBOTIQ: "robotiq:RobotiqGripper",
+    GripperDriver.HARDWARE: GRIPPER.driver,
     CameraDriver.REALSENSE: "realsense:RealSenseCamera",
     CameraDriver.UVC: "uvc:UvcCamera",
     CameraDriver.FILE: "uvc:FileCamera",
@@ -92,16 +94,16 @@ def open_rig(
         rig = Rig.read(Path(rig))
     is_rehearsal = REHEARSAL in rig.drivers
     clock = clock or (PacedClock() if is_rehearsal else SystemClock())
-    rehearsal = _driver("rehearsal:Rehearsal")(clock) if is_rehearsal else None
+    rehearsal = driver_at("rehearsal:Rehearsal")(clock) if is_rehearsal else None
 
     def made(config: Any, name: str) -> Any:
         """A device by its driver; the name is a camera's, or the side that it is on."""
         if config.driver == REHEARSAL and rehearsal is not None:
             return rehearsal.device(config, name)
         if config.driver == SIMULATED:
-            return _driver("simulated:simulated_device")(config, clock, name)
+            return driver_at("simulated:simulated_device")(config, clock, name)
         names = [name] if isinstance(config, CameraConfig) else []
-        return _driver(DRIVERS[config.driver])(config, clock, *names)
+        return driver_at(DRIVERS[config.driver])(config, clock, *names)
 
     return FrankaDuo(
         rig,
@@ -114,5 +116,6 @@ def open_rig(
     )
 
 
-def _driver(path: str) -> Any:
+def driver_at(path: str) -> Any:
+    """Load a driver, such as one of `DRIVERS`."""
     return load(f"duobench.real.drivers.{path}", "driver", callable)

@@ -1,4 +1,4 @@
-"""The registers of a Robotiq 2F-85, as its manual describes them, with fingers of somebody else.
+"""The registers of a real gripper, as its manual describes them; others move the fingers.
 
 The rehearsal and an imitated gripper on a serial line answer by this one model.
 """

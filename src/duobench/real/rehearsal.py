@@ -21,9 +21,14 @@ from duobench.real.registers import GripperRegisters
 from duobench.real.rig import ArmConfig
 from duobench.results.labels import Fault, FaultKind
 from duobench.tasks.task import Task
+from duobench.world.robot.gripper import GRIPPER
 from duobench.world.scene.compose import SUBSTEPS
-from duobench.world.scene.naming import arm_joint_names, gripper_name, tcp_name
-from duobench.world.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
+from duobench.world.scene.naming import (
+    arm_joint_names,
+    drive_names,
+    gripper_name,
+    tcp_name,
+)
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.placement import MAX_OVERLAP
 from duobench.world.sim.simulation import Simulation
@@ -252,15 +257,9 @@ class RehearsalWorld:
             [[model.actuator(name).id for name in row] for row in self._sides]
         )
         self._hands = [model.actuator(gripper_name(side)).id for side in SIDES]
-        drivers = [
-            [f"{gripper_name(s)}/{finger}_driver" for finger in FINGERS] for s in SIDES
-        ]
-        self._drivers = [
-            [int(model.joint(name).qposadr[0]) for name in row] for row in drivers
-        ]
-        self._driver_dofs = [
-            [int(model.joint(name).dofadr[0]) for name in row] for row in drivers
-        ]
+        drives = [[model.joint(name) for name in drive_names(s)] for s in SIDES]
+        self._drives = [[int(joint.qposadr[0]) for joint in row] for row in drives]
+        self._drive_dofs = [[int(joint.dofadr[0]) for joint in row] for row in drives]
         self._tools = [model.site(tcp_name(side)).id for side in SIDES]
         self._felt = np.zeros(model.nv)
         self._jacobian = np.zeros((6, model.nv))
@@ -346,13 +345,14 @@ class RehearsalWorld:
         """Lead the fingers of a gripper to where its registers say, and tell them how far it is."""
         gripper, data, index = self.grippers[side], self._data, side.index
         low, high = gripper.ends
-        share = sum(data.qpos[self._drivers[index]].tolist()) / (
-            len(FINGERS) * DRIVER_CLOSED
-        )
+        angles = data.qpos[self._drives[index]].tolist()
+        share = sum(angles) / (len(angles) * GRIPPER.drive_closed)
         gripper.move(low + min(max(share, 0.0), 1.0) * (high - low), self._time)
         hand = self._hands[index]
         target = gripper.target
         if target is not None:
-            data.ctrl[hand] = CTRL_CLOSED * (target - low) / (high - low)
-        elif np.abs(data.qvel[self._driver_dofs[index]]).max() > STILL:
-            data.ctrl[hand] = CTRL_CLOSED * share  # stop; a grip that rests is kept
+            data.ctrl[hand] = GRIPPER.ctrl_closed * (target - low) / (high - low)
+        elif np.abs(data.qvel[self._drive_dofs[index]]).max() > STILL:
+            data.ctrl[hand] = (
+                GRIPPER.ctrl_closed * share
+            )  # stop; a grip that rests is kept

@@ -20,11 +20,12 @@ import msgspec
 from duobench.core import files
 from duobench.core.errors import FileError, OptionError, UnknownNameError, check_known
 from duobench.core.settings import decode, parse
-from duobench.core.types import ARM_JOINTS, POLICY_CAMERAS, SIDES, Side
+from duobench.core.types import ARM_JOINTS, SIDES, Side
 from duobench.real.addresses import is_host, is_simulator
 from duobench.real.cell import LONGEST, Obstacle, Workspace
-from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
 from duobench.world.robot.fr3_links import LINKS
+from duobench.world.robot.gripper import GRIPPER
 
 RIG_SCHEMA = 2
 """Version of the file; raised when a field changes its meaning."""
@@ -64,8 +65,6 @@ _MEASURED = re.compile(
 )
 """Places in the file that may change while a rig stays the same: it is called otherwise, or its
 grippers' ends, lenses and mounts are measured again."""
-GRIPPER_SPEEDS, GRIPPER_FORCES = (20.0, 150.0), (20.0, 235.0)
-"""Speeds in mm/s and forces in N of a gripper at 0 and at 255 [manual of the 2F-85]."""
 SHORTEST_WAY = 150
 """Counts from open to closed that an empty gripper moves at least."""
 SIZES, RATES = (90, 4320), (5, 120)
@@ -89,7 +88,7 @@ class ArmDriver(StrEnum):
 class GripperDriver(StrEnum):
     """What talks to a gripper."""
 
-    ROBOTIQ = "robotiq"
+    HARDWARE = GRIPPER.word
     REHEARSAL = "rehearsal"
     SIMULATED = "simulated"
 
@@ -164,7 +163,7 @@ class ArmConfig:
 class GripperConfig:
     """One gripper."""
 
-    driver: GripperDriver = GripperDriver.ROBOTIQ
+    driver: GripperDriver = GripperDriver.HARDWARE
     port: str = ""
     """Serial port, best by its id: /dev/serial/by-id/…"""
     open_count: int = 3
@@ -189,12 +188,13 @@ class GripperConfig:
     @property
     def mm_per_s(self) -> float:
         """Speed of its fingers in mm/s."""
-        return _share(self.speed, GRIPPER_SPEEDS)
+        slowest, fastest = GRIPPER.speeds
+        return _share(self.speed, (1000.0 * slowest, 1000.0 * fastest))
 
     @property
     def newtons(self) -> float:
         """Force of its fingers in N."""
-        return _share(self.force, GRIPPER_FORCES)
+        return _share(self.force, GRIPPER.forces)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -452,7 +452,7 @@ class Rig:
 
 HARDWARE = {
     ArmDriver.FRANKY,
-    GripperDriver.ROBOTIQ,
+    GripperDriver.HARDWARE,
     CameraDriver.REALSENSE,
     CameraDriver.UVC,
 }

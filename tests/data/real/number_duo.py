@@ -11,7 +11,7 @@ import av
 import numpy as np
 
 from duobench.core.backend import Image
-from duobench.core.types import POLICY_CAMERAS, SIDES, DuoCommand, Side
+from duobench.core.types import SIDES, DuoCommand, Side
 from duobench.data import Actor, Recorder
 from duobench.data.rig import RigRecorder
 from duobench.envs import DuoEnv, TaskStages, TimeLimit
@@ -19,6 +19,7 @@ from duobench.real.devices import ArmReading, Frame
 from duobench.real.judge import HumanJudge
 from duobench.real.rig import Rig
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.envs.number_arms import NumberArms
 
 TASK = "bin_sort"

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from duobench.cli import main
-from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet
 from duobench.data.images import VideoFrames
 from duobench.data.schema import video_path
 from duobench.data.stream import BATCH_ROWS
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.data.real.number_duo import CountingCamera, NumberDuo, number_in, real_recorder
 from tests.data.tools import child_of, ended, only
 

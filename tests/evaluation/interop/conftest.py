@@ -23,5 +23,5 @@ collect_ignore = [file for file, variable in NEEDS.items() if variable not in os
 
 def environment(**variables: str) -> dict[str, str]:
     """That of a process which finds what the tests test, and the tests."""
-    path = os.pathsep.join([str(ROOT), str(ROOT / "src")])
+    path = os.pathsep.join([str(ROOT), str(ROOT / "src"), str(ROOT / "examples/vla_eval")])
     return {**os.environ, "PYTHONPATH": path, **variables}

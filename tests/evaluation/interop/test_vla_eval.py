@@ -58,7 +58,7 @@ def played_by_us(folder: Path, url: str, workers: int = 0) -> Results:
 
 def played_by_them(folder: Path, url: str, *options: str) -> list[dict[str, Any]]:
     """The rows of `vla-eval run` with the configuration of the page."""
-    (text,) = (block for block in blocks(PAGE, "yaml") if "duobench.evaluation.interop" in block)
+    (text,) = (block for block in blocks(PAGE, "yaml") if "duobench_benchmark" in block)
     config = folder / "config.yaml"
     config.write_text(text)
     program = Path(os.environ[VLA_EVAL_PYTHON]).absolute().with_name("vla-eval")

@@ -13,7 +13,7 @@ from vla_eval.orchestrator import _accepted_init_params
 from vla_eval.registry import resolve_import_string
 from vla_eval.specs import check_specs
 
-NAME = "duobench.evaluation.interop.vla_eval:DuoBench"
+NAME = "duobench_benchmark:DuoBench"
 STEPS = 3
 
 

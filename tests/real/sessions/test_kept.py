@@ -6,13 +6,13 @@ from typing import Any
 import pytest
 
 from duobench.core.errors import MessageError
-from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet, find_problems
 from duobench.real.doctor.checks import Check, Outcome, write_checks
 from duobench.real.rig import Rig
 from duobench.real.sessions.messages import Stage
 from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.folder import RunFolder
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.real.sessions import toys
 from tests.real.sessions.operator import (
     POLICIES,

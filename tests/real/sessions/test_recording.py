@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from duobench.core.errors import OptionError, PolicyError
-from duobench.core.types import POLICY_CAMERAS, Side
+from duobench.core.types import Side
 from duobench.data import DataSet, Outcome, Recording, find_problems
 from duobench.evaluation.policies import PolicySource
 from duobench.policy import PolicyMetadata
@@ -21,6 +21,7 @@ from duobench.real.opening import open_rig
 from duobench.real.sessions.policy_runner import REASONS
 from duobench.real.sessions.recording import Playback, RigRecording, find_policy, slowed
 from duobench.results.labels import FaultKind
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 TASK = "carry_pot"
 HORIZON = 24

@@ -12,7 +12,7 @@ import pytest
 from duobench.core.errors import CalibrationError
 from duobench.core.sheets import Paper
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, Side
+from duobench.core.types import Side
 from duobench.real.calibration.board import Board, Detector, board_pose
 from duobench.real.calibration.places import (
     View,
@@ -23,6 +23,7 @@ from duobench.real.calibration.places import (
 )
 from duobench.real.canonical import distorted, nominal_pose
 from duobench.real.rig import CameraCalibration
+from duobench.world.robot.cameras import HEAD
 from duobench.world.robot.joints import HOME_JOINTS
 from tests.real.lenses import D405, ZED
 from tests.real.with_libraries.board_views import view

@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 from duobench.cli import main
-from duobench.core.types import HEAD
 from duobench.real.doctor.checks import Outcome
 from duobench.real.doctor.examine import examine, shift_between
 from duobench.real.drivers.simulated import SimulatedCamera
 from duobench.real.rig import CameraConfig, CameraDriver, Rig
+from duobench.world.robot.cameras import HEAD
 from tests.real.rigs import new_rig
 
 pytest.importorskip("cv2", reason="It is not installed here: make test-hardware")

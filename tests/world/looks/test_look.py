@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from duobench.core.errors import OptionError, UnknownNameError
-from duobench.core.types import HEAD
 from duobench.tasks import catalog
 from duobench.world.looks import effects
 from duobench.world.looks.catalog import LOOKS, as_look, look
@@ -17,6 +16,7 @@ from duobench.world.looks.clutter import DEPTH, pieces
 from duobench.world.looks.colours import colour_name, shifted
 from duobench.world.looks.look import CameraOffset, Light, Look, Material
 from duobench.world.looks.textures import TEXTURES, texture
+from duobench.world.robot.cameras import HEAD
 from duobench.world.robot.workcell import FLOOR_Z, ROOM_X, ROOM_Y
 from duobench.world.sim.appearance import Appearance
 from duobench.world.sim.simulation import Simulation

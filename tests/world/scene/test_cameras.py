@@ -12,14 +12,22 @@ from numpy.typing import NDArray
 
 from duobench.core.errors import DuoBenchError
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, POLICY_CAMERAS, SIDES, Side, wrist_name
+from duobench.core.types import SIDES, Side
 from duobench.tasks import catalog
 from duobench.tasks.carry_pot import TASK
 from duobench.world.objects.pot import PLATE
 from duobench.world.objects.prop import Prop
 from duobench.world.objects.shapes import sphere
 from duobench.world.objects.solid import Solid
-from duobench.world.robot.cameras import OVERVIEW, OVERVIEW_VIEW, View, describe_cameras
+from duobench.world.robot.cameras import (
+    HEAD,
+    OVERVIEW,
+    OVERVIEW_VIEW,
+    POLICY_CAMERAS,
+    View,
+    describe_cameras,
+    wrist_name,
+)
 from duobench.world.robot.workcell import ROOM_X, ROOM_Y
 from duobench.world.scene.compose import compose
 from duobench.world.scene.naming import flange_name, tcp_name

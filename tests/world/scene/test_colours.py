@@ -7,12 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, POLICY_CAMERAS
 from duobench.envs.observation_wrappers import IMAGE_SIZE
 from duobench.envs.sim_env import sim_of
 from duobench.world.objects.blocks import CUBE_EDGE
 from duobench.world.objects.bowl import FLOOR
 from duobench.world.objects.chest import HINGE, LID_UNDERSIDE, WALL
+from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS
 from duobench.world.sim.rendering import Renderer
 from duobench.world.sim.simulation import Simulation
 from tests.tasks.experts.baseline_episodes import SEEDS, baseline, make

@@ -9,14 +9,14 @@ import pytest
 
 from dev.tools.meshes import SEAMS
 from duobench.core.spatial import SE3
-from duobench.core.types import POLICY_CAMERAS, SIDES, Side
+from duobench.core.types import SIDES, Side
 from duobench.tasks import catalog
 from duobench.world.objects.blocks import WHITE
 from duobench.world.objects.bowl import FLOOR, RADIUS, WALL as BOWL_WALL, bowl
 from duobench.world.objects.cup import cup
 from duobench.world.objects.prop import Prop
 from duobench.world.objects.solid import Solid, printable
-from duobench.world.robot.cameras import OVERVIEW, View
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS, View
 from duobench.world.robot.joints import JOINT_RANGES
 from duobench.world.scene.compose import RIB_HEIGHT, add_ribs
 from duobench.world.sim.rendering import Renderer

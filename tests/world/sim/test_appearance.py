@@ -11,11 +11,10 @@ from PIL import Image
 
 from duobench.core.errors import AssetError, UnknownNameError
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, POLICY_CAMERAS
 from duobench.tasks import catalog
 from duobench.world.looks.catalog import LOOKS, look
 from duobench.world.looks.look import CameraOffset, Light, Look, Material
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
 from duobench.world.sim.backend import SimBackend
 from duobench.world.sim.rendering import Renderer
 from duobench.world.sim.simulation import Simulation

@@ -10,10 +10,10 @@ from duobench.core.errors import DuoBenchError, UnknownNameError
 from duobench.core.spatial import SE3
 from duobench.core.types import CONTROL_HZ, SIDES, DuoCommand, Side
 from duobench.world.kinematics.inverse import Kinematics
+from duobench.world.robot.gripper import GRIPPER
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.scene.compose import SUBSTEPS, compose
 from duobench.world.scene.naming import arm_joint_names, pad_names, tcp_name
-from duobench.world.scene.robotiq import GRIP_FORCE, MAX_FINGER_SPEED
 from duobench.world.sim.duo import HOME, Duo, names_of, resolve
 from duobench.world.sim.simulation import Simulation
 from tests.world.sim.props import hold, scene
@@ -123,10 +123,10 @@ def test_fingers_move_at_the_speed_of_a_real_gripper(sim: Simulation, opening: f
         sim.step(command(opening=opening))
         gaps.append(gap(sim))
     speeds = np.abs(np.diff(gaps)) * CONTROL_HZ
-    assert speeds.max() <= MAX_FINGER_SPEED
+    assert speeds.max() <= GRIPPER.speeds[1]
     if opening != 0.5:
-        assert abs(gaps[-1] - gaps[0]) == pytest.approx(0.085, abs=0.003)
-        assert speeds[2:12].mean() > 0.7 * MAX_FINGER_SPEED
+        assert abs(gaps[-1] - gaps[0]) == pytest.approx(GRIPPER.stroke, abs=0.003)
+        assert speeds[2:12].mean() > 0.7 * GRIPPER.speeds[1]
 
 
 @pytest.mark.parametrize("opening", [0.0, 0.1, 0.2])
@@ -135,7 +135,7 @@ def test_fingers_press_with_a_set_force(opening: float) -> None:
     sim = scene()
     hold(sim, "cube", steps=25, opening=opening)
     for pad in pad_names(Side.LEFT):
-        assert normal_force(sim, pad, "cube") == pytest.approx(GRIP_FORCE, rel=0.05)
+        assert normal_force(sim, pad, "cube") == pytest.approx(GRIPPER.force, rel=0.05)
 
 
 def normal_force(sim: Simulation, body: str, other: str) -> float:

@@ -12,10 +12,9 @@ import pytest
 
 from duobench.core.errors import RenderingError, UnknownNameError
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, POLICY_CAMERAS
 from duobench.world.objects.blocks import RED, cube
 from duobench.world.objects.prop import Prop
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import HEAD, OVERVIEW, POLICY_CAMERAS
 from duobench.world.robot.workcell import TABLE_X, TABLE_Y
 from duobench.world.scene.surfaces import (
     COLLISION_GEOM_GROUP,

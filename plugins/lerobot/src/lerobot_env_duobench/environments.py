@@ -16,8 +16,9 @@ from lerobot.processor import DeviceProcessorStep, PolicyProcessorPipeline
 import duobench
 from duobench.core.lerobot_keys import ACTION, IMAGE_PREFIX, STATE
 from duobench.core.randomness import episode_seed
-from duobench.core.types import CONTROL_HZ, FLAT_SIZE, POLICY_CAMERAS
+from duobench.core.types import CONTROL_HZ, FLAT_SIZE
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 ALL = "all"
 

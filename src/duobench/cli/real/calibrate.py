@@ -16,11 +16,12 @@ from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
 from duobench.core.sheets import Paper
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, Side, wrist_name
+from duobench.core.types import Side
 from duobench.real.calibration.board import RULER_MM, Board, Detector, write_board
 from duobench.real.canonical import nominal_pose
 from duobench.real.clock import SystemClock
 from duobench.real.rig import CameraCalibration, Rig
+from duobench.world.robot.cameras import HEAD, wrist_name
 
 if TYPE_CHECKING:
     from duobench.real.calibration.places import Measured
@@ -143,11 +144,12 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
-    from duobench.real.drivers.robotiq import measure_ends
+    from duobench.real.opening import DRIVERS, driver_at
     from duobench.real.rig import GripperDriver
 
     known, arm = Rig.read(rig_file(rig)), Side(side)
-    if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
+    config = known.grippers[arm]
+    if config.driver is not GripperDriver.HARDWARE:
         raise AdvisedError(
             f"The {side} gripper of this rig has no positions to measure."
         )
@@ -157,7 +159,7 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
     )
     if not sys.stdin.readline():
         raise AdvisedError("Nobody said that the gripper may move.")
-    found = measure_ends(known.grippers[arm], SystemClock())
+    found = driver_at(DRIVERS[config.driver]).measure_ends(config, SystemClock())
     replace(known, grippers={**known.grippers, arm: found}).write(rig)
     say(
         f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}."

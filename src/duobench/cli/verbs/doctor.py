@@ -27,13 +27,13 @@ from duobench.core.backend import Image
 from duobench.core.errors import BackendError
 from duobench.core.machine import DEVICE, unsupported
 from duobench.core.randomness import SUITE_VERSION
-from duobench.core.types import HEAD, POLICY_CAMERAS
 from duobench.core.versions import other_engine, record_versions
 from duobench.envs.config import IMAGE_SIZE
 from duobench.real.canonical import NATIVE
 from duobench.real.clock import SystemClock, VirtualClock
 from duobench.real.doctor.checks import Check, Outcome, write_checks
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS
 
 if TYPE_CHECKING:
     from duobench.real.duo import FrankaDuo

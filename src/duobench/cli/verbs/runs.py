@@ -34,7 +34,7 @@ from duobench.results.scores import RunPart, interval_percent, percent, rate_tex
 from duobench.tasks.shifts.shift import NO_SHIFT
 
 if TYPE_CHECKING:
-    from duobench.data.processes import Progress
+    from duobench.core.processes import Progress
     from duobench.evaluation.replay.render import RenderResult
     from duobench.evaluation.replay.verify import Finding, Verification
     from duobench.results.leaderboard import BoardEntry

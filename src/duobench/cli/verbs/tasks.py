@@ -15,14 +15,13 @@ from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
 from duobench.core.files import make_folder, taken_back, writing
 from duobench.core.sheets import Paper
-from duobench.core.types import POLICY_CAMERAS
 from duobench.envs.config import checked_seed
 from duobench.results.folder import RunFolder
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
 from duobench.world.looks.catalog import DEFAULT, LOOKS, RANDOM
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
 if TYPE_CHECKING:
     from duobench.envs.sim_env import SimEnv
@@ -183,7 +182,7 @@ def print_(
     paper: Paper = Paper.A4,
     foot: tuple[float, float] | None = None,
 ) -> None:
-    """Write what is needed to print a task's objects: STL, 3MF, recipes, layout sheet, coupon.
+    """Write what is needed to print a task's objects: STL, 3MF, recipes, layout sheet.
 
     The same command in the same folder writes the same files again.
 
@@ -212,11 +211,7 @@ def print_(
 
     def tell(recipe: Recipe) -> None:
         parts = sum(part.count for part in recipe.parts)
-        say(
-            f"{out / recipe.id}: {parts} parts, {recipe.filament_g:.0f} g, {recipe.hours:.1f} h"
-            if parts
-            else f"{out / recipe.id}: nothing is printed"
-        )
+        say(f"{out / recipe.id}: {f'{parts} parts' if parts else 'nothing is printed'}")
 
     with advising(OTHER_OUT), taken_back(out):
         write_prints(
@@ -229,7 +224,7 @@ def print_(
             foot=of,
             progress=tell,
         )
-    say(f"Begin with {out / 'README.md'}; {out / 'shopping.md'} lists what is bought.")
+    say(f"Begin with {out / 'README.md'}.")
 
 
 def _reset(task: Task, seed: int, look: str = DEFAULT) -> SimEnv:

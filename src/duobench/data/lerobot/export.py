@@ -28,6 +28,7 @@ from duobench.core.files import (
     write,
 )
 from duobench.core.lerobot_keys import ACTION, DOMAIN, DOMAINS, OBJECT_STATE, STATE
+from duobench.core.processes import Progress, run_all
 from duobench.core.randomness import EVAL, SUITE_VERSION, look_number
 from duobench.core.types import CONTROL_HZ, Array
 from duobench.core.versions import package_versions
@@ -53,7 +54,6 @@ from duobench.data.lerobot.folder import (
 )
 from duobench.data.lerobot.metadata import Counts, count_values, finish, no_counts
 from duobench.data.lerobot.options import ActionSource, ExportOptions
-from duobench.data.processes import Progress, run_all
 from duobench.data.recording import Recording, to_arrow, to_bytes
 from duobench.data.schema import Domain
 from duobench.envs.action_modes import CARTESIAN, JOINT

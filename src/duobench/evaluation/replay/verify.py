@@ -22,8 +22,8 @@ from duobench.core.errors import (
     UnknownNameError,
     escaped,
 )
+from duobench.core.processes import Progress, run_all
 from duobench.core.versions import differing_arithmetic
-from duobench.data.processes import Progress, run_all
 from duobench.envs import action_modes
 from duobench.evaluation.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS

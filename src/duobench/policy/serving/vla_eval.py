@@ -28,6 +28,7 @@ from duobench.policy.serving.connection import (
 )
 from duobench.policy.serving.limits import VLA_EVAL_PROTOCOL
 from duobench.policy.serving.message_format import MessageFormat
+from duobench.world.robot.cameras import CAMERAS
 
 Spec = dict[str, Any]
 
@@ -70,7 +71,6 @@ _FORMATS = frozenset(
     | {"base_velocity3_torso1", "base_mode_01"}
 )
 """Formats of an action whose meaning is known."""
-_CAMERAS = ("head", "left_wrist", "right_wrist")
 
 
 class DeclaredSpec(msgspec.Struct, frozen=True):
@@ -277,7 +277,7 @@ def _of_observations(
             yield "it expects images, and the format shows none"
         elif spec.format == _RGB and message_format.image_order != "hwc":
             yield "it expects images with channels last, and the format's have them first"
-        elif spec.format == _RGB and name in _CAMERAS and name not in ours:
+        elif spec.format == _RGB and name in CAMERAS and name not in ours:
             yield f"it expects the image {name!r}, which the format does not show"
         elif name.startswith("state") and not message_format.state:
             yield "it expects a state, and the format has none"
@@ -291,7 +291,9 @@ def _of_parameters(
     if wanted.get("send_state") and not message_format.state:
         yield "it asks for a state (send_state), and the format has none"
     cameras = set(message_format.images.values())
-    if wanted.get("send_wrist_image") and cameras <= {"head"}:
+    if wanted.get("send_wrist_image") and not any(
+        CAMERAS[name].arm for name in cameras
+    ):
         yield "it asks for wrist images (send_wrist_image), and the format shows none"
     if wanted.get("binary_gripper"):
         yield "it asks for grippers that are rounded (binary_gripper), which an evaluation does not"

@@ -36,7 +36,7 @@ from duobench.core.lerobot_keys import (
 )
 from duobench.core.machine import install_extra
 from duobench.core.randomness import SUITE_VERSION
-from duobench.core.types import CONTROL_HZ, POLICY_CAMERAS
+from duobench.core.types import CONTROL_HZ
 from duobench.envs import action_labels, state_labels
 from duobench.envs.spaces import JOINT_NAMES
 from duobench.envs.state_labels import StatePart
@@ -48,6 +48,7 @@ from duobench.policy.training.recipes import (
     Setting,
 )
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import POLICY_CAMERAS
 
 PROGRAM = "lerobot-train"
 ALL = "all"

@@ -15,7 +15,7 @@ import numpy as np
 from duobench.core.backend import Image
 from duobench.core.errors import CalibrationError
 from duobench.core.spatial import SE3, rotation_by, rotation_vector
-from duobench.core.types import ARM_JOINTS, HEAD, Array, Side, wrist_name
+from duobench.core.types import ARM_JOINTS, Array, Side
 from duobench.real.calibration.board import (
     Board,
     Detection,
@@ -28,7 +28,9 @@ from duobench.real.calibration.board import (
 )
 from duobench.real.canonical import nominal_pose
 from duobench.real.rig import UNPOSED, CameraCalibration
-from duobench.world.robot.frames import TCP_OFFSET, tool_pose
+from duobench.world.robot.cameras import HEAD, wrist_name
+from duobench.world.robot.frames import tool_pose
+from duobench.world.robot.gripper import GRIPPER
 from duobench.world.robot.joints import JOINT_RANGES
 
 NOTED_M, NOTED_DEG = 0.03, 8.0
@@ -182,7 +184,7 @@ class _Seen:
 
 def flange_pose(side: Side, joints: Array) -> SE3:
     """Pose of an arm's flange in the table frame at joint positions (7,) in radians."""
-    return tool_pose(side, joints) @ SE3.at(z=-TCP_OFFSET)
+    return tool_pose(side, joints) @ SE3.at(z=-GRIPPER.tool_offset)
 
 
 def calibrate_wrist(

@@ -10,13 +10,14 @@ from duobench.core.machine import install_extra
 from duobench.core.versions import __version__
 from duobench.real.doctor.checks import Check, Outcome
 from duobench.real.rig import ArmDriver, CameraDriver, GripperDriver, Rig
+from duobench.world.robot.gripper import GRIPPER
 
 PRIORITY = 80
 """Realtime priority that the arm's library asks for [libfranka: the highest that is allowed]."""
 OPENCV = "opencv-python-headless"
 LIBRARIES: dict[str, tuple[str, ...]] = {
     ArmDriver.FRANKY: ("franky-control",),
-    GripperDriver.ROBOTIQ: ("pymodbus", "pyserial"),
+    GripperDriver.HARDWARE: GRIPPER.libraries,
     CameraDriver.REALSENSE: ("pyrealsense2",),
 }
 """What drivers need, by the names that pip knows."""

@@ -8,7 +8,7 @@ import numpy as np
 from duobench.core.backend import Image
 from duobench.core.errors import BackendError
 from duobench.core.machine import install_extra
-from duobench.core.types import CONTROL_HZ, HEAD, SIDES, Side
+from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.real.canonical import CanonicalView
 from duobench.real.devices import ArmReading
@@ -17,6 +17,7 @@ from duobench.real.doctor.computer import computer_checks
 from duobench.real.duo import FrankaDuo
 from duobench.real.mounts import CLEAR, SWAPPED, are_swapped, misfits
 from duobench.real.rig import CameraConfig, CameraDriver, GripperConfig, GripperDriver
+from duobench.world.robot.cameras import HEAD
 
 HOLDING_S = 10.0
 SUCCESS_RATE = "control_command_success_rate"
@@ -144,7 +145,7 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     ends, usual = (
         (each.open_count, each.closed_count) for each in (config, GripperConfig())
     )
-    is_measured = config.driver is not GripperDriver.ROBOTIQ or ends != usual
+    is_measured = config.driver is not GripperDriver.HARDWARE or ends != usual
     advice = f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
     return Outcome.NOTE.unless(is_measured, name, value, advice)
 

@@ -296,6 +296,29 @@ class RobotiqGripper:
         if self._port is not None:
             self._port.close()
 
+    @classmethod
+    def measure_ends(
+        cls, config: GripperConfig, clock: Clock, *, answer_s: float = ANSWER_S
+    ) -> GripperConfig:
+        """Open and close an empty gripper, and give it with the ends where it stops.
+
+        Only on a person's word; the ends that it has are not looked at.
+        """
+        whole = replace(config, open_count=0, closed_count=255)
+        gripper = cls(whole, clock, answer_s=answer_s)
+        try:
+            gripper.connect()
+            gripper.activate()
+            closed, opened = (_end(gripper, clock, opening) for opening in (0.0, 1.0))
+        finally:
+            gripper.close()
+        if closed - opened < SHORTEST_WAY:
+            raise BackendError(
+                f"The gripper moved from {opened} to {closed} counts only; at least "
+                f"{SHORTEST_WAY} are usual. Take away what is between its fingers."
+            )
+        return replace(config, open_count=opened, closed_count=closed)
+
     @property
     def _trouble(self) -> str:
         return self._port.trouble if self._port else ""
@@ -363,29 +386,6 @@ class RobotiqGripper:
     def _open(self) -> bool:
         self._next_open = self._clock.now() + REOPEN_S
         return self._port is not None and self._port.open()
-
-
-def measure_ends(
-    config: GripperConfig, clock: Clock, *, answer_s: float = ANSWER_S
-) -> GripperConfig:
-    """Open and close an empty gripper, and give it with the ends where it stops.
-
-    Only on a person's word; the ends that it has are not looked at.
-    """
-    whole = replace(config, open_count=0, closed_count=255)
-    gripper = RobotiqGripper(whole, clock, answer_s=answer_s)
-    try:
-        gripper.connect()
-        gripper.activate()
-        closed, opened = (_end(gripper, clock, opening) for opening in (0.0, 1.0))
-    finally:
-        gripper.close()
-    if closed - opened < SHORTEST_WAY:
-        raise BackendError(
-            f"The gripper moved from {opened} to {closed} counts only; at least {SHORTEST_WAY} are "
-            "usual. Take away what is between its fingers."
-        )
-    return replace(config, open_count=opened, closed_count=closed)
 
 
 def _end(gripper: RobotiqGripper, clock: Clock, opening: float) -> int:

@@ -17,7 +17,7 @@ import gymnasium as gym
 
 from duobench.core.backend import Image
 from duobench.core.errors import BackendError, RenderingError, VideoError
-from duobench.core.types import CONTROL_HZ, HEAD
+from duobench.core.types import CONTROL_HZ
 from duobench.core.video import VP9, VideoWriter, jpeg
 from duobench.evaluation.rollout import Info, Observation, Step
 from duobench.real.canonical import NATIVE
@@ -26,6 +26,7 @@ from duobench.real.devices import Frame, image_ages
 from duobench.real.drivers.frames import STALE_S
 from duobench.real.duo import FrankaDuo
 from duobench.web.server import PageServer
+from duobench.world.robot.cameras import HEAD
 
 _log = logging.getLogger(__name__)
 

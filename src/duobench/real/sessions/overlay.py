@@ -17,16 +17,16 @@ from PIL import Image as Pillow
 from duobench.core.backend import Image
 from duobench.core.errors import RenderingError
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, SIDES, Array, DuoCommand
+from duobench.core.types import SIDES, Array, DuoCommand
 from duobench.core.video import jpeg
 from duobench.real.rig import Rig
 from duobench.tasks.task import Task
 from duobench.world.robot.cameras import (
-    HEAD_FOCAL,
+    CAMERAS,
+    HEAD,
     MUJOCO_FROM_OPENCV,
     NATIVE_HEIGHT,
     NATIVE_WIDTH,
-    TABLE_FROM_HEAD,
 )
 from duobench.world.sim.layout import Layout
 from duobench.world.sim.placement import first_valid
@@ -41,7 +41,7 @@ _NEAREST_M = 0.05
 """What is nearer to the camera's plane than this is not projected."""
 
 
-def project(points: Array, table_from_camera: SE3 = TABLE_FROM_HEAD) -> Array:
+def project(points: Array, table_from_camera: SE3 = CAMERAS[HEAD].pose) -> Array:
     """Where points (n, 3) of the table frame, in metres, are in a native image of the head camera.
 
     The pose of the camera is that with MuJoCo's axes.
@@ -53,7 +53,7 @@ def project(points: Array, table_from_camera: SE3 = TABLE_FROM_HEAD) -> Array:
     camera = (table_from_camera @ MUJOCO_FROM_OPENCV).inverse().apply(points)
     depth = np.where(camera[:, 2:] > _NEAREST_M, camera[:, 2:], np.nan)
     middle = np.array([(NATIVE_WIDTH - 1) / 2, (NATIVE_HEIGHT - 1) / 2])
-    return HEAD_FOCAL * camera[:, :2] / depth + middle
+    return CAMERAS[HEAD].focal * camera[:, :2] / depth + middle
 
 
 class Overlay:
@@ -124,7 +124,7 @@ def head_pose(rig: Rig) -> SE3:
     """Pose of a rig's head camera in the table frame, with MuJoCo's axes, if need be nominal."""
     camera = rig.cameras.get(HEAD)
     if camera is None or camera.calibration is None:
-        return TABLE_FROM_HEAD
+        return CAMERAS[HEAD].pose
     return SE3.from_tquat(camera.calibration.pose) @ MUJOCO_FROM_OPENCV.inverse()
 
 

@@ -19,13 +19,13 @@ import msgspec
 
 from duobench.core import files
 from duobench.core.errors import EvaluationError, FileError, OtherRunError
-from duobench.core.types import HEAD
 from duobench.real.doctor.checks import DOCTOR_FILE
 from duobench.real.rig import Rig
 from duobench.real.sessions.trials_plan import PLAN_SCHEMA, RigEpisode, TrialsPlan
 from duobench.results.folder import RUN_BEGINNINGS, RunFolder
 from duobench.results.labels import FaultKind, StageLabel, StageLabels
 from duobench.results.records import InvalidTrial
+from duobench.world.robot.cameras import HEAD
 
 DESCRIPTION = "trials.json"
 """The file that holds the plan."""

@@ -10,7 +10,6 @@ import numpy as np
 
 from duobench.core.randomness import ANY_YAW, Uniform, shift_generator
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, POLICY_CAMERAS
 from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import level_for
 from duobench.tasks.shifts.shift import (
@@ -25,6 +24,7 @@ from duobench.tasks.shifts.shift import (
 from duobench.tasks.task import Placement, Task
 from duobench.world.looks.catalog import random_look
 from duobench.world.looks.look import CameraOffset, Look, Material
+from duobench.world.robot.cameras import CAMERAS
 
 _LIGHT, _COLOURS, _TEXTURES, _BACKGROUND, _OBJECTS = range(1, 6)
 """From which level on a random look has what."""
@@ -102,8 +102,8 @@ def _other_look(level: int, rng: np.random.Generator, usual: Look) -> Look:
 
 def _cameras(level: int, rng: np.random.Generator) -> dict[str, CameraOffset]:
     offsets: dict[str, CameraOffset] = {}
-    for name in POLICY_CAMERAS:
-        share = 1.0 if name == HEAD else levels.WRIST_SHARE
+    for name, camera in CAMERAS.items():
+        share = 1.0 if camera.arm is None else levels.WRIST_SHARE
         directions = rng.uniform(-1.0, 1.0, 7)
         x, y, z = (directions[:3] * share * levels.CAMERA_METRES[level]).tolist()
         roll, pitch, yaw, zoom = (

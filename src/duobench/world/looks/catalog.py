@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from duobench.core.errors import OptionError, UnknownNameError
-from duobench.core.types import POLICY_CAMERAS
 from duobench.world.looks.colours import RGB
 from duobench.world.looks.look import CameraOffset, Light, Look, Material
+from duobench.world.robot.cameras import POLICY_CAMERAS
 from duobench.world.robot.workcell import SHADOW_CENTRE
 
 DEFAULT = "default"

@@ -14,10 +14,9 @@ import msgspec
 
 from duobench.core.errors import OptionError, check_known
 from duobench.core.settings import decode
-from duobench.core.types import POLICY_CAMERAS
 from duobench.world.looks.colours import RGB
 from duobench.world.looks.textures import TEXTURES
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
 PARTS = ("table", "floor", "walls", "ceiling", "robot")
 """Parts of the workcell whose material a look may choose. Of the robot it is that of the white

@@ -1,10 +1,15 @@
-"""The cameras in numbers: lenses, where they are mounted, and the view for people.
+"""The cameras, each described once: name, lens, where it is mounted; and the view for people.
+
+The scene builds them by these descriptions, policies and data are offered them by name, and real
+images are made like theirs. Another camera is another row of `CAMERAS`, and its housing in
+`scene.cameras`.
 
 A camera is given by its intrinsics, so an image of any size shows the whole native field of view:
 it equals the native 1280x720 image resized to that size.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,23 +17,23 @@ import numpy as np
 
 from duobench.core.errors import RenderingError
 from duobench.core.spatial import SE3, length
-from duobench.core.types import HEAD, SIDES, wrist_name
-from duobench.world.robot.frames import TCP_OFFSET
+from duobench.core.types import SIDES, Side
+from duobench.world.robot.gripper import GRIPPER
 
 NATIVE_HEIGHT, NATIVE_WIDTH = 720, 1280
-"""Native image size of all three cameras in pixels."""
+"""Native image size of the cameras in pixels."""
+HEAD = "head"
+"""The camera above the robot's shoulders."""
+ZED_MINI, D405 = "Stereolabs ZED Mini", "Intel RealSense D405"
+"""Kinds of cameras."""
 HEAD_POSITION = (0.0113, 0.001, 0.695)
 """Left lens of the ZED Mini in the table frame, in metres [manufacturer's camera holder]."""
 HEAD_PITCH = math.radians(41.0)
 """How far the head camera looks down."""
-HEAD_FOCAL = 740.0
-"""Focal length of the head camera in native pixels; 51.9 degrees vertically."""
 WRIST_POSITION = (0.050, 0.0, 0.067)
 """Wrist camera in the flange frame, in metres [manufacturer's camera mount]."""
 WRIST_TILT = math.radians(20.0)
 """How far a wrist camera is tilted from the flange's z towards the fingertips."""
-WRIST_FOCAL = 650.0
-"""Focal length of a wrist camera in native pixels; 58 degrees vertically."""
 OVERVIEW = "overview"
 """A view of the whole scene for people; not part of any observation."""
 
@@ -77,18 +82,62 @@ def looking(eye: np.ndarray, direction: np.ndarray, up: np.ndarray) -> SE3:
     return SE3(np.column_stack([right, np.cross(back, right), back]), eye)
 
 
-TABLE_FROM_HEAD = looking(
-    np.array(HEAD_POSITION),
-    np.array([math.cos(HEAD_PITCH), 0.0, -math.sin(HEAD_PITCH)]),
-    np.array([0.0, 0.0, 1.0]),
+def wrist_name(side: Side) -> str:
+    """Name of the camera on an arm's wrist."""
+    return f"{side}_wrist"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class Camera:
+    """A camera of the robot, without distortion."""
+
+    name: str
+    kind: str
+    """The camera that it stands for, by which the scene builds its housing."""
+    arm: Side | None
+    """The arm that it moves with, on whose flange it is; None for one that stands still."""
+    pose: SE3
+    """Pose in the frame of that flange, or of the table, with MuJoCo's axes."""
+    focal: float
+    """Focal length in native pixels."""
+    size: tuple[int, int] = (NATIVE_HEIGHT, NATIVE_WIDTH)
+    """Height and width of its native images in pixels."""
+
+
+_HEAD = Camera(
+    name=HEAD,
+    kind=ZED_MINI,
+    arm=None,
+    pose=looking(
+        np.array(HEAD_POSITION),
+        np.array([math.cos(HEAD_PITCH), 0.0, -math.sin(HEAD_PITCH)]),
+        np.array([0.0, 0.0, 1.0]),
+    ),
+    focal=740.0,  # 51.9 degrees vertically
 )
-"""Pose of the head camera in the table frame, with MuJoCo's axes."""
-FLANGE_FROM_WRIST = looking(
-    np.array(WRIST_POSITION),
-    np.array([-math.sin(WRIST_TILT), 0.0, math.cos(WRIST_TILT)]),
-    np.array([1.0, 0.0, 0.0]),
-)
-"""Pose of a wrist camera in the flange frame, with MuJoCo's axes; the same on both arms."""
+
+
+def _wrist(side: Side) -> Camera:
+    """Describe the camera on an arm's wrist, which is the same on both arms."""
+    return Camera(
+        name=wrist_name(side),
+        kind=D405,
+        arm=side,
+        pose=looking(
+            np.array(WRIST_POSITION),
+            np.array([-math.sin(WRIST_TILT), 0.0, math.cos(WRIST_TILT)]),
+            np.array([1.0, 0.0, 0.0]),
+        ),
+        focal=650.0,  # 58 degrees vertically
+    )
+
+
+CAMERAS: Mapping[str, Camera] = {
+    camera.name: camera for camera in (_HEAD, *map(_wrist, SIDES))
+}
+"""The cameras of the robot by their names."""
+POLICY_CAMERAS = tuple(CAMERAS)
+"""The cameras that a policy may see, and sees if nothing else is said."""
 MUJOCO_FROM_OPENCV = SE3(np.diag([1.0, -1.0, -1.0]))
 """A camera with OpenCV's axes (x right, y down, z forwards) in one with MuJoCo's."""
 
@@ -116,25 +165,25 @@ def describe_cameras() -> dict[str, dict[str, Any]]:
         >>> describe_cameras()["head"]["frame"]
         'table'
     """
-    tool_from_wrist = SE3.at(z=-TCP_OFFSET) @ FLANGE_FROM_WRIST
-    wrists = {
-        wrist_name(side): _describe(WRIST_FOCAL, f"{side}_tool", tool_from_wrist)
-        for side in SIDES
-    }
-    return {HEAD: _describe(HEAD_FOCAL, "table", TABLE_FROM_HEAD), **wrists}
+    return {name: _describe(camera) for name, camera in CAMERAS.items()}
 
 
-def _describe(focal: float, frame: str, frame_from_mujoco: SE3) -> dict[str, Any]:
-    middle = (NATIVE_WIDTH - 1) / 2, (NATIVE_HEIGHT - 1) / 2
-    frame_from_camera = frame_from_mujoco @ MUJOCO_FROM_OPENCV
+def _describe(camera: Camera) -> dict[str, Any]:
+    height, width = camera.size
+    middle = (width - 1) / 2, (height - 1) / 2
+    frame, pose = "table", camera.pose
+    if camera.arm is not None:
+        frame = f"{camera.arm}_tool"
+        pose = SE3.at(z=-GRIPPER.tool_offset) @ pose
+    frame_from_camera = pose @ MUJOCO_FROM_OPENCV
     matrix = np.eye(4)
     matrix[:3, :3] = frame_from_camera.rotation
     matrix[:3, 3] = frame_from_camera.translation
     return {
-        "size": [NATIVE_HEIGHT, NATIVE_WIDTH],
+        "size": [height, width],
         "intrinsics": [
-            [focal, 0.0, middle[0]],
-            [0.0, focal, middle[1]],
+            [camera.focal, 0.0, middle[0]],
+            [0.0, camera.focal, middle[1]],
             [0.0, 0.0, 1.0],
         ],
         "frame": frame,

@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike
 from duobench.core.spatial import SE3
 from duobench.core.types import ARM_JOINTS, SIDES, Array, Side
 from duobench.world.robot.fr3_links import LINKS
+from duobench.world.robot.gripper import GRIPPER
 
 FLANGE_OFFSET = 0.107
 """Flange beyond link 7 along its z, in metres [Menagerie franka_fr3]."""
-TCP_OFFSET = 0.1493
-"""Tool centre point beyond the flange along z, in metres [facts of the platform]."""
 LINK7_FROM_FLANGE = SE3.at(z=FLANGE_OFFSET)
 """Pose of the flange in link 7."""
-LINK7_FROM_TCP = SE3.at(z=FLANGE_OFFSET + TCP_OFFSET)
+LINK7_FROM_TCP = SE3.at(z=FLANGE_OFFSET + GRIPPER.tool_offset)
 """Pose of the tool centre point in link 7; both have the same orientation."""
 
 BASE_POSES = {

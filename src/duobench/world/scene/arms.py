@@ -10,10 +10,10 @@ from duobench.world.robot.frames import (
     LINK7_FROM_FLANGE,
     LINK7_FROM_TCP,
 )
-from duobench.world.scene.cameras import add_wrist_camera
+from duobench.world.scene.cameras import add_cameras
+from duobench.world.scene.gripper import add_gripper
 from duobench.world.scene.meshes import add_link, add_mesh
 from duobench.world.scene.naming import arm_joint_names, flange_name, tcp_name
-from duobench.world.scene.robotiq import add_gripper
 from duobench.world.scene.surfaces import DISTAL, PROXIMAL, collide_unseen, visual_only
 
 JOINT_DAMPING = 0.21
@@ -31,7 +31,7 @@ def add_robot(spec: mujoco.MjSpec) -> None:
         bodies = _add_kinematics(spec, side)
         _add_geometry(spec, side, bodies)
         add_gripper(spec, side, bodies[-1], FLANGE_OFFSET)
-        add_wrist_camera(bodies[-1], LINK7_FROM_FLANGE, side)
+        add_cameras(bodies[-1], side, LINK7_FROM_FLANGE)
 
 
 def kinematic_model(side: Side) -> mujoco.MjModel:

@@ -3,17 +3,8 @@
 import mujoco
 
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD, Side, wrist_name
-from duobench.world.robot.cameras import (
-    FLANGE_FROM_WRIST,
-    HEAD_FOCAL,
-    NATIVE_HEIGHT,
-    NATIVE_WIDTH,
-    OVERVIEW,
-    TABLE_FROM_HEAD,
-    WRIST_FOCAL,
-    View,
-)
+from duobench.core.types import Side
+from duobench.world.robot.cameras import CAMERAS, D405, OVERVIEW, ZED_MINI, Camera, View
 from duobench.world.scene.surfaces import (
     DISTAL,
     CollisionGroup,
@@ -32,46 +23,66 @@ _GLASS = (0.05, 0.05, 0.06, 1.0)
 _LENS = (0.16, 0.18, 0.24, 1.0)
 
 
-def _add_camera(body: mujoco.MjsBody, name: str, pose: SE3, focal: float) -> None:
-    body.add_camera(
-        name=name,
-        pos=pose.translation,
-        quat=pose.wxyz,
-        resolution=(NATIVE_WIDTH, NATIVE_HEIGHT),
-        sensor_size=(NATIVE_WIDTH * _PIXEL, NATIVE_HEIGHT * _PIXEL),
-        focal_length=(focal * _PIXEL, focal * _PIXEL),
-    )
+def add_cameras(
+    body: mujoco.MjsBody, arm: Side | None = None, body_from_mount: SE3 | None = None
+) -> None:
+    """Add the cameras of an arm, or those that stand still, with their housings.
+
+    The arm's flange, or the table frame, has a pose in the body's frame.
+    """
+    mount = body_from_mount or SE3()
+    for camera in CAMERAS.values():
+        if camera.arm is not arm:
+            continue
+        pose = mount @ camera.pose
+        height, width = camera.size
+        body.add_camera(
+            name=camera.name,
+            pos=pose.translation,
+            quat=pose.wxyz,
+            resolution=(width, height),
+            sensor_size=(width * _PIXEL, height * _PIXEL),
+            focal_length=(camera.focal * _PIXEL, camera.focal * _PIXEL),
+        )
+        group = CollisionGroup.FIXTURE if arm is None else DISTAL[arm]
+        for part in _HOUSINGS[camera.kind](body, camera, mount):
+            collide_as_metal(part, group)
 
 
-def add_head_camera(world: mujoco.MjsBody) -> None:
-    """Add the ZED Mini above the mount: housing (124 x 30 x 26 mm), lenses, and the camera."""
-    pose = TABLE_FROM_HEAD
-    _add_camera(world, HEAD, pose, HEAD_FOCAL)
+def _zed_mini(
+    body: mujoco.MjsBody, camera: Camera, mount: SE3
+) -> tuple[mujoco.MjsGeom, ...]:
+    """Add the housing (124 x 30 x 26 mm) of a ZED Mini and its lenses; return what collides."""
+    pose = mount @ camera.pose
     # The left lens is half a baseline (31.5 mm) to the left of the housing's middle.
     middle = ZED_BASELINE / 2
     housing = add_box(
-        world, pose @ SE3.at(middle, 0.0, 0.014), (0.1244, 0.0304, 0.0260), _HOUSING
+        body, pose @ SE3.at(middle, 0.0, 0.014), (0.1244, 0.0304, 0.0260), _HOUSING
     )
-    housing.name = f"{HEAD}/housing"
-    collide_as_metal(housing, CollisionGroup.FIXTURE)
+    housing.name = f"{camera.name}/housing"
     for x in (0.0, ZED_BASELINE):
-        add_box(world, pose @ SE3.at(x, 0.0, 0.001), (0.022, 0.022, 0.0012), _LENS)
+        add_box(body, pose @ SE3.at(x, 0.0, 0.001), (0.022, 0.022, 0.0012), _LENS)
+    return (housing,)
 
 
-def add_wrist_camera(flange: mujoco.MjsBody, flange_from_body: SE3, side: Side) -> None:
-    """Add a RealSense D405 (42 x 42 x 23 mm) in front of the gripper, its bracket and camera."""
-    pose = flange_from_body @ FLANGE_FROM_WRIST
-    _add_camera(flange, wrist_name(side), pose, WRIST_FOCAL)
+def _d405(
+    body: mujoco.MjsBody, camera: Camera, mount: SE3
+) -> tuple[mujoco.MjsGeom, ...]:
+    """Add a RealSense D405 (42 x 42 x 23 mm) and its bracket; return what collides."""
+    pose = mount @ camera.pose
     housing = add_box(
-        flange, pose @ SE3.at(0.0, 0.0, 0.0125), (0.042, 0.042, 0.0230), _ALUMINIUM
+        body, pose @ SE3.at(0.0, 0.0, 0.0125), (0.042, 0.042, 0.0230), _ALUMINIUM
     )
-    add_box(flange, pose @ SE3.at(0.0, 0.0, 0.001), (0.038, 0.030, 0.0012), _GLASS)
+    add_box(body, pose @ SE3.at(0.0, 0.0, 0.001), (0.038, 0.030, 0.0012), _GLASS)
     for x in (-D405_BASELINE / 2, D405_BASELINE / 2):
-        add_box(flange, pose @ SE3.at(x, 0.0, 0.0008), (0.007, 0.007, 0.0012), _LENS)
-    at = flange_from_body @ SE3.at(0.046, 0.0, 0.020)
-    bracket = add_box(flange, at, (0.008, 0.032, 0.052), _HOUSING)
-    for part in (housing, bracket):
-        collide_as_metal(part, DISTAL[side])
+        add_box(body, pose @ SE3.at(x, 0.0, 0.0008), (0.007, 0.007, 0.0012), _LENS)
+    at = mount @ SE3.at(0.046, 0.0, 0.020)
+    bracket = add_box(body, at, (0.008, 0.032, 0.052), _HOUSING)
+    return housing, bracket
+
+
+_HOUSINGS = {ZED_MINI: _zed_mini, D405: _d405}
+"""What builds the housing of a kind of camera, in a body that its mount has a pose in."""
 
 
 def add_overview_camera(world: mujoco.MjsBody, view: View) -> None:

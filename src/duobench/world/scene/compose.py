@@ -26,7 +26,7 @@ from duobench.world.robot.cameras import (
 )
 from duobench.world.robot.workcell import FLOOR_Z, ROOM_HEIGHT, ROOM_X, ROOM_Y
 from duobench.world.scene.arms import add_robot
-from duobench.world.scene.cameras import add_head_camera, add_overview_camera
+from duobench.world.scene.cameras import add_cameras, add_overview_camera
 from duobench.world.scene.meshes import add_visual_mesh
 from duobench.world.scene.surfaces import (
     COLLISION_GEOM_GROUP,
@@ -85,7 +85,7 @@ def compose(
     spec = mujoco.MjSpec.from_string(_OPTIONS)
     add_workcell(spec)
     add_robot(spec)
-    add_head_camera(spec.worldbody)
+    add_cameras(spec.worldbody)
     add_overview_camera(spec.worldbody, overview)
     names = {body.name for body in spec.bodies}
     for prop in props:

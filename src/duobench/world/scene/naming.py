@@ -1,6 +1,7 @@
 """Names inside the compiled model, in one place: `left/joint1`, `right/tcp`, `chest/lid`."""
 
 from duobench.core.types import ARM_JOINTS, Side
+from duobench.world.robot.gripper import GRIPPER
 
 TABLE = "table"
 """Body of the table top."""
@@ -29,6 +30,11 @@ def gripper_name(side: Side) -> str:
     return f"{side}/gripper"
 
 
-def pad_names(side: Side) -> tuple[str, str]:
+def drive_names(side: Side) -> tuple[str, ...]:
+    """Joints of one gripper that its actuator moves."""
+    return tuple(f"{gripper_name(side)}/{name}" for name in GRIPPER.drives)
+
+
+def pad_names(side: Side) -> tuple[str, ...]:
     """The two pad bodies of one gripper."""
-    return f"{side}/gripper/left_pad", f"{side}/gripper/right_pad"
+    return tuple(f"{gripper_name(side)}/{name}" for name in GRIPPER.pads)

@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 
 from duobench.core.types import ARM_JOINTS, SIDES, Array
-from duobench.world.scene.robotiq import DRIVER_CLOSED
 from duobench.world.sim.contact_table import ContactTable, Integers
-from duobench.world.sim.duo import commands_of
+from duobench.world.sim.duo import CLOSED_BY_ANGLE, commands_of
 from duobench.world.sim.questions import Questions
 from duobench.world.sim.simulation import Simulation
 
@@ -110,7 +109,7 @@ class SimulationBatch(Questions):
         flat = np.empty((self.count, len(SIDES), ARM_JOINTS + 1))
         flat[..., :ARM_JOINTS] = self._qpos[:, duo.joints]
         drivers = self._qpos[:, duo.drivers]
-        openings = 1.0 - (drivers[:, ::2] + drivers[:, 1::2]) * (0.5 / DRIVER_CLOSED)
+        openings = 1.0 - (drivers[:, ::2] + drivers[:, 1::2]) * CLOSED_BY_ANGLE
         flat[..., ARM_JOINTS] = np.minimum(np.maximum(openings, 0.0), 1.0)
         return flat.reshape(self.count, -1)
 

@@ -17,6 +17,7 @@ import numpy as np
 from duobench.core.errors import Named
 from duobench.core.spatial import dot, length
 from duobench.core.types import SIDES, Side
+from duobench.world.robot.gripper import GRIPPER
 from duobench.world.scene.naming import gripper_name, pad_names
 
 if TYPE_CHECKING:
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 MAX_PRESS_ANGLE = math.radians(60.0)
 """Angle in radians between a finger's contact normal and the direction to the other finger up to
 which the finger presses towards it [task definitions]."""
-HAND_SIZE = 0.25
-"""No point of a gripper is further from its pads, in metres: 0.186 (measured, open and closed)."""
 MIN_PRESS_COSINE = math.cos(MAX_PRESS_ANGLE)
 MIN_LEVER = 0.020
 """Lever in metres about a hinge from which on a contact pushes a lid open or shut: nearer to the
@@ -75,16 +74,19 @@ def limb_owner(side: Side, limb: Limb) -> str:
     return f"{side}/{limb}"
 
 
+_FINGERS = dict(
+    zip(GRIPPER.fingers, (Limb.LEFT_FINGER, Limb.RIGHT_FINGER), strict=True)
+)
+
+
 def _owner_of_body(name: str) -> str:
     for side in SIDES:
-        for start, limb in (
-            (f"{gripper_name(side)}/left_", Limb.LEFT_FINGER),
-            (f"{gripper_name(side)}/right_", Limb.RIGHT_FINGER),
-            (f"{gripper_name(side)}/", Limb.PALM),
-            (f"{side}/", Limb.ARM),
-        ):
-            if name.startswith(start):
-                return limb_owner(side, limb)
+        gripper = f"{gripper_name(side)}/"
+        if name.startswith(gripper):
+            finger = GRIPPER.finger_of(name.removeprefix(gripper))
+            return limb_owner(side, Limb.PALM if finger is None else _FINGERS[finger])
+        if name.startswith(f"{side}/"):
+            return limb_owner(side, Limb.ARM)
     return name
 
 
@@ -281,7 +283,7 @@ class Contacts(ContactOwners):
         model, data, ends = self._model, self._data, np.zeros(6)
         pad = self._pad_centres[self._pad_bodies[side][0]].tolist()
         for other in self._solids.get(self._index[owner], ()):
-            furthest = float(model.geom_rbound[other]) + HAND_SIZE + distance
+            furthest = float(model.geom_rbound[other]) + GRIPPER.reach + distance
             if math.dist(pad, data.geom_xpos[other].tolist()) > furthest:
                 continue
             for one in self._hand_geoms[side]:

@@ -8,10 +8,15 @@ import numpy as np
 from duobench.core.backend import DuoLimits
 from duobench.core.errors import DuoBenchError, UnknownNameError
 from duobench.core.types import OPENING_SLOTS, SIDES, Array, DuoCommand, DuoState
+from duobench.world.robot.gripper import GRIPPER
 from duobench.world.robot.joints import HOME_JOINTS, SERVO_LAG, duo_limits
 from duobench.world.scene.compose import SUBSTEPS
-from duobench.world.scene.naming import arm_joint_names, gripper_name, tcp_name
-from duobench.world.scene.robotiq import CTRL_CLOSED, DRIVER_CLOSED, FINGERS
+from duobench.world.scene.naming import (
+    arm_joint_names,
+    drive_names,
+    gripper_name,
+    tcp_name,
+)
 
 _KINDS = {
     mujoco.mjtObj.mjOBJ_BODY: ("body", "nbody"),
@@ -39,6 +44,8 @@ def resolve(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
 HOME = DuoCommand(joints=HOME_JOINTS, openings=np.ones(2))
 """Both arms at home, both grippers open."""
 
+CLOSED_BY_ANGLE = 0.5 / GRIPPER.drive_closed
+"""How far a gripper is closed, 0 to 1, by the sum of the angles of its two joints in radians."""
 _OPENINGS = np.array(OPENING_SLOTS)
 _FRACTIONS = (np.arange(1, SUBSTEPS + 1) / SUBSTEPS)[:, None]
 
@@ -51,15 +58,12 @@ class Duo:
         joints = [
             [resolve(model, joint, name) for name in arm_joint_names(s)] for s in SIDES
         ]
-        fingers = [
-            f"{gripper_name(s)}/{finger}_driver" for s in SIDES for finger in FINGERS
-        ]
-        drivers = [resolve(model, joint, name) for name in fingers]
+        drives = [resolve(model, joint, name) for s in SIDES for name in drive_names(s)]
         self.joints = model.jnt_qposadr[joints].astype(np.int64)
         """Addresses of the arm joints in qpos (2, 7)."""
         self.dofs = model.jnt_dofadr[joints].astype(np.int64)
         """Addresses of the arm joints in qvel (2, 7)."""
-        self.drivers = model.jnt_qposadr[drivers].astype(np.int64)
+        self.drivers = model.jnt_qposadr[drives].astype(np.int64)
         """Addresses of the fingers' joints in qpos (4,), two a gripper."""
         self.sites = [resolve(model, site, tcp_name(side)) for side in SIDES]
         self._data = data
@@ -116,8 +120,8 @@ class Duo:
             tools += [-x, -y, -z, -w] if x < 0.0 else [x, y, z, w]
         left, other_left, right, other_right = self._qpos[self.drivers].tolist()
         openings = [
-            1.0 - (left + other_left) * (0.5 / DRIVER_CLOSED),
-            1.0 - (right + other_right) * (0.5 / DRIVER_CLOSED),
+            1.0 - (left + other_left) * CLOSED_BY_ANGLE,
+            1.0 - (right + other_right) * CLOSED_BY_ANGLE,
         ]
         return DuoState(
             joints=self._qpos[self.joints],
@@ -140,14 +144,14 @@ def ramp(start: Array, end: Array) -> Array:
 def controls_of(commands: Array) -> Array:
     """Controls of the actuators for flat commands (..., 16), as a copy."""
     controls = commands.copy()
-    controls[..., _OPENINGS] = CTRL_CLOSED * (1.0 - commands[..., _OPENINGS])
+    controls[..., _OPENINGS] = GRIPPER.ctrl_closed * (1.0 - commands[..., _OPENINGS])
     return controls
 
 
 def commands_of(controls: Array) -> Array:
     """The flat commands (..., 16) that actuators hold, as a copy."""
     commands = controls.copy()
-    commands[..., _OPENINGS] = 1.0 - commands[..., _OPENINGS] / CTRL_CLOSED
+    commands[..., _OPENINGS] = 1.0 - commands[..., _OPENINGS] / GRIPPER.ctrl_closed
     return commands
 
 

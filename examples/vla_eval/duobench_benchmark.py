@@ -1,6 +1,6 @@
-"""DuoBench as a benchmark of vla-eval: `benchmark: duobench.evaluation.interop.vla_eval:DuoBench`.
+"""DuoBench as a benchmark of vla-eval 0.8: `benchmark: duobench_benchmark:DuoBench`.
 
-What is played are the episodes of our evaluation, so that the same actions score the same.
+It plays the episodes of `duobench eval`, so that the same actions score the same.
 """
 
 import ctypes.util
@@ -8,6 +8,12 @@ import os
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
+from duobench_episodes import (  # pyright: ignore[reportMissingImports]
+    Episodes,
+    Resolution,
+    format_for,
+    tasks_by_id,
+)
 from vla_eval.benchmarks.base import (  # pyright: ignore[reportMissingImports]
     StepBenchmark,
     StepResult,
@@ -16,13 +22,7 @@ from vla_eval.recording import NullEpisodeRecorder  # pyright: ignore[reportMiss
 from vla_eval.specs import DimSpec  # pyright: ignore[reportMissingImports]
 
 from duobench.core.errors import OptionError, PolicyError, check_known
-from duobench.envs.execution import Step
-from duobench.evaluation.interop.episodes import (
-    Episodes,
-    Resolution,
-    format_for,
-    tasks_by_id,
-)
+from duobench.evaluation import Step
 from duobench.policy.serving.vla_eval import action_spec, observation_spec
 from duobench.tasks import catalog
 

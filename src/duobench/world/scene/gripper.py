@@ -1,4 +1,4 @@
-"""One Robotiq 2F-85 gripper with its closed linkage.
+"""The model of `robot.gripper`: one Robotiq 2F-85 with its closed linkage.
 
 Link frames, inertias, linkage constraints and contact parameters of the pads are those of MuJoCo
 Menagerie's `robotiq_2f85_v4` (BSD-2-Clause). In the gripper's own frame z points out of the flange
@@ -6,7 +6,6 @@ and the fingers open along x; it is mounted turned by +90 degrees, so that they 
 tool's y.
 """
 
-import math
 import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,8 +16,9 @@ import mujoco
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
 from duobench.world.robot.fr3_links import Link, Vector
+from duobench.world.robot.gripper import GRIPPER
 from duobench.world.scene.meshes import add_link, add_mesh
-from duobench.world.scene.naming import gripper_name
+from duobench.world.scene.naming import drive_names, gripper_name
 from duobench.world.scene.surfaces import (
     COLLISION_GEOM_GROUP,
     CONTACT_SOLIMP,
@@ -31,29 +31,19 @@ from duobench.world.scene.surfaces import (
     visual_only,
 )
 
-MOUNT = SE3.about((0.0, 0.0, 1.0), math.pi / 2)
-"""Flange from gripper."""
-CTRL_CLOSED = 255.0
-"""Actuator input for closed; 0 is open."""
 TENDON_SHARE = 0.485
 """Share of the tendon's force on each driver [Menagerie robotiq_2f85_v4]."""
-TENDON_CLOSED = 0.8
-"""Length of the tendon at which the pads meet [Menagerie robotiq_2f85_v4]."""
-DRIVER_CLOSED = TENDON_CLOSED / (2 * TENDON_SHARE)
-"""Angle of both driver joints at which the pads meet, in radians."""
+TENDON_CLOSED = GRIPPER.drive_closed * (2 * TENDON_SHARE)
+"""Length of the tendon at which the pads meet."""
 
 # The motor: it moves the fingers at a set speed until they meet something, and then presses with a
 # set force, whatever the commanded opening. As a torque-speed line: DRIVER_FORCE at standstill,
 # none left at the set speed. The position servo only brings it to a halt at the commanded opening.
-MAX_FINGER_SPEED = 0.150
-"""Largest speed in m/s at which the gap between the pads changes [2F-85 data sheet: 20 to 150]."""
-GRIP_FORCE = 100.0
-"""Force in N with which each pad presses on a 32 mm cube [2F-85 data sheet: 20 to 235]: what a
-printed part withstands, and enough to hold the heaviest object of the benchmark."""
 DRIVER_FORCE = 11.4
-"""Force of the actuator, in the tendon's units, that gives `GRIP_FORCE` (measured)."""
+"""Force of the actuator, in the tendon's units, with which each pad presses on a 32 mm cube
+with the description's force (measured)."""
 DRIVER_DAMPING = DRIVER_FORCE / 1.2
-"""Damping of the tendon that gives `MAX_FINGER_SPEED` (measured)."""
+"""Damping of the tendon that gives the description's largest speed (measured)."""
 SERVO_BAND = 0.02
 """Error in tendon units (radians of the driver) from which on the full force acts: 2 mm of gap."""
 
@@ -180,8 +170,10 @@ def _mirrored(link: FingerLink) -> FingerLink:
     return replace(link, position=(-x, -y, z), wxyz=(0.0, 0.0, -1.0, 1.0))
 
 
-FINGERS = {"left": _FINGER, "right": tuple(map(_mirrored, _FINGER))}
-"""The two fingers, by their names within the gripper."""
+_FINGERS = dict(
+    zip(GRIPPER.fingers, (_FINGER, tuple(map(_mirrored, _FINGER))), strict=True)
+)
+"""Links of the two fingers."""
 _BASE = Link(
     mass=0.777441,
     centre=(7.77116e-05, 8.42713e-05, 0.0311656),
@@ -209,7 +201,7 @@ def add_gripper(
     """
     prefix = gripper_name(side)
     base = add_link(flange, f"{prefix}/base", _BASE)
-    base.pos, base.quat = (0, 0, flange_z), MOUNT.wxyz
+    base.pos, base.quat = (0, 0, flange_z), GRIPPER.flange_from_base.wxyz
     for name, position, wxyz, rgba in _BASE_VISUALS:
         image = add_mesh(spec, base, f"robotiq_2f85/{name}:visual", position, wxyz)
         image.rgba = rgba
@@ -219,9 +211,9 @@ def add_gripper(
     collide_unseen(
         add_mesh(spec, base, "robotiq_2f85/base:hull", position, wxyz), DISTAL[side]
     )
-    for finger, parts in FINGERS.items():
+    for finger, parts in _FINGERS.items():
         _add_finger(spec, side, finger, parts, base)
-    _add_constraints(spec, prefix)
+    _add_constraints(spec, side)
 
 
 def _add_finger(
@@ -257,7 +249,7 @@ def _add_finger(
                     add_mesh(spec, body, f"{mesh}:hull", back, wxyz), DISTAL[side]
                 )
     # The rubber pad, and the metal tongue behind it.
-    pad = add_link(bodies["follower"], f"{prefix}_pad", _PAD)
+    pad = add_link(bodies["follower"], f"{prefix}_{GRIPPER.pad}", _PAD)
     fingertip = bodies["follower"].add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=FINGERTIP_SIZE,
@@ -281,9 +273,11 @@ def _add_finger(
         collide_as(geom, DISTAL[side])
 
 
-def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:
+def _add_constraints(spec: mujoco.MjSpec, side: Side) -> None:
     """Close the two four-bar linkages, couple the drivers, and drive both through one tendon."""
-    for finger in FINGERS:
+    prefix = gripper_name(side)
+    first, second = drive_names(side)
+    for finger in GRIPPER.fingers:
         spec.add_equality(
             type=mujoco.mjtEq.mjEQ_CONNECT,
             objtype=mujoco.mjtObj.mjOBJ_BODY,
@@ -296,24 +290,24 @@ def _add_constraints(spec: mujoco.MjSpec, prefix: str) -> None:
     spec.add_equality(
         type=mujoco.mjtEq.mjEQ_JOINT,
         objtype=mujoco.mjtObj.mjOBJ_JOINT,
-        name1=f"{prefix}/right_driver",
-        name2=f"{prefix}/left_driver",
+        name1=second,
+        name2=first,
         data=[0.0, 1.0, *[0.0] * 10],
         solref=CONTACT_SOLREF,
         solimp=CONTACT_SOLIMP,
     )
     tendon = spec.add_tendon(name=prefix, damping=[DRIVER_DAMPING, 0.0, 0.0])
-    for finger in FINGERS:
-        tendon.wrap_joint(f"{prefix}/{finger}_driver", TENDON_SHARE)
+    for joint in (first, second):
+        tendon.wrap_joint(joint, TENDON_SHARE)
     stiffness = DRIVER_FORCE / SERVO_BAND
     spec.add_actuator(
         name=prefix,
         target=prefix,
         trntype=mujoco.mjtTrn.mjTRN_TENDON,
         biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        gainprm=[stiffness * TENDON_CLOSED / CTRL_CLOSED, *[0.0] * 9],
+        gainprm=[stiffness * TENDON_CLOSED / GRIPPER.ctrl_closed, *[0.0] * 9],
         biasprm=[0.0, -stiffness, *[0.0] * 8],
-        ctrlrange=(0.0, CTRL_CLOSED),
+        ctrlrange=(0.0, GRIPPER.ctrl_closed),
         ctrllimited=True,
         forcerange=(-DRIVER_FORCE, DRIVER_FORCE),
         forcelimited=True,

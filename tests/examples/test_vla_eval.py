@@ -11,13 +11,13 @@ import pytest
 from duobench.core.errors import OptionError, PolicyError, UnknownNameError
 from duobench.core.randomness import SUITE_VERSION
 from duobench.envs.duo_env import ResetNeededError
-from duobench.evaluation.interop.episodes import Episodes, format_for, tasks_by_id
 from duobench.evaluation.runners.evaluate import evaluate
 from duobench.policy import PolicyMetadata
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
 from duobench.tasks import catalog
+from examples.vla_eval.duobench_episodes import Episodes, format_for, tasks_by_id
 from tests.evaluation import toy_tasks
 
 TWO_SIZES = {"head": [96, 96], "left_wrist": [1, 1], "right_wrist": [1, 1]}

@@ -1,4 +1,9 @@
-"""Jobs that processes do side by side; whoever starts them ends them, however it ends itself."""
+"""The pool of processes that do jobs of ours side by side: export, check, verification.
+
+Its processes end with the one that starts them, however that ends. Policies, which are code of
+others, play in processes of `evaluation.runners`: those lead a group, have a clock of their own,
+and may be on another machine.
+"""
 
 import os
 import signal
@@ -20,7 +25,7 @@ Progress = Callable[[int, int], None]
 MAX_DEATHS = 3
 """How many processes may end by themselves, such as for lack of memory, before the work ends."""
 _LOOK_S = 0.5
-"""How often is looked whether all processes still live, in seconds."""
+"""Seconds between looks at whether all processes still live."""
 _SAFE_PATH = "PYTHONSAFEPATH"
 """Variable that does what Python's option -P does."""
 
@@ -51,7 +56,9 @@ def run_all(
 def _run(
     make: Callable[[], Callable[[J], R]], jobs: Sequence[J], workers: int
 ) -> Generator[R, None, None]:
-    left, deaths, members = deque(jobs), 0, list[_Member[J]]()
+    left = deque(jobs)
+    deaths = 0
+    members = list[_Member[J]]()
     try:
         while left or members:
             while left and len(members) < workers:

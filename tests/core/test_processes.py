@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from duobench.core.errors import DataError, UnknownNameError
-from duobench.data.processes import run_all
+from duobench.core.processes import run_all
 from tests.evaluation.processes import children, is_running, wait_until
 
 

@@ -13,18 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from duobench.core.errors import OptionError
 from duobench.core.randomness import episode_seed
-from duobench.core.types import HEAD
-from duobench.envs.config import EnvConfig
-from duobench.envs.duo_env import ResetNeededError
-from duobench.envs.execution import Step, execute, optional_method
-from duobench.envs.registration import make
-from duobench.policy.batch import Observation
+from duobench.envs import EnvConfig, ResetNeededError, make
+from duobench.envs.execution import execute, optional_method
+from duobench.evaluation import Step
 from duobench.policy.policy import dimensions
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.policy.serving.vla_eval import MODES
 from duobench.results.run import needed_options
 from duobench.tasks import catalog
+from duobench.world.robot.cameras import HEAD
 
+Observation = Mapping[str, Any]
 Size = Sequence[int] | int
 Resolution = Mapping[str, Size] | Size
 
@@ -35,7 +34,7 @@ class Episodes:
     Args:
         message_format: What is shown, and what actions mean.
         options: Of the environments, beside what follows from the format; see
-            `duobench.envs.config.EnvConfig`.
+            `duobench.envs.EnvConfig`.
     """
 
     def __init__(self, message_format: MessageFormat, **options: Any) -> None:
