@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from duobench.core.errors import EvaluationError, PolicyError
-from duobench.core.randomness import SALTED
 from duobench.envs.execution import ChunkExecution
 from duobench.policy import PolicyMetadata
 from duobench.policy.lerobot_checkpoint import content_hash
@@ -173,14 +172,6 @@ def test_tasks_of_ones_own_are_told_and_imported(tmp_path: Path, weights: Path) 
     text = write_checkpoint_card(weights, folder.path, NAME, "mit").read_text(encoding="utf-8")
     assert "not of the benchmark" not in text
     assert f"\nduobench verify checkpoint/{EVALUATION}\n" in text
-
-
-def test_a_salted_run_is_repeated_with_a_salt(tmp_path: Path, weights: Path) -> None:
-    metadata, config = PolicyMetadata(name="mine", version=VERSION), replace(CONFIG, split=SALTED)
-    run = sample_run(metadata=metadata, config=config, salt="0" * 64)
-    folder = sample_folder(tmp_path / "run", run, sample_records(run))
-    text = write_checkpoint_card(weights, folder.path, NAME, "mit").read_text(encoding="utf-8")
-    assert " --salt SALT " in text
 
 
 def test_a_run_under_several_conditions_is_refused_for_that(tmp_path: Path, weights: Path) -> None:

@@ -34,8 +34,6 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "compare": runs.compare,
     "verify": runs.verify,
     "bundle": runs.bundle,
-    "leaderboard": runs.leaderboard,
-    "salt": episodes.salt,
     "record": episodes.record,
     "replay": episodes.replay,
     "view": tasks.view,

@@ -9,12 +9,10 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from duobench.core.errors import EvaluationError, OptionError, check_known
 from duobench.core.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
-from duobench.results.salt import Seeds
 from duobench.tasks import catalog
 from duobench.tasks.shifts.levels import latency_steps
 from duobench.tasks.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
@@ -73,26 +71,16 @@ class Episode:
     """Which layouts it is one of."""
     shift: Shift = NO_SHIFT
     """What differs in it from the usual episode of this index."""
-    salted: Seeds | None = None
-    """Its seeds in the split "salted"; None in others, where they follow from the index."""
 
     @property
     def seed(self) -> int:
         """Seed of the reset: a pure function of (task, suite version, split, episode)."""
-        return (
-            self.salted[0]
-            if self.salted
-            else episode_seed(self.task.id, self.index, self.split)
-        )
+        return episode_seed(self.task.id, self.index, self.split)
 
     @property
     def policy_seed(self) -> int:
         """Seed of the policy: a hash of that of the reset."""
-        return (
-            self.salted[1]
-            if self.salted
-            else policy_seed(self.task.id, self.seed, self.split)
-        )
+        return policy_seed(self.task.id, self.seed, self.split)
 
 
 MAX_EPISODES = 2**53
@@ -120,8 +108,6 @@ class Suite:
     overtime: float = 1.0
     """Horizons after which an episode without success ends. What happens after the first one is no
     part of its result; 1 plays none of it."""
-    salt: str | None = None
-    """SHA-256 of the salt that all seeds follow from; None where they are public."""
 
     def __post_init__(self) -> None:
         if (
@@ -266,9 +252,6 @@ class SuiteChoice:
     overtime: float = 1.0
     """Play an episode without success on after its horizon, until it has had so many horizons in
     all, such as 1.5. Scores and records end at the horizon."""
-    salt: Path | None = None
-    """File of duobench salt, from which seeds follow that nobody knows before; see duobench
-    docs hosting."""
 
     def make(self, execution: ChunkExecution = WHOLE_CHUNKS) -> Suite:
         """The suite, its chunks executed as told; without a number of actions as the name says.
@@ -340,7 +323,6 @@ def deviations(suite: Suite) -> list[str]:
         != named.execution.execute,
         " and ".join(map(str, suite.shifts)): not {*suite.shifts} <= {*named.shifts},
         latency_text(suite): suite.execution.latency != named.execution.latency,
-        "seeds from a salt": suite.salt is not None,
     }
     return [phrase for phrase, differs in differing.items() if differs]
 
@@ -361,7 +343,6 @@ def suite_options(suite: Suite) -> list[str]:
         if suite.execution.execute == named.execute
         else suite.execution.execute,
         "latency": suite.execution.latency or None,
-        "salt": suite.salt and "SALT",
     }
     return words + [
         word
@@ -381,7 +362,6 @@ def conditions_text(suite: Suite) -> str:
         f"shift {shift.name}": shift != NO_SHIFT,
         f"{execute_text(suite)} executed": suite.execution.execute is not None,
         latency_text(suite): suite.execution.latency > 0,
-        "seeds from a salt": suite.salt is not None,
     }
     return ", ".join(phrase for phrase, is_said in said.items() if is_said)
 
