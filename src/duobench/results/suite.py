@@ -232,7 +232,7 @@ class SuiteChoice:
 
     suite: str | None = None
     """paper (100 episodes of each task, 30 actions executed of a chunk), quick (10 episodes),
-    robust (20 episodes under each of 41 shifts; see duobench docs robustness); or your own."""
+    robust (20 episodes under each of 41 shifts; see the page robustness); or your own."""
     tasks: tuple[str, ...] = ()
     """Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named."""
     episodes: int | None = None
@@ -240,10 +240,10 @@ class SuiteChoice:
     first_episode: int = 0
     """Index of the first episode; seeds follow from task and index alone."""
     look: str = looks.DEFAULT
-    """Look of the images that the policy sees: wood_table, dark, random:7, ... (see duobench
-    docs looks)."""
+    """Look of the images that the policy sees: wood_table, dark, random:7, ... (see the page
+    looks)."""
     shift: str = NO_SHIFT.name
-    """Play under one shift, such as look-3; see duobench docs robustness."""
+    """Play under one shift, such as look-3; see the page robustness."""
     axes: tuple[str, ...] = ()
     """Of the suite robust, these axes alone: look, camera, layout, physics, instruction, sensing,
     latency, all."""
@@ -325,45 +325,6 @@ def deviations(suite: Suite) -> list[str]:
         latency_text(suite): suite.execution.latency != named.execution.latency,
     }
     return [phrase for phrase, differs in differing.items() if differs]
-
-
-def suite_options(suite: Suite) -> list[str]:
-    """The words of `duobench eval` that choose a suite under one shift, what is usual left out."""
-    ids, (shift,) = [task.reference for task in suite.tasks], suite.shifts
-    words = ["--suite", suite.name] if suite.name in SUITES else []
-    if ids != list(catalog.names()):
-        words += ["--tasks", *ids]
-    words += ["--episodes", str(suite.episodes)]
-    named = SUITES.get(suite.name, _OWN).execution
-    chosen = {
-        "first-episode": suite.first_episode or None,
-        "look": None if suite.look == looks.DEFAULT else suite.look,
-        "shift": None if shift == NO_SHIFT else shift.name,
-        "execute": None
-        if suite.execution.execute == named.execute
-        else suite.execution.execute,
-        "latency": suite.execution.latency or None,
-    }
-    return words + [
-        word
-        for name, value in chosen.items()
-        if value
-        for word in (f"--{name}", str(value))
-    ]
-
-
-def conditions_text(suite: Suite) -> str:
-    """Under what a suite is played, for people: whatever is not usual; empty if all is."""
-    if suite.name != CUSTOM:
-        return f"suite {suite_text(suite)}"
-    (shift,) = suite.shifts
-    said = {
-        f"look {suite.look}": suite.look != looks.DEFAULT,
-        f"shift {shift.name}": shift != NO_SHIFT,
-        f"{execute_text(suite)} executed": suite.execution.execute is not None,
-        latency_text(suite): suite.execution.latency > 0,
-    }
-    return ", ".join(phrase for phrase, is_said in said.items() if is_said)
 
 
 def suite_text(suite: Suite) -> str:

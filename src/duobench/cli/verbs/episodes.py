@@ -158,7 +158,7 @@ def replay(
         out: Folder of the videos.
         cameras: What the videos show, side by side: overview, head, left_wrist, right_wrist.
         size: Height and width of one image in pixels, both even.
-        look: Look of the images: wood_table, dark, random:7, ... (see duobench docs looks).
+        look: Look of the images: wood_table, dark, random:7, ... (see the page looks).
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the data set names.
     """
@@ -348,8 +348,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             simulator, hang, and end the run.
         shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1.
             All parts go into one --out, or into several whose contents are copied into one
-            afterwards; see duobench docs scale.
-        executor: ray plays on a Ray cluster that is there (extra ray; see duobench docs scale):
+            afterwards; see the page scale.
+        executor: ray plays on a Ray cluster that is there (extra ray; see the page scale):
             --workers simulators on its nodes, policies in actors; this process alone writes.
         cluster: The Ray cluster.
         videos: How many episodes of each task have a video: 1, and 0 under each shift of the suite
