@@ -252,18 +252,6 @@ class RunFolder(RunReader):
         """What a browser needs to show the scene of replays."""
         return self.path / "replays" / "scenes" / f"{name}{SCENE_SUFFIX}"
 
-    def report(self) -> list[str]:
-        """Names of the files that are there of a report, of whatever shape the run had."""
-        places = (
-            "",
-            *(
-                f"{CONDITIONS}/{path.name}/"
-                for path in self.path.glob(f"{CONDITIONS}/*")
-            ),
-        )
-        names = (f"{place}{name}" for place in places for name in _REPORT)
-        return [name for name in names if self.file(name).is_file()]
-
     @property
     def has_records(self) -> bool:
         """Whether an episode is finished."""

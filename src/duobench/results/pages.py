@@ -234,21 +234,15 @@ def counts_text(values: Iterable[str]) -> str:
 
 
 class PageVideos:
-    """Finds videos for a page of a run, from whose folder its links lead.
-
-    With the text of that page as it is, these are the ones that it shows, and none is touched.
-    """
+    """Finder of videos for a page of a run, from whose folder its links lead."""
 
     def __init__(
-        self,
-        folder: RunFolder,
-        run: Run,
-        page: Path,
-        has_command: bool,
-        shown: str | None = None,
+        self, folder: RunFolder, run: Run, page: Path, has_command: bool
     ) -> None:
-        self._folder, self._run, self._page = folder, run, page
-        self._has_command, self._shown = has_command, shown
+        self._folder = folder
+        self._run = run
+        self._page = page
+        self._has_command = has_command
 
     def video(self, record: EpisodeRecord) -> str | None:
         """Link to the video of an episode; None if there is none."""
@@ -257,7 +251,7 @@ class PageVideos:
     def poster(self, record: EpisodeRecord) -> str | None:
         """Link to the last frame of a video, which is made; None if there is none."""
         path = self._folder.poster(record.key)
-        if self._shown is None and not path.exists():
+        if not path.exists():
             with suppress(VideoError):
                 write(path, jpeg(last_frame(self._folder.video(record.key))))
         return self._link(path)
@@ -279,26 +273,18 @@ class PageVideos:
         return f"duobench report DIR --{what} {choice}{imports}"
 
     def _link(self, path: Path) -> str | None:
-        link = quote(os.path.relpath(path, self._page))
-        is_there = path.exists() if self._shown is None else f'"{link}"' in self._shown
-        return link if is_there else None
+        return quote(os.path.relpath(path, self._page)) if path.exists() else None
 
 
-def page_replays(
-    folder: RunFolder, results: Results, shown: str | None = None
-) -> tuple[dict[Key, str], str]:
-    """What opens each replay of a run, as `data-replay`, and the part of a page that plays them.
-
-    With the text of a page as it is, these are the ones that it shows, as far as they are there.
-    """
+def page_replays(folder: RunFolder, results: Results) -> tuple[dict[Key, str], str]:
+    """Return what opens each replay, as `data-replay`, and the part of a page with them."""
     replays: dict[Key, EpisodeReplay] = {}
     for one in results.tasks:
         for record in one.records:
-            id = f"replay-{record.task}-{record.episode}"
-            is_shown = shown is None or f'"{id}"' in shown
-            if is_shown and (path := folder.replay(record.key)):
+            path = folder.replay(record.key)
+            if path is not None:
                 replays[record.key] = EpisodeReplay(
-                    id=id,
+                    id=f"replay-{record.task}-{record.episode}",
                     title=f"{one.task.title}, episode {record.episode}",
                     scene=path.name.split(".")[1],
                     track=path.read_bytes(),

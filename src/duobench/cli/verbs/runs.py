@@ -245,7 +245,6 @@ def verify(
     """
     find_run(source)
     load_engine()
-    import duobench.results.report  # noqa: F401 - it draws at the end; what keeps it is told now
     from duobench.evaluation.replay.verify import verify as verify_run
 
     opened = open_source(source)
@@ -281,11 +280,6 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
         say(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
     if found.unnoted:
         say(f"Of {counted(found.unnoted, 'episode')} no attempt is on record.")
-    pages = found.compared_in_numbers
-    if pages:
-        say(
-            f"Of other software, or without its journals, so in numbers alone: {', '.join(pages)}."
-        )
     if found.parts:
         say(verified_table(found.parts))
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}

@@ -27,7 +27,7 @@ from duobench.data.processes import Progress, run_all
 from duobench.envs import action_modes
 from duobench.evaluation.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS
-from duobench.results.folder import RunFolder, RunReader
+from duobench.results.folder import RunReader
 from duobench.results.journal import end_of
 from duobench.results.records import EpisodeRecord, Key
 from duobench.results.run import Run
@@ -83,7 +83,7 @@ class Verification:
     findings: tuple[Finding, ...]
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
-    """What the run says wrongly of its tasks, and its report of its records, one sentence each."""
+    """What the run says wrongly of its tasks, one sentence each."""
     unnoted: int = 0
     """Of how many records no attempt is noted, so that earlier ones cannot be ruled out."""
     missing: int = 0
@@ -91,8 +91,6 @@ class Verification:
     parts: tuple[RunPart, ...] = ()
     """What is verified adds up to, under each condition: nothing that is contradicted, what cannot
     be verified as failures that reached no stage, and nothing after the horizon."""
-    compared_in_numbers: tuple[str, ...] = ()
-    """Pages of other software, or of a run without journals: their words were not compared."""
 
     def of(self, *verdicts: Verdict) -> list[Finding]:
         """The findings with one of these verdicts."""
@@ -166,14 +164,6 @@ def verify(
         for finding in results:
             findings[finding.key] = finding
             progress(len(findings), len(keys))
-    others: list[str] = []
-    if isinstance(source, RunFolder) and len(records) == len(
-        keys
-    ):  # else no report can be written
-        from duobench.results.report import check_report  # draws, which no worker needs
-
-        wrong, others = check_report(source, group_by_condition(run, records))
-        objections += map(escaped, wrong)
     return Verification(
         run=run,
         findings=tuple(map(findings.__getitem__, keys)),
@@ -183,7 +173,6 @@ def verify(
         parts=_parts(
             run, ((record, findings[record.key].verdict) for record in records)
         ),
-        compared_in_numbers=tuple(others),
     )
 
 
