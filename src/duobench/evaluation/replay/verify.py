@@ -6,6 +6,7 @@ file was changed, not that somebody computed a new one.
 """
 
 import operator
+from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -27,6 +28,7 @@ from duobench.data.processes import Progress, run_all
 from duobench.envs import action_modes
 from duobench.evaluation.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS
+from duobench.results.entrants import Check
 from duobench.results.folder import RunReader
 from duobench.results.journal import end_of
 from duobench.results.records import EpisodeRecord, Key
@@ -173,6 +175,38 @@ def verify(
         parts=_parts(
             run, ((record, findings[record.key].verdict) for record in records)
         ),
+    )
+
+
+def checks(found: Verification) -> dict[str, Check]:
+    """Return what a verification found of each condition that has a record, by its name."""
+    by_condition: dict[str, list[Finding]] = {}
+    for finding in found.findings:
+        by_condition.setdefault(finding.key.condition, []).append(finding)
+    return {
+        name: _check_of(findings, found.objections)
+        for name, findings in by_condition.items()
+    }
+
+
+def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> Check:
+    counts = Counter(finding.verdict for finding in findings)
+    unverifiable = counts[Verdict.UNVERIFIABLE]
+    if objections or counts[Verdict.CONTRADICTED] or unverifiable == len(findings):
+        verified = "no"
+    else:
+        verified = "in part" if unverifiable else "yes"
+    said = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
+    wrong = [
+        f"{finding.key.task}, episode {finding.key.episode}: {finding.reason}"
+        for verdict in (Verdict.CONTRADICTED, Verdict.UNVERIFIABLE)
+        for finding in findings
+        if finding.verdict is verdict
+    ]
+    first = [*objections, *wrong][:1]
+    return Check(
+        verified=verified,
+        details=". ".join([", ".join(said), *(_short(each) for each in first)]),
     )
 
 
