@@ -31,7 +31,7 @@ from duobench.cli.verbs.episodes import evaluate as eval_verb
 from duobench.core.files import decode, encode, locked
 from duobench.data import DataSet
 from duobench.results.folder import RunFolder
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.results.records import RECORD_SCHEMA, Record
 from duobench.tasks import catalog
 from duobench.world import looks
 from tests.children import printed, ran
@@ -125,7 +125,7 @@ def test_video_that_cannot_be_made_is_told(
     run = tmp_path / "run"
     evaluate(run)
     path = RunFolder(run).record(key(RunFolder(run), "nod", 0))
-    record = decode(path.read_bytes(), EpisodeRecord, RECORD_SCHEMA)
+    record = decode(path.read_bytes(), Record, RECORD_SCHEMA)
     path.write_text(encode(replace(record, sent=None), RECORD_SCHEMA))
     assert refusal("report", run, "--import-tasks", "--videos", "all") == "1"
     out = capsys.readouterr().out

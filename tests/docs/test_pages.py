@@ -21,7 +21,7 @@ from duobench.data.schema import SCHEMA
 from duobench.envs.duo_env import base_of
 from duobench.envs.registration import VERSION
 from duobench.policy import PolicyMetadata
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.results.records import RECORD_SCHEMA, Record
 from duobench.results.report import SUMMARY_SCHEMA
 from duobench.results.run import RUN_SCHEMA, TimeLimits
 from duobench.tasks import catalog
@@ -154,7 +154,7 @@ def test_numbers_of_frames_and_time_are_those_of_the_code() -> None:
 
 def test_the_table_of_the_record_names_its_fields() -> None:
     named = [row["field"] for row in table(EVALUATION, "field")]
-    assert named == [field.name for field in fields(EpisodeRecord)]
+    assert named == [field.name for field in fields(Record)]
 
 
 def test_versions_are_those_of_the_code() -> None:

@@ -12,7 +12,7 @@ from dev.tools.pages import PHONE, View
 from duobench.policy import PolicyMetadata
 from duobench.results.compare import compare, write_comparison
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.report import write_report
 from duobench.results.suite import find_tasks
 from tests.pages.windows import opened
@@ -29,7 +29,7 @@ def played(folder: Path, name: str, share: float, *, privileged: bool) -> RunFol
     tasks = find_tasks(())
     metadata = PolicyMetadata(name=name, version="1", object_state=privileged)
     run = sample_run(tasks=tasks, episodes=4, policy=name, metadata=metadata)
-    records: list[EpisodeRecord] = []
+    records: list[Record] = []
     for task, episode in product(tasks, range(4)):
         won = episode < share * tasks.index(task)
         reached = tuple(range(1, task.max_stage + 1)) if won else (1,) * (episode % 2)

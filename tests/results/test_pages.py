@@ -11,7 +11,7 @@ from duobench.envs.config import EnvConfig
 from duobench.policy import Batching, PolicyMetadata
 from duobench.results.folder import RunFolder
 from duobench.results.pages import PageVideos, identity, stacks
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.run import Run
 from duobench.results.scores import RunPart, group_by_condition, task_result
 from tests.results.samples import SORT, TURN, sample_folder, sample_record, sample_run
@@ -97,7 +97,7 @@ SHADES = [np.full((48, 64, 3), shade, np.uint8) for shade in range(0, 250, 2)]
 
 
 def videos_of(
-    path: Path, records: list[EpisodeRecord], *, without: Container[int] = ()
+    path: Path, records: list[Record], *, without: Container[int] = ()
 ) -> tuple[RunFolder, PageVideos]:
     """The folder of a run with what is no video beside its records, and what finds videos in it."""
     run = sample_run()

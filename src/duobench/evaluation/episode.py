@@ -40,7 +40,7 @@ from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.policy.serving.codec import pack
 from duobench.results.journal import EpisodeTimes
-from duobench.results.records import NOT_REPEATABLE, EpisodeRecord, FirstAnswer
+from duobench.results.records import NOT_REPEATABLE, FirstAnswer, Record
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
 from duobench.world.sim.rendering import describe
@@ -89,7 +89,7 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
 class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """An episode that was played."""
 
-    record: EpisodeRecord
+    record: Record
     video: bytes | None = None
     """Its video as a WebM file, if there is one."""
     recording: bytes | None = None
@@ -190,7 +190,7 @@ class EpisodeRunner:
         source: PolicySource,
         job: Job,
         clock: EpisodeClock | None = None,
-        tell: Callable[[EpisodeRecord], None] = lambda _record: None,
+        tell: Callable[[Record], None] = lambda _record: None,
         *,
         is_interruptible: bool = True,
     ) -> None:
@@ -302,7 +302,7 @@ class EpisodeRunner:
         self,
         env: gym.Env,
         following: Iterator[Step],
-        record: EpisodeRecord,
+        record: Record,
         asking: Asking,
     ) -> int | None:
         """Play on after the horizon, if asked to; the step that reached the last stage, if any."""

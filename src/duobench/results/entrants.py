@@ -18,7 +18,7 @@ import msgspec
 
 from duobench.core.errors import EvaluationError, check_known
 from duobench.results.bundle import read_source
-from duobench.results.records import EpisodeRecord, Key
+from duobench.results.records import Key, Record
 from duobench.results.scores import (
     RunPart,
     Score,
@@ -202,7 +202,7 @@ class Entrant:
     check: Check = NOT_CHECKED
     """Whether its records were verified."""
 
-    def records(self, task_id: str) -> tuple[EpisodeRecord, ...]:
+    def records(self, task_id: str) -> tuple[Record, ...]:
         """The finished episodes of a task, by index; none if it was not played."""
         found = self.result(task_id)
         return found.records if found else ()

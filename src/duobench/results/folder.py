@@ -39,7 +39,7 @@ from duobench.results.journal import (
     read_attempts,
     read_entries,
 )
-from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
+from duobench.results.records import RECORD_SCHEMA, Condition, Key, Record
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard
 from duobench.results.suite import Episode
 
@@ -146,13 +146,13 @@ class RunReader(ABC):
             else ""
         )
 
-    def read_record(self, run: Run, key: Key) -> EpisodeRecord:
+    def read_record(self, run: Run, key: Key) -> Record:
         """The record of one episode of a run."""
         return self._record(run, run.hash, run.conditions[key.condition], key)
 
     def read_records(
         self, run: Run, wanted: Container[Key] | None = None
-    ) -> list[EpisodeRecord]:
+    ) -> list[Record]:
         """The records of the finished episodes, or of those that are wanted, in the run's order.
 
         Raises:
@@ -167,11 +167,9 @@ class RunReader(ABC):
             if wanted is None or key in wanted
         ]
 
-    def _record(
-        self, run: Run, digest: str, condition: Condition, key: Key
-    ) -> EpisodeRecord:
+    def _record(self, run: Run, digest: str, condition: Condition, key: Key) -> Record:
         file = self.file(record_name(key))
-        record = read(file, EpisodeRecord, RECORD_SCHEMA, advice=self.advice)
+        record = read(file, Record, RECORD_SCHEMA, advice=self.advice)
         (task,) = (task for task in run.suite.tasks if task.id == key.task)
         split = run.of(condition.policy).config.split
         episode = Episode(
@@ -413,7 +411,7 @@ class RunFolder(RunReader):
             )
         return super().read_run()
 
-    def write(self, record: EpisodeRecord, video: bytes | None = None) -> None:
+    def write(self, record: Record, video: bytes | None = None) -> None:
         """Write what an episode has left: its video first, so that a record means all of it."""
         check_there(self.path)
         if video is not None:

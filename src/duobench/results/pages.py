@@ -22,7 +22,7 @@ from duobench.core.video import jpeg, last_frame
 from duobench.results import figures, scores
 from duobench.results.folder import RunFolder
 from duobench.results.labels import REACTION_S
-from duobench.results.records import EpisodeRecord, InvalidTrial, Key
+from duobench.results.records import InvalidTrial, Key, Record
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, TaskResult
 from duobench.results.suite import execute_text, latency_text, suite_text
@@ -151,7 +151,7 @@ def identity(part: RunPart) -> Facts:
     return {name: value for name, value in facts.items() if value}
 
 
-def rig_text(records: Iterable[EpisodeRecord]) -> str:
+def rig_text(records: Iterable[Record]) -> str:
     """The states of a rig's file that episodes were played on."""
     rigs = list(dict.fromkeys(record.rig[:12] for record in records if record.rig))
     return (
@@ -161,7 +161,7 @@ def rig_text(records: Iterable[EpisodeRecord]) -> str:
     )
 
 
-def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
+def stacks(records: Iterable[Record]) -> list[Facts]:
     """Machines and software that records come from, each combination once."""
     found = map(
         dict, dict.fromkeys(tuple(record.versions.items()) for record in records)
@@ -187,7 +187,7 @@ def _machine(name: str, versions: Mapping[str, str | None]) -> str:
     return value + _BY_PROCESSOR * is_slow
 
 
-def trials(records: Iterable[EpisodeRecord]) -> Facts:
+def trials(records: Iterable[Record]) -> Facts:
     """What became of trials on real arms; nothing in simulation."""
     judged = [record.judged for record in records if record.judged is not None]
     if not judged:
@@ -244,11 +244,11 @@ class PageVideos:
         self._page = page
         self._has_command = has_command
 
-    def video(self, record: EpisodeRecord) -> str | None:
+    def video(self, record: Record) -> str | None:
         """Link to the video of an episode; None if there is none."""
         return self._link(self._folder.video(record.key))
 
-    def poster(self, record: EpisodeRecord) -> str | None:
+    def poster(self, record: Record) -> str | None:
         """Link to the last frame of a video, which is made; None if there is none."""
         path = self._folder.poster(record.key)
         if not path.exists():
@@ -256,7 +256,7 @@ class PageVideos:
                 write(path, jpeg(last_frame(self._folder.video(record.key))))
         return self._link(path)
 
-    def featured(self, result: TaskResult) -> list[EpisodeRecord]:
+    def featured(self, result: TaskResult) -> list[Record]:
         """Episodes of a task whose videos are shown: the first of each last stage, in order."""
         found = [record for record in reversed(result.records) if self.video(record)]
         first = {record.final_stage: record for record in found}

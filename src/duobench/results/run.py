@@ -25,8 +25,8 @@ from duobench.results.records import (
     REAL,
     SIM,
     Condition,
-    EpisodeRecord,
     Key,
+    Record,
     Software,
 )
 from duobench.results.suite import Episode, Suite
@@ -306,7 +306,7 @@ class Run:
         """How many episodes it has under all conditions."""
         return sum(self.counts().values())
 
-    def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
+    def objection(self, record: Record, episode: Episode) -> str | None:
         """Why a record is not that of an episode of this run; None if it is."""
         names = [candidate.policy for candidate in self.candidates]
         if record.policy not in names:

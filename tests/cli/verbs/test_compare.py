@@ -15,6 +15,7 @@ from tests.evaluation.forging import Document, Edit, rewritten
 from tests.results.samples import key
 from tests.results.test_report import Page
 
+WRONG = "exact 1, contradicted 1. bin_sort, episode 1: stage_changes is ((3, 1),), the replay gives"
 SHORT = ("--tasks", "bin_sort", "--episodes", "2", "--videos", "0", "--workers", "0")
 
 
@@ -66,7 +67,9 @@ def test_a_forged_record_a_bundle_and_what_cannot_be_played_have_their_words(
     assert found.pop("ACT [paper]") == ("", "")
     verdict, details = found.pop("wrong")
     assert verdict == "no"
-    assert details.startswith("exact 1, contradicted 1. bin_sort, episode 1: stage_changes is ((3, 1),), ")
+    assert details.startswith(
+        "exact 1, contradicted 1. bin_sort, episode 1: stage_changes is ((3, 1),), "
+    )
     verdict, details = found.pop("part")
     assert (verdict, details) == (
         "in part",
@@ -76,7 +79,7 @@ def test_a_forged_record_a_bundle_and_what_cannot_be_played_have_their_words(
     assert "Verified, hold: yes (exact 2)\n" in said
     assert re.search(r"Verified, wrong: no \(exact 1, contradicted 1\. bin_sort, episode 1: ", said)
     page = Page(out / "index.html").words
-    assert "wrong is not verified: exact 1, contradicted 1. bin_sort, episode 1: stage_changes is ((3, 1),)" in page
+    assert f"wrong is not verified: {WRONG}" in page
     assert "part is verified in part: exact 1, not verifiable 1." in page
     assert "| Verified | yes | no | in part | – |" in (out / "table.md").read_text()
     assert r"Verified & yes & no & in part & -- \\" in (out / "table.tex").read_text()

@@ -31,7 +31,7 @@ from duobench.results.attempts import ERROR, FAILURE, SUCCESS
 from duobench.results.entrants import Check
 from duobench.results.folder import RunReader
 from duobench.results.journal import end_of
-from duobench.results.records import EpisodeRecord, Key
+from duobench.results.records import Key, Record
 from duobench.results.run import Run
 from duobench.results.scores import RunPart, group_by_condition
 
@@ -139,8 +139,8 @@ def verify(
     run = source.read_run()
     unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[Key, Finding] = {}
-    jobs: list[EpisodeRecord] = []
-    records: list[EpisodeRecord] = []
+    jobs: list[Record] = []
+    records: list[Record] = []
     there, attempts = source.finished(run), source.attempts()
     keys = [key for key in there if wanted is None or key in wanted]
     for key in keys:
@@ -210,9 +210,7 @@ def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> Check:
     )
 
 
-def _parts(
-    run: Run, each: Iterable[tuple[EpisodeRecord, Verdict]]
-) -> tuple[RunPart, ...]:
+def _parts(run: Run, each: Iterable[tuple[Record, Verdict]]) -> tuple[RunPart, ...]:
     """What records add up to as far as they are verified; see `Verification.parts`."""
     records = [
         record.unproven if verdict is Verdict.UNVERIFIABLE else record
@@ -246,7 +244,7 @@ def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[
     return unknown, [escaped(sentence) for sentence in objections]
 
 
-def _other_versions(run: Run, record: EpisodeRecord) -> str:
+def _other_versions(run: Run, record: Record) -> str:
     """What was installed for a record and not for its run; empty if nothing."""
     return "; ".join(
         f"its version of {name} is {record.versions.get(name)}, that of the run {version}"
@@ -255,7 +253,7 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
     )
 
 
-def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -> str:
+def _other_attempts(noted: Mapping[str, Sequence[str]], record: Record) -> str:
     """What was noted of attempts and a record says otherwise; empty if nothing."""
     ends = noted.get(record.key.path)
     if ends is None:
@@ -274,12 +272,12 @@ def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -
     return f"its earlier attempts ended so: {claimed}; the journal says: {known}"
 
 
-def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:
+def _checker(run: Run, import_tasks: bool) -> Callable[[Record], Finding]:
     """What checks one record after the other; it keeps the environment of one for the next."""
     return partial(_check, RecordPlayer(run, import_tasks=import_tasks))
 
 
-def _check(player: RecordPlayer, record: EpisodeRecord) -> Finding:
+def _check(player: RecordPlayer, record: Record) -> Finding:
     try:
         replay = player.replay(record)
     except DuoBenchError as error:
@@ -298,7 +296,7 @@ def _check(player: RecordPlayer, record: EpisodeRecord) -> Finding:
     )
 
 
-def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
+def disagreements(record: Record, replay: Record) -> list[str]:
     """What a record claims and its replay does not show, though it would on any processor.
 
     The replay has the same error. What both say is one phrase each.
@@ -311,7 +309,7 @@ def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
     return found
 
 
-def differing_bits(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
+def differing_bits(record: Record, replay: Record) -> list[str]:
     """What in a record is not equal to the bit to its replay; on other processors it need not be.
 
     See `disagreements`. Words on what the next stage lacks are none where the last step failed.
@@ -321,7 +319,7 @@ def differing_bits(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
     return _different(_bits(record), _bits(replay))
 
 
-def _outcome(record: EpisodeRecord) -> dict[str, Any]:
+def _outcome(record: Record) -> dict[str, Any]:
     variants = record.layout.get("variants", {})
     return {
         **{name: getattr(record, name) for name in _OUTCOME},
@@ -329,14 +327,14 @@ def _outcome(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-def _poses(record: EpisodeRecord) -> dict[str, Any]:
+def _poses(record: Record) -> dict[str, Any]:
     return {
         f"start of {name}": pose
         for name, pose in record.layout.get("poses", {}).items()
     }
 
 
-def _bits(record: EpisodeRecord) -> dict[str, Any]:
+def _bits(record: Record) -> dict[str, Any]:
     # What relative Cartesian actions add up to is part of it, and not of what was sent.
     is_relative = record.config.action_mode == action_modes.CARTESIAN_RELATIVE.name
     start, end = record.start, record.end

@@ -43,7 +43,7 @@ from duobench.evaluation.runners.schedule import AttemptLog, check_played
 from duobench.results.attempts import POLICY
 from duobench.results.folder import RunFolder
 from duobench.results.journal import Journal
-from duobench.results.records import EpisodeRecord, FirstAnswer, Key
+from duobench.results.records import FirstAnswer, Key, Record
 from duobench.results.report import write_report
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard, TimeLimits
 from duobench.results.scores import Results, summarize
@@ -58,7 +58,7 @@ def evaluate(  # noqa: PLR0913
     videos: int = 0,
     limits: TimeLimits | None = None,
     workers: int = 1,
-    observers: Sequence[Observer[EpisodeRecord]] = (),
+    observers: Sequence[Observer[Record]] = (),
     retry_broken: bool = False,
     fresh: bool = False,
     unplayed_count_as_failures: bool = False,
@@ -187,7 +187,7 @@ class _NotedAttempts(AttemptLog):
 
 def _finished(
     folder: RunFolder, run: Run, shard: Shard, *, retry_broken: bool
-) -> list[EpisodeRecord]:
+) -> list[Record]:
     finished = folder.read_records(folder.read_run(), set(run.episode_keys(shard)))
     if retry_broken:
         for record in finished:
