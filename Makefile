@@ -30,7 +30,7 @@ TESTS ?= not slow and not long
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help system system-test system-browser setup setup-test demo test test-all test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages check format bench docs site publication publication-quick golden FORCE
+.PHONY: help system system-test system-browser setup setup-test demo test test-all test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages check format bench docs site golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -111,13 +111,6 @@ docs: setup-test  ## Draw the gallery, replays, looks and printed parts; write t
 	$(BIN)/python docs/tables.py
 	DUOBENCH_WRITE_PAGES=1 $(BIN)/python -m pytest -q tests/test_readme.py
 
-# Trains, so in the environment that has PyTorch; hours, and the same verb goes on where it was.
-publication: $(LEROBOT_VENV)/.installed  ## Make what would be published: data, checkpoints, bundles, leaderboard.
-	OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m dev.publication --out publication
-
-publication-quick: setup  ## The same of two demonstrations a task, without training, to see that it works.
-	rm -rf publication-quick
-	OMP_NUM_THREADS=1 $(BIN)/python -m dev.publication --out publication-quick --quick
 
 # An environment of its own: Sphinx and its theme ask for versions that nothing else here wants.
 site: $(SITE_VENV)/.installed  ## Build the site in site/html, warnings are errors, and test it: links, search, size.

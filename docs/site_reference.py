@@ -24,7 +24,7 @@ from duobench.data.schema import COLUMNS, EpisodeInfo
 from duobench.envs.config import EnvConfig
 from duobench.policy import PolicyMetadata
 from duobench.real.rig import Rig
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.run import Run
 from duobench.results.suite import SuiteChoice
 from duobench.tasks.shifts.shift import Shift
@@ -41,6 +41,7 @@ PACKAGES = (
     "duobench.evaluation",
     "duobench.evaluation.runners",
     "duobench.evaluation.replay",
+    "duobench.results",
     "duobench.data",
     "duobench.tasks",
     "duobench.world.objects",
@@ -63,7 +64,7 @@ OPTIONS = {
 }
 SCHEMAS = {
     "A run": ("`run.json` of a folder that `duobench eval` writes.", Run),
-    "A record": ("One file an episode in `records/`.", EpisodeRecord),
+    "A record": ("One file an episode in `records/`.", Record),
     "An episode of a data set": (
         "Metadata in the header of each Parquet file.",
         EpisodeInfo,

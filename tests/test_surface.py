@@ -24,9 +24,13 @@ SURFACE = {
         TimeLimit base_of env_id make make_env register sim_of
     """,
     "duobench.evaluation": """
-        Episode EpisodeRecord ExpertPolicy Job Observer PolicyChoice PolicySource Results Run
-        RunFolder Score Step Suite TaskInfo TaskResult TimeLimits VideoRecorder Watcher find_tasks
-        open_source read_results rollout source summarize wilson_interval write_bundle write_report
+        ExpertPolicy Job Observer PolicyChoice PolicySource Step VideoRecorder Watcher rollout
+        source
+    """,
+    "duobench.results": """
+        Episode Record Results Run RunFolder Score Suite TaskInfo TaskResult TimeLimits compare
+        find_tasks open_source read_results summarize wilson_interval write_bundle
+        write_comparison write_report
     """,
     "duobench.printing": """
         Foot Paper PrintChoice PrintJob PrintedPart Recipe Spot job_of lay_out
@@ -146,10 +150,8 @@ OFFERED = """
     duobench.real.env
     duobench.real.opening
     duobench.real.rig
-    duobench.results.folder
     duobench.results.run
     duobench.results.scores
-    duobench.results.suite
     duobench.tasks.experts.expert
     duobench.tasks.experts.handling
     duobench.tasks.experts.motion

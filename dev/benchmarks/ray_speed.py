@@ -22,7 +22,7 @@ from dev.benchmarks.ray_cluster import LocalCluster, local_cluster
 from duobench.evaluation.runners.evaluate import evaluate
 from duobench.evaluation.runners.ray_process import Cluster
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.run import Run
 from duobench.results.suite import Suite, find_tasks
 
@@ -39,10 +39,10 @@ class _Times:
     def __init__(self) -> None:
         self.times: list[float] = []
 
-    def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
+    def on_run_start(self, run: Run, finished: Sequence[Record]) -> None:
         """Nothing is finished yet."""
 
-    def on_episode(self, played: EpisodeRecord) -> None:  # noqa: ARG002 - the protocol's
+    def on_episode(self, played: Record) -> None:  # noqa: ARG002 - the protocol's
         """One is."""
         self.times.append(time.monotonic())
 

@@ -15,7 +15,7 @@ from demonstrations import Demonstrations
 
 from duobench.data import DataSet
 from duobench.evaluation.runners import record
-from duobench.results.suite import find_tasks
+from duobench.results import find_tasks
 
 EXPORTED = (
     "--per-task",

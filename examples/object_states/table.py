@@ -40,9 +40,8 @@ from duobench.core.errors import (
 )
 from duobench.core.randomness import SUITE_VERSION
 from duobench.evaluation.runners import evaluate
-from duobench.results.folder import RunFolder
+from duobench.results import RunFolder, Suite, find_tasks
 from duobench.results.scores import failed_stages, wilson_interval
-from duobench.results.suite import Suite, find_tasks
 from duobench.tasks import catalog
 
 RESULTS = Path(__file__).with_name("results")

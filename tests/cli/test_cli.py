@@ -31,7 +31,7 @@ from duobench.cli.verbs.episodes import evaluate as eval_verb
 from duobench.core.files import decode, encode, locked
 from duobench.data import DataSet
 from duobench.results.folder import RunFolder
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.results.records import RECORD_SCHEMA, Record
 from duobench.tasks import catalog
 from duobench.world import looks
 from tests.children import printed, ran
@@ -125,7 +125,7 @@ def test_video_that_cannot_be_made_is_told(
     run = tmp_path / "run"
     evaluate(run)
     path = RunFolder(run).record(key(RunFolder(run), "nod", 0))
-    record = decode(path.read_bytes(), EpisodeRecord, RECORD_SCHEMA)
+    record = decode(path.read_bytes(), Record, RECORD_SCHEMA)
     path.write_text(encode(replace(record, sent=None), RECORD_SCHEMA))
     assert refusal("report", run, "--import-tasks", "--videos", "all") == "1"
     out = capsys.readouterr().out
@@ -173,7 +173,7 @@ def test_command_has_every_option_that_a_result_may_depend_on() -> None:
             given[option.name] = value
     command = command_line("eval", eval_verb, given)
     for option in options:
-        elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE", "salt": "FILE"}
+        elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE"}
         value = elsewhere.get(option.name, f"'my {option.name}'")
         no_matter = {"workers", "wait", "retry_broken", "watch", "watch_port"}
         no_matter |= {"executor", "address", "policy_gpus", "shard"}
@@ -640,13 +640,10 @@ def test_importing_a_module_loads_nothing_heavy(module: str, heavy: str) -> None
 
 
 def test_only_the_command_line_names_its_flags() -> None:
-    """Neither errors nor pages of the library do, but for how to submit to a leaderboard.
-
-    Cards do too: who reads one on the Hub has nothing else.
-    """
+    """Neither errors nor pages of the library do; cards may, whose readers have nothing else."""
     flags = []
     for path in (ROOT / "src" / "duobench").rglob("*.j2"):
-        if path.name in {"leaderboard.html.j2", "card.md.j2"}:
+        if path.name == "card.md.j2":
             continue
         flags += re.findall(r"(?<![\w-])--[a-z][a-z-]+[ <]|duobench [a-z]+ [A-Z]", path.read_text())
     for path in (ROOT / "src" / "duobench").rglob("*.py"):

@@ -9,9 +9,9 @@ import duobench
 from duobench.core.errors import OptionError
 from duobench.data import DataSet, Recorder, Recording
 from duobench.envs import ResetNeededError
-from duobench.evaluation import find_tasks
 from duobench.evaluation.replay import replay
 from duobench.evaluation.runners import record
+from duobench.results import find_tasks
 from tests.data.tools import ended
 from tests.envs.tools import wave
 from tests.evaluation.toy_tasks import HORIZON, NUDGE

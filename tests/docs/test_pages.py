@@ -21,7 +21,7 @@ from duobench.data.schema import SCHEMA
 from duobench.envs.duo_env import base_of
 from duobench.envs.registration import VERSION
 from duobench.policy import PolicyMetadata
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord
+from duobench.results.records import RECORD_SCHEMA, Record
 from duobench.results.report import SUMMARY_SCHEMA
 from duobench.results.run import RUN_SCHEMA, TimeLimits
 from duobench.tasks import catalog
@@ -36,6 +36,14 @@ STAGES, FRAMES, EVALUATION, POLICIES = (
 MAX_BYTES = 8_000_000
 CHUNK = 2
 TASK = "pour_marbles"  # has variants
+
+
+def test_the_code_names_pages_that_there_are() -> None:
+    """Errors and help do, as "see the page NAME"."""
+    text = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.py"))
+    named = set(re.findall(r"see\s+the\s+page\s+([a-z_]+)", text))
+    assert len(named) > 3
+    assert named <= {page.stem for page in PAGES}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -147,7 +155,7 @@ def test_numbers_of_frames_and_time_are_those_of_the_code() -> None:
 
 def test_the_table_of_the_record_names_its_fields() -> None:
     named = [row["field"] for row in table(EVALUATION, "field")]
-    assert named == [field.name for field in fields(EpisodeRecord)]
+    assert named == [field.name for field in fields(Record)]
 
 
 def test_versions_are_those_of_the_code() -> None:

@@ -36,11 +36,8 @@ def redescribed(folder: RunFolder, edit: Edit) -> None:
 
 
 def copied(folder: RunFolder, path: Path) -> RunFolder:
-    """A copy of a run without its report, which would tell of every edit of a record."""
-    shutil.copytree(folder.path, path)
-    for name in folder.report():
-        (path / name).unlink()
-    return RunFolder(path)
+    """Copy a run."""
+    return RunFolder(shutil.copytree(folder.path, path))
 
 
 def targets_of(document: Document) -> Array:

@@ -13,7 +13,7 @@ from duobench.evaluation.replay.verify import Verdict, verify
 from duobench.results.bundle import open_source, write_bundle
 from duobench.results.compare import compare, write_comparison
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.run import TimeLimits
 from tests.evaluation.conftest import Play
 
@@ -38,7 +38,7 @@ def deletes(play: Play) -> RunFolder:
 TOSSES = [(dies, "policy"), (raises, "error"), (deletes, "failure")]
 
 
-def first(folder: RunFolder) -> EpisodeRecord:
+def first(folder: RunFolder) -> Record:
     """The first record that is not of a first attempt."""
     records = folder.read_records(folder.read_run())
     return next(record for record in records if record.attempt > 1)

@@ -18,7 +18,7 @@ from duobench.policy.serving.client import VLLM_PATH
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.message_format import MessageFormat
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import small_suite
@@ -32,7 +32,7 @@ STILL = np.zeros((24, 16), np.float32)
 BLIND = MessageFormat(state={"state": ("left_arm", "left_gripper", "right_arm", "right_gripper")})
 
 
-def played(folder: Path, policy: str, server: RemoteServer | None = None) -> list[EpisodeRecord]:
+def played(folder: Path, policy: str, server: RemoteServer | None = None) -> list[Record]:
     """Records of episodes of both tasks, whose seeds are those that the suite says."""
     choice = PolicyChoice.parse(policy, server=server)
     results = evaluate(choice, small_suite(episodes=EPISODES), RunFolder(folder), workers=0)
@@ -63,7 +63,7 @@ def leaves(message: Any) -> Iterator[Any]:
             yield message
 
 
-def assert_secret(records: list[EpisodeRecord], messages: list[Any]) -> None:
+def assert_secret(records: list[Record], messages: list[Any]) -> None:
     """The seeds of the layouts are in no message."""
     text = "\n".join(map(str, leaves(messages)))
     assert text
@@ -71,7 +71,7 @@ def assert_secret(records: list[EpisodeRecord], messages: list[Any]) -> None:
         assert str(record.seed) not in text
 
 
-def seeds(records: list[EpisodeRecord]) -> list[int | None]:
+def seeds(records: list[Record]) -> list[int | None]:
     """What a policy is told: the first observation is also shown in advance, twice."""
     return [record.policy_seed for record in (records[0], records[0], *records)]
 

@@ -18,7 +18,7 @@ from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import rollout
 from duobench.policy import PolicyMetadata, RandomPolicy, make
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord, StateHashes
+from duobench.results.records import RECORD_SCHEMA, Record, StateHashes
 from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.suite import Episode, Suite, find_tasks
 from tests.evaluation import toy_tasks
@@ -54,7 +54,7 @@ def test_record_says_what_the_environment_said():
         policy = make("hold" if index % 2 else "random")  # which reach other stages
         rollout(env, policy, seed=episode.seed, watchers=[recorder, Keeps(episode)])
         record = recorder.record(RUN, VERSIONS)
-        assert decode(encode(record, RECORD_SCHEMA), EpisodeRecord, RECORD_SCHEMA) == record
+        assert decode(encode(record, RECORD_SCHEMA), Record, RECORD_SCHEMA) == record
         stages = [info["stage"] for info in infos]
         assert [record.stage_after(number + 1) for number in range(len(stages))] == stages
         assert record.success == infos[-1]["success"] == record.terminated
@@ -86,7 +86,7 @@ def test_episode_that_never_began_still_has_a_record():
     assert record.policy_version == "7"
     assert not record.success
     assert (record.final_stage, record.steps, record.state_hash) == (0, 0, None)
-    assert decode(encode(record, RECORD_SCHEMA), EpisodeRecord, RECORD_SCHEMA) == record
+    assert decode(encode(record, RECORD_SCHEMA), Record, RECORD_SCHEMA) == record
 
 
 # --- what was sent -------------------------------------------------------------------------------

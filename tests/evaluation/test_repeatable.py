@@ -17,7 +17,7 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.host import make_served
 from duobench.results.compare import compare, write_comparison
 from duobench.results.folder import RunFolder
-from duobench.results.records import NOT_REPEATABLE, EpisodeRecord
+from duobench.results.records import NOT_REPEATABLE, Record
 from duobench.results.report import read_parts
 from duobench.results.run import Shard
 from duobench.results.tables import verdict
@@ -33,7 +33,7 @@ def named(policy: type) -> str:
     return f"{policy.__module__}:{policy.__name__}"
 
 
-def records_of(folder: RunFolder) -> list[EpisodeRecord]:
+def records_of(folder: RunFolder) -> list[Record]:
     (part,) = read_parts(folder)
     return part.records
 

@@ -13,7 +13,7 @@ from duobench.envs.execution import WHOLE_CHUNKS
 from duobench.policy import PolicyMetadata
 from duobench.results.excess import Excess
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord, Key
+from duobench.results.records import Key, Record
 from duobench.results.run import Candidate, Run, TimeLimits
 from duobench.results.scores import RunPart, summarize
 from duobench.results.suite import CUSTOM, Suite, TaskInfo
@@ -70,7 +70,7 @@ def sample_record(
     reached: tuple[int, ...] = (10, 20, 30),
     error: str | None = None,
     **changes: Any,
-) -> EpisodeRecord:
+) -> Record:
     """Record of an episode that reached stage k after reached[k - 1] steps."""
     stage = len(reached)
     is_success = stage == task.max_stage and error is None
@@ -103,13 +103,13 @@ def sample_record(
         **dict.fromkeys(("unmet", "start", "end", "sent", "clipped", "excess")),
         "versions": {**VERSIONS, "python": "3.11", "platform": "Linux", "renderer": None},
     }
-    return EpisodeRecord(**fields | changes)
+    return Record(**fields | changes)
 
 
-def sample_records(run: Run, seed: int = 0) -> list[EpisodeRecord]:
+def sample_records(run: Run, seed: int = 0) -> list[Record]:
     """One record for every episode, of varied success."""
     rng = random.Random(seed)
-    records: list[EpisodeRecord] = []
+    records: list[Record] = []
     each = product(run.candidates, run.suite.shifts, run.suite.tasks, run.suite.indices)
     for candidate, shift, task, episode in each:
         stage = rng.randint(0, task.max_stage)
@@ -127,13 +127,13 @@ def sample_records(run: Run, seed: int = 0) -> list[EpisodeRecord]:
     return records
 
 
-def part_of(run: Run, records: list[EpisodeRecord]) -> RunPart:
+def part_of(run: Run, records: list[Record]) -> RunPart:
     """The one part of a run."""
     (condition,) = run.conditions.values()
     return RunPart(run=run, condition=condition, results=summarize(TASKS, records))
 
 
-def sample_folder(path: Path, run: Run, records: list[EpisodeRecord]) -> RunFolder:
+def sample_folder(path: Path, run: Run, records: list[Record]) -> RunFolder:
     """Run folder with these records in it."""
     folder = RunFolder(path)
     folder.begin(run)

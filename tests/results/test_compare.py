@@ -136,6 +136,7 @@ def test_the_papers_and_its_authors_numbers_stand_apart_each_with_its_source(
 def test_markdown_has_a_row_a_task_and_bold_only_for_the_better_one(out: Path) -> None:
     lines = (out / "table.md").read_text().splitlines()
     header = next(line for line in lines if line.startswith("| task"))
+    assert "| Verified | not checked | not checked | not checked | – |" in lines
     rows = [line for line in lines if re.match(r"\| (Sort|Lift|Turn)", line)]
     assert len(rows) == 3
     assert all(row.replace(r"\|", "").count("|") == header.count("|") for row in rows)
@@ -153,6 +154,7 @@ def test_latex_escapes_names_and_has_as_many_cells_in_each_row(out: Path) -> Non
     rows = [line for line in tex.splitlines() if line.endswith(r"\\")]
     counts = {len(re.findall(r"(?<!\\)&", row)) for row in rows if "multicolumn" not in row}
     assert counts == {4}
+    assert rows[-1] == r"Verified & not checked & not checked & not checked & -- \\"
 
 
 def test_csv_has_a_line_for_each_policy_in_each_row(out: Path) -> None:
@@ -162,6 +164,8 @@ def test_csv_has_a_line_for_each_policy_in_each_row(out: Path) -> None:
     sort = {row["name"]: row for row in rows if row["row"] == "sort"}
     assert (sort["act_$1%"]["success_rate"], sort["act_$1%"]["best_of_group"]) == ("1", "1")
     assert sort["told"]["group"] == "Privileged policies"
+    checked = {row["name"]: (row["verified"], row["verification"]) for row in rows}
+    assert checked == dict.fromkeys(sort, ("not checked", ""))
     assert {row["kind"] for row in rows} == {"task"}, "tasks that not all have are not added up"
 
 
@@ -169,6 +173,9 @@ def test_json_has_every_test(out: Path) -> None:
     document = json.loads((out / "comparison.json").read_text())
     names = [(key, facts["name"]) for key, facts in document["policies"].items()]
     assert names == [("A", "act_$1%"), ("B", "<b>&"), ("C", "told"), ("D", "π0.5 [paper]")]
+    facts = document["policies"]["A"]
+    assert (facts["verified"], facts["verification"]) == ("not checked", "")
+    assert "verified" not in document["policies"]["D"]
     pairs = document["pairs"]
     assert [pair["a"] + pair["b"] for pair in pairs] == ["AB", "AC", "BC"]
     assert {test["test"] for pair in pairs for test in pair["tests"]} == {"McNemar, exact"}

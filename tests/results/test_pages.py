@@ -11,7 +11,7 @@ from duobench.envs.config import EnvConfig
 from duobench.policy import Batching, PolicyMetadata
 from duobench.results.folder import RunFolder
 from duobench.results.pages import PageVideos, identity, stacks
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.run import Run
 from duobench.results.scores import RunPart, group_by_condition, task_result
 from tests.results.samples import SORT, TURN, sample_folder, sample_record, sample_run
@@ -87,17 +87,17 @@ def test_machines_and_software_are_told_once_each() -> None:
     ]
 
 
-def test_software_that_is_not_ranked_is_marked() -> None:
+def test_software_with_another_engine_is_marked() -> None:
     record = sample_record(TURN, 0, (3,), versions={"mujoco": "4.1.0"})
     (facts,) = stacks([record])
-    assert facts["Software"] == "mujoco 4.1.0 (MuJoCo 4.1.0 instead of 4.0: not ranked)"
+    assert facts["Software"] == "mujoco 4.1.0 (MuJoCo 4.1.0 instead of 4.0)"
 
 
 SHADES = [np.full((48, 64, 3), shade, np.uint8) for shade in range(0, 250, 2)]
 
 
 def videos_of(
-    path: Path, records: list[EpisodeRecord], *, without: Container[int] = ()
+    path: Path, records: list[Record], *, without: Container[int] = ()
 ) -> tuple[RunFolder, PageVideos]:
     """The folder of a run with what is no video beside its records, and what finds videos in it."""
     run = sample_run()

@@ -10,7 +10,7 @@ import pytest
 
 from duobench.core.errors import EvaluationError, FileError
 from duobench.core.files import encode, read, write
-from duobench.results.records import RECORD_SCHEMA, EpisodeRecord, pack_targets, unpack_targets
+from duobench.results.records import RECORD_SCHEMA, Record, pack_targets, unpack_targets
 from duobench.tasks.shifts.shift import Shift
 from tests.results.samples import LIFT, sample_record, sample_records, sample_run
 
@@ -19,7 +19,7 @@ RECORDS = [*sample_records(sample_run()), sample_record(reached=(5,), error="boo
 
 
 @pytest.mark.parametrize("record", RECORDS, ids=lambda record: f"{record.task}-{record.episode}")
-def test_record_survives_its_file(record: EpisodeRecord, tmp_path: Path) -> None:
+def test_record_survives_its_file(record: Record, tmp_path: Path) -> None:
     write(tmp_path / "r.json", encode(record, RECORD_SCHEMA))
     assert read_record(tmp_path / "r.json") == record
     assert (tmp_path / "r.json").read_text() == encode(record, RECORD_SCHEMA)
@@ -73,8 +73,8 @@ def test_record_that_contradicts_itself_is_refused(changes: dict[str, Any], mess
         sample_record(**changes)
 
 
-def read_record(path: Path) -> EpisodeRecord:
-    return read(path, EpisodeRecord, RECORD_SCHEMA)
+def read_record(path: Path) -> Record:
+    return read(path, Record, RECORD_SCHEMA)
 
 
 DOCUMENT = json.loads(TEXT)

@@ -12,7 +12,7 @@ from duobench.cli import main
 from duobench.policy import PolicyMetadata
 from duobench.results.folder import RunFolder
 from duobench.results.journal import PARTS, EpisodeTimes
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.report import write_report
 from duobench.results.run import Run, Shard
 from tests.results.samples import (
@@ -69,7 +69,7 @@ class Page(HTMLParser):
 def reported(
     path: Path,
     run: Run,
-    records: Sequence[EpisodeRecord],
+    records: Sequence[Record],
     videos: Sequence[tuple[str, int]] = (),
 ) -> tuple[RunFolder, Page]:
     """The folder of a run with videos and a report, and its page."""
@@ -277,7 +277,7 @@ UNMET = ("left does not grasp cube", "cube touches table")
     ],
 )
 def test_what_records_tell_is_on_the_page(
-    tmp_path: Path, records: list[EpisodeRecord], counts: dict[str, int]
+    tmp_path: Path, records: list[Record], counts: dict[str, int]
 ) -> None:
     _, page = reported(tmp_path, sample_run(tasks=(SORT,), episodes=2), records)
     assert {words: page.words.count(words) for words in counts} == counts

@@ -104,7 +104,7 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
             - `reward` ("stage"): stage / last stage in every step, which pays waiting before the
               last stage more than finishing; to train, "progress": what the step adds to it, or
               "dense": to it and to how near the next stage is.
-            - `split` ("eval"): layouts; "train" for demonstrations, "salted" for hosted rounds.
+            - `split` ("eval"): layouts; "train" for demonstrations.
             - `speed_fraction` (1.0): part of the joints' speed limits that the arms use.
             - `control_rate_hz` (30.0): control steps a second; there is one rate.
             - `render_mode` (None): "rgb_array", for `render`.

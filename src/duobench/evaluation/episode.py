@@ -17,7 +17,7 @@ from duobench.core.errors import (
     TaskFailedError,
     escaped,
 )
-from duobench.core.randomness import EVAL, SALTED, episode_seed
+from duobench.core.randomness import EVAL, episode_seed
 from duobench.core.versions import (
     package_source,
     package_versions,
@@ -40,7 +40,7 @@ from duobench.policy.policy import as_chunk, check_fits
 from duobench.policy.registry import PolicyKind
 from duobench.policy.serving.codec import pack
 from duobench.results.journal import EpisodeTimes
-from duobench.results.records import NOT_REPEATABLE, EpisodeRecord, FirstAnswer
+from duobench.results.records import NOT_REPEATABLE, FirstAnswer, Record
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Episode, Suite
 from duobench.world.sim.rendering import describe
@@ -89,7 +89,7 @@ class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
 class EpisodeResult(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """An episode that was played."""
 
-    record: EpisodeRecord
+    record: Record
     video: bytes | None = None
     """Its video as a WebM file, if there is one."""
     recording: bytes | None = None
@@ -190,7 +190,7 @@ class EpisodeRunner:
         source: PolicySource,
         job: Job,
         clock: EpisodeClock | None = None,
-        tell: Callable[[EpisodeRecord], None] = lambda _record: None,
+        tell: Callable[[Record], None] = lambda _record: None,
         *,
         is_interruptible: bool = True,
     ) -> None:
@@ -206,11 +206,7 @@ class EpisodeRunner:
         config = EnvConfig(
             **needed_options(metadata),
             instructions=job.recording.instructions if job.recording else FIXED,
-            split=job.recording.split
-            if job.recording
-            else SALTED
-            if job.suite.salt
-            else EVAL,
+            split=job.recording.split if job.recording else EVAL,
             look=job.suite.look,
         )
         with before_policy(""):
@@ -306,7 +302,7 @@ class EpisodeRunner:
         self,
         env: gym.Env,
         following: Iterator[Step],
-        record: EpisodeRecord,
+        record: Record,
         asking: Asking,
     ) -> int | None:
         """Play on after the horizon, if asked to; the step that reached the last stage, if any."""

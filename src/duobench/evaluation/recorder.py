@@ -13,7 +13,7 @@ from duobench.envs.episode_state import EpisodeState
 from duobench.envs.execution import Step
 from duobench.evaluation.rollout import Info, Observation
 from duobench.results.excess import Excess
-from duobench.results.records import EpisodeRecord, StateHashes, pack_targets
+from duobench.results.records import Record, StateHashes, pack_targets
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.tasks.stages.logic import Words
@@ -107,14 +107,14 @@ class EpisodeRecorder:
 
     def record(
         self, run: Run, versions: Mapping[str, str | None], policy: str = ""
-    ) -> EpisodeRecord:
+    ) -> Record:
         """The record so far, in a run, with versions of all that the result may depend on.
 
         Of several policies of the run, the one that plays is named.
         """
         task, last = self._episode.task, self._last
         candidate = run.of(policy) if policy else run.candidate
-        return EpisodeRecord(
+        return Record(
             run=run.hash,
             suite_version=SUITE_VERSION,
             suite=run.suite.label,

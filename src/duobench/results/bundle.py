@@ -20,7 +20,7 @@ from typing import ClassVar
 from duobench.core.errors import EvaluationError, FileError, OutputError
 from duobench.core.files import check_outside, decode, encode, write, zipped
 from duobench.results.folder import DESCRIPTION, RunFolder, RunReader, record_name
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.run import Run
 
 BUNDLE_SUFFIX = ".duobench.zip"
@@ -113,7 +113,7 @@ def open_source(path: Path) -> RunReader:
     return Bundle(path) if path.is_file() else RunFolder(path)
 
 
-def read_source(path: Path) -> tuple[Run, list[EpisodeRecord]]:
+def read_source(path: Path) -> tuple[Run, list[Record]]:
     """A run and its records, finished or not; see `open_source`."""
     source = open_source(path)
     run = source.read_run()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from duobench.results import figures, tables
 from duobench.results.entrants import (
+    Checker,
     Entrant,
     Group,
     RowKind,
@@ -28,9 +29,9 @@ DOCUMENT = "comparison.json"
 """The comparison for programs; a folder that has it holds a comparison."""
 
 
-def compare(sources: Sequence[str]) -> RunComparison:
-    """Compare runs, any two of them, by their sources, see `read_entrants`; nothing is written."""
-    return compare_entrants(read_entrants(sources))
+def compare(sources: Sequence[str], checker: Checker | None = None) -> RunComparison:
+    """Compare runs, any two of them; see `read_entrants` for both arguments. Nothing is written."""
+    return compare_entrants(read_entrants(sources, checker))
 
 
 def compare_parts(parts: Iterable[RunPart]) -> RunComparison:

@@ -5,7 +5,7 @@ elsewhere, on their own implementation of the tasks: nothing is tested against t
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cache
@@ -18,7 +18,7 @@ import msgspec
 
 from duobench.core.errors import EvaluationError, check_known
 from duobench.results.bundle import read_source
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Key, Record
 from duobench.results.scores import (
     RunPart,
     Score,
@@ -170,6 +170,21 @@ class Cell:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Check:
+    """Result of playing the records of a condition again."""
+
+    verified: str = "not checked"
+    """Result: "yes", "in part" (some records cannot be played again), "no" or "not checked"."""
+    details: str = ""
+    """How many records have which verdict, and what is wrong."""
+
+
+NOT_CHECKED = Check()
+Checker = Callable[[Path, Collection[Key]], Mapping[str, Check]]
+"""Play some records of a run or bundle again; a check for each condition, by its name."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Entrant:
     """A condition of a run, or a published policy."""
 
@@ -184,8 +199,10 @@ class Entrant:
     """What was played; None for a published policy."""
     quoted: str = ""
     """What a published policy is named: `paper:ACT`."""
+    check: Check = NOT_CHECKED
+    """Whether its records were verified."""
 
-    def records(self, task_id: str) -> tuple[EpisodeRecord, ...]:
+    def records(self, task_id: str) -> tuple[Record, ...]:
         """The finished episodes of a task, by index; none if it was not played."""
         found = self.result(task_id)
         return found.records if found else ()
@@ -207,14 +224,19 @@ class Entrant:
         return found and Cell.of(found)
 
 
-def read_entrants(sources: Sequence[str]) -> tuple[Entrant, ...]:
+def read_entrants(
+    sources: Sequence[str], checker: Checker | None = None
+) -> tuple[Entrant, ...]:
     """Read what is to be compared, group by group in the order given.
 
     Args:
         sources: Each what `read_named` takes, or a published policy (`paper:ACT`). All conditions
             of a run are compared.
+        checker: Verifies the records of each run; without it they are not checked.
     """
-    return lettered([entrant for source in sources for entrant in _read(source)])
+    return lettered(
+        [entrant for source in sources for entrant in _read(source, checker)]
+    )
 
 
 def sources_of(entrants: Iterable[Entrant]) -> list[str]:
@@ -245,13 +267,23 @@ def lettered(read: Sequence[Entrant]) -> tuple[Entrant, ...]:
     )
 
 
-def _read(source: str) -> list[Entrant]:
+def _read(source: str, checker: Checker | None) -> list[Entrant]:
     if source.startswith(SCHEMES):
         results, policy = check_policy(source)
         title = f"{results.policies[policy]} [{results.name}]"
         return [Entrant(title=title, group=Group.ELSEWHERE, quoted=source)]
     name, parts = read_named(source)
-    return [entrant_of(part, name if len(parts) == 1 else "") for part in parts]
+    checks: Mapping[str, Check] = {}
+    if checker is not None:
+        keys = [record.key for part in parts for record in part.records]
+        checks = checker(split_name(source)[1], keys)
+    return [
+        replace(
+            entrant_of(part, name if len(parts) == 1 else ""),
+            check=checks.get(part.condition.name, NOT_CHECKED),
+        )
+        for part in parts
+    ]
 
 
 def entrant_of(part: RunPart, name: str = "") -> Entrant:

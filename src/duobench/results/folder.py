@@ -10,7 +10,6 @@ import shutil
 from abc import ABC, abstractmethod
 from collections.abc import Container, Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 
 from duobench.core.errors import EvaluationError, FileError, LockedError, OtherRunError
@@ -40,9 +39,8 @@ from duobench.results.journal import (
     read_attempts,
     read_entries,
 )
-from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
+from duobench.results.records import RECORD_SCHEMA, Condition, Key, Record
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard
-from duobench.results.salt import Salt
 from duobench.results.suite import Episode
 
 DESCRIPTION = "run.json"
@@ -80,8 +78,6 @@ class RunReader(ABC):
 
     advice = ""
     """What to do about a record that cannot be read."""
-    salt: Salt | None = None
-    """Where it is that of the run, seeds of records are checked against it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()
@@ -150,13 +146,13 @@ class RunReader(ABC):
             else ""
         )
 
-    def read_record(self, run: Run, key: Key) -> EpisodeRecord:
+    def read_record(self, run: Run, key: Key) -> Record:
         """The record of one episode of a run."""
         return self._record(run, run.hash, run.conditions[key.condition], key)
 
     def read_records(
         self, run: Run, wanted: Container[Key] | None = None
-    ) -> list[EpisodeRecord]:
+    ) -> list[Record]:
         """The records of the finished episodes, or of those that are wanted, in the run's order.
 
         Raises:
@@ -171,17 +167,14 @@ class RunReader(ABC):
             if wanted is None or key in wanted
         ]
 
-    def _record(
-        self, run: Run, digest: str, condition: Condition, key: Key
-    ) -> EpisodeRecord:
+    def _record(self, run: Run, digest: str, condition: Condition, key: Key) -> Record:
         file = self.file(record_name(key))
-        record = read(file, EpisodeRecord, RECORD_SCHEMA, advice=self.advice)
+        record = read(file, Record, RECORD_SCHEMA, advice=self.advice)
         (task,) = (task for task in run.suite.tasks if task.id == key.task)
         split = run.of(condition.policy).config.split
         episode = Episode(
             task=task, index=key.episode, split=split, shift=condition.shift
         )
-        episode = replace(episode, salted=run.seeds(record, self.salt))
         objection = run.objection(record, episode)
         if record.run != digest:
             raise OtherRunError(
@@ -256,18 +249,6 @@ class RunFolder(RunReader):
     def scene(self, name: str) -> Path:
         """What a browser needs to show the scene of replays."""
         return self.path / "replays" / "scenes" / f"{name}{SCENE_SUFFIX}"
-
-    def report(self) -> list[str]:
-        """Names of the files that are there of a report, of whatever shape the run had."""
-        places = (
-            "",
-            *(
-                f"{CONDITIONS}/{path.name}/"
-                for path in self.path.glob(f"{CONDITIONS}/*")
-            ),
-        )
-        names = (f"{place}{name}" for place in places for name in _REPORT)
-        return [name for name in names if self.file(name).is_file()]
 
     @property
     def has_records(self) -> bool:
@@ -430,7 +411,7 @@ class RunFolder(RunReader):
             )
         return super().read_run()
 
-    def write(self, record: EpisodeRecord, video: bytes | None = None) -> None:
+    def write(self, record: Record, video: bytes | None = None) -> None:
         """Write what an episode has left: its video first, so that a record means all of it."""
         check_there(self.path)
         if video is not None:

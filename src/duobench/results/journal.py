@@ -17,7 +17,7 @@ import msgspec
 
 from duobench.core.files import writing
 from duobench.results.attempts import ERROR, FAILURE, STOPPED, SUCCESS
-from duobench.results.records import EpisodeRecord, Key
+from duobench.results.records import Key, Record
 from duobench.results.scores import Results
 
 _MINUTE_S, _HOUR_S = 60, 3600
@@ -94,7 +94,7 @@ def read_entries(path: Path) -> list[Entry]:
     return entries
 
 
-def end_of(record: EpisodeRecord) -> str:
+def end_of(record: Record) -> str:
     """How an attempt ended of which there is a record."""
     return ERROR if record.error else SUCCESS if record.success else FAILURE
 
@@ -168,7 +168,7 @@ class Journal:
         self._attempts[key] = (*self._attempts.get(key, ()), STOPPED)
         self._add(Begun(**key._asdict(), attempt=len(self._attempts[key])))
 
-    def end(self, record: EpisodeRecord, times: EpisodeTimes | None) -> None:
+    def end(self, record: Record, times: EpisodeTimes | None) -> None:
         """Note that an episode has a record, and how long it took, in whole milliseconds."""
         how = end_of(record)
         rounded = times and EpisodeTimes(

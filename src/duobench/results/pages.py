@@ -22,7 +22,7 @@ from duobench.core.video import jpeg, last_frame
 from duobench.results import figures, scores
 from duobench.results.folder import RunFolder
 from duobench.results.labels import REACTION_S
-from duobench.results.records import EpisodeRecord, InvalidTrial, Key
+from duobench.results.records import InvalidTrial, Key, Record
 from duobench.results.run import Run
 from duobench.results.scores import Results, RunPart, TaskResult
 from duobench.results.suite import execute_text, latency_text, suite_text
@@ -132,7 +132,6 @@ def identity(part: RunPart) -> Facts:
         "Rig": rig_text(part.records) if run.is_real else "",
         "Suite": f"{suite_text(suite)}, version {suite.version}, layouts of the split "
         f"{config.split}",
-        "Salt": f"SHA-256 {suite.salt}" if suite.salt else "",
         "Tasks": ", ".join(task.id for task in suite.tasks),
         "Episodes": f"{indices}, {suite.episodes} of each task",
         "Look": "" if run.is_real else suite.look,
@@ -152,7 +151,7 @@ def identity(part: RunPart) -> Facts:
     return {name: value for name, value in facts.items() if value}
 
 
-def rig_text(records: Iterable[EpisodeRecord]) -> str:
+def rig_text(records: Iterable[Record]) -> str:
     """The states of a rig's file that episodes were played on."""
     rigs = list(dict.fromkeys(record.rig[:12] for record in records if record.rig))
     return (
@@ -162,7 +161,7 @@ def rig_text(records: Iterable[EpisodeRecord]) -> str:
     )
 
 
-def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
+def stacks(records: Iterable[Record]) -> list[Facts]:
     """Machines and software that records come from, each combination once."""
     found = map(
         dict, dict.fromkeys(tuple(record.versions.items()) for record in records)
@@ -176,7 +175,7 @@ def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
                 for name, version in versions.items()
                 if version and name not in hidden
             )
-            + (f" ({other}: not ranked)" if (other := other_engine(versions)) else ""),
+            + (f" ({other})" if (other := other_engine(versions)) else ""),
         }
         for versions in found
     ]
@@ -188,7 +187,7 @@ def _machine(name: str, versions: Mapping[str, str | None]) -> str:
     return value + _BY_PROCESSOR * is_slow
 
 
-def trials(records: Iterable[EpisodeRecord]) -> Facts:
+def trials(records: Iterable[Record]) -> Facts:
     """What became of trials on real arms; nothing in simulation."""
     judged = [record.judged for record in records if record.judged is not None]
     if not judged:
@@ -235,35 +234,29 @@ def counts_text(values: Iterable[str]) -> str:
 
 
 class PageVideos:
-    """Finds videos for a page of a run, from whose folder its links lead.
-
-    With the text of that page as it is, these are the ones that it shows, and none is touched.
-    """
+    """Finder of videos for a page of a run, from whose folder its links lead."""
 
     def __init__(
-        self,
-        folder: RunFolder,
-        run: Run,
-        page: Path,
-        has_command: bool,
-        shown: str | None = None,
+        self, folder: RunFolder, run: Run, page: Path, has_command: bool
     ) -> None:
-        self._folder, self._run, self._page = folder, run, page
-        self._has_command, self._shown = has_command, shown
+        self._folder = folder
+        self._run = run
+        self._page = page
+        self._has_command = has_command
 
-    def video(self, record: EpisodeRecord) -> str | None:
+    def video(self, record: Record) -> str | None:
         """Link to the video of an episode; None if there is none."""
         return self._link(self._folder.video(record.key))
 
-    def poster(self, record: EpisodeRecord) -> str | None:
+    def poster(self, record: Record) -> str | None:
         """Link to the last frame of a video, which is made; None if there is none."""
         path = self._folder.poster(record.key)
-        if self._shown is None and not path.exists():
+        if not path.exists():
             with suppress(VideoError):
                 write(path, jpeg(last_frame(self._folder.video(record.key))))
         return self._link(path)
 
-    def featured(self, result: TaskResult) -> list[EpisodeRecord]:
+    def featured(self, result: TaskResult) -> list[Record]:
         """Episodes of a task whose videos are shown: the first of each last stage, in order."""
         found = [record for record in reversed(result.records) if self.video(record)]
         first = {record.final_stage: record for record in found}
@@ -280,26 +273,18 @@ class PageVideos:
         return f"duobench report DIR --{what} {choice}{imports}"
 
     def _link(self, path: Path) -> str | None:
-        link = quote(os.path.relpath(path, self._page))
-        is_there = path.exists() if self._shown is None else f'"{link}"' in self._shown
-        return link if is_there else None
+        return quote(os.path.relpath(path, self._page)) if path.exists() else None
 
 
-def page_replays(
-    folder: RunFolder, results: Results, shown: str | None = None
-) -> tuple[dict[Key, str], str]:
-    """What opens each replay of a run, as `data-replay`, and the part of a page that plays them.
-
-    With the text of a page as it is, these are the ones that it shows, as far as they are there.
-    """
+def page_replays(folder: RunFolder, results: Results) -> tuple[dict[Key, str], str]:
+    """Return what opens each replay, as `data-replay`, and the part of a page with them."""
     replays: dict[Key, EpisodeReplay] = {}
     for one in results.tasks:
         for record in one.records:
-            id = f"replay-{record.task}-{record.episode}"
-            is_shown = shown is None or f'"{id}"' in shown
-            if is_shown and (path := folder.replay(record.key)):
+            path = folder.replay(record.key)
+            if path is not None:
                 replays[record.key] = EpisodeReplay(
-                    id=id,
+                    id=f"replay-{record.task}-{record.episode}",
                     title=f"{one.task.title}, episode {record.episode}",
                     scene=path.name.split(".")[1],
                     track=path.read_bytes(),

@@ -9,7 +9,7 @@ from itertools import count
 import numpy as np
 
 from duobench.results.entrants import Entrant, Group, RowKind, TableRow
-from duobench.results.records import EpisodeRecord, SampledLayout
+from duobench.results.records import Record, SampledLayout
 from duobench.results.scores import RunPart
 from duobench.results.statistics import (
     LEVEL,
@@ -27,7 +27,7 @@ from duobench.results.statistics import (
 from duobench.results.suite import TaskInfo, execute_text, latency_text
 from duobench.world.looks.look import Look
 
-Pairs = list[tuple[EpisodeRecord, EpisodeRecord]]
+Pairs = list[tuple[Record, Record]]
 
 _DIGITS = 6  # layouts are compared in micrometres: another processor may have another last bit
 _CONDITIONS = (
@@ -294,7 +294,7 @@ def _scale(row: TableRow) -> int:
     return math.lcm(*(task.max_stage for task in row.tasks))
 
 
-def _stages(record: EpisodeRecord, row: TableRow) -> int:
+def _stages(record: Record, row: TableRow) -> int:
     return record.final_stage * _scale(row) // record.max_stage
 
 
@@ -338,7 +338,7 @@ def _common_tasks(a: RunPart, b: RunPart) -> list[str]:
     ]
 
 
-def _same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pairs:
+def _same_episodes(a: Sequence[Record], b: Sequence[Record]) -> Pairs:
     """The episodes of a task that both runs played, in pairs.
 
     Episodes are the same if suite version, task, split and seed are, which decide the layout, and
@@ -354,7 +354,7 @@ def _same_episodes(a: Sequence[EpisodeRecord], b: Sequence[EpisodeRecord]) -> Pa
     ]
 
 
-def _identity(record: EpisodeRecord) -> tuple[str, str, str, int]:
+def _identity(record: Record) -> tuple[str, str, str, int]:
     return record.suite_version, record.task, record.config.split, record.seed
 
 

@@ -173,7 +173,7 @@ class FirstAnswer:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class EpisodeRecord:
+class Record:
     """One episode of one task under one condition, from its seed to its last stage."""
 
     CHECKED_FROM: ClassVar[int] = RECORD_SCHEMA
@@ -306,7 +306,7 @@ class EpisodeRecord:
         return self.final_stage / self.max_stage
 
     @property
-    def unproven(self) -> EpisodeRecord:
+    def unproven(self) -> Record:
         """The episode as it counts where it cannot be verified: a failure that reached no stage."""
         return replace(
             self, final_stage=0, stage_changes=(), success=False, success_at_end=False
@@ -332,7 +332,7 @@ class EpisodeRecord:
             (stage for when, stage in self.stage_changes if when <= step), default=0
         )
 
-    def broken(self, error: BaseException, steps: int) -> EpisodeRecord:
+    def broken(self, error: BaseException, steps: int) -> Record:
         """The record of the episode if it failed with an error, so many steps after its start."""
         # Where it was stuck, or ended, is unknown.
         is_late = isinstance(error, PolicyTimeoutError | PolicyEndedError)

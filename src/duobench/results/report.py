@@ -4,16 +4,10 @@ No file written here depends on a clock, a folder or an order: the same records 
 same bytes. The one exception is the block of times on a page, which is about nothing else.
 """
 
-import json
 import os
-import re
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
-from html import unescape
-from typing import Any
+from collections.abc import Iterator, Sequence
 
-from duobench.core.errors import OtherRunError, escaped
+from duobench.core.errors import OtherRunError
 from duobench.core.files import remove
 from duobench.results import figures, scores
 from duobench.results.compare import compare_parts, comparison_files
@@ -26,7 +20,6 @@ from duobench.results.pages import (
     json_text,
     page_replays,
     part_page,
-    software,
     stacks,
     trials,
     with_figures,
@@ -86,27 +79,20 @@ def write_report(folder: RunFolder, source: RunReader | None = None) -> Results:
     if len(parts) > 1:
         stale = (SUMMARY, *(f"figures/{name}.svg" for name in figures.FIGURES))
         remove(*map(folder.file, stale))  # of the time when there was one condition
-    for name, text in report_files(folder, reader, parts):
+    for name, text in _report_files(folder, reader, parts):
         write_files(folder.path, {name: text})
     return scores.summarize(
         run.suite.tasks, [each for part in parts for each in part.records]
     )
 
 
-def report_files(
-    folder: RunFolder,
-    source: RunReader,
-    parts: Sequence[RunPart],
-    shown: Mapping[str, str] | None = None,
+def _report_files(
+    folder: RunFolder, source: RunReader, parts: Sequence[RunPart]
 ) -> Iterator[tuple[str, str]]:
-    """Each file of a report, by its name in the folder, and its text; see `write_report`.
-
-    Nothing is written but posters of videos. With files that are there by name, nothing is: their
-    pages show the videos and replays that they show there.
-    """
+    """Give each file of a report by its name in the folder, and its text; see `write_report`."""
     for part in parts:
         place = f"{CONDITIONS}/{part.condition.name}/" if len(parts) > 1 else ""
-        for name, text in _part_files(folder, source, part, place, shown).items():
+        for name, text in _part_files(folder, source, part, place).items():
             yield place + name, text
     if len(parts[0].run.suite.shifts) > 1:
         yield from robustness_files(robustness_of(parts), CONDITIONS).items()
@@ -162,18 +148,13 @@ def missing_shards(folder: RunFolder, run: Run) -> str:
 
 
 def _part_files(
-    folder: RunFolder,
-    source: RunReader,
-    part: RunPart,
-    place: str,
-    shown: Mapping[str, str] | None,
+    folder: RunFolder, source: RunReader, part: RunPart, place: str
 ) -> dict[str, str]:
     svgs, out = figures.plots(part.results), folder.path / place
-    before = None if shown is None else shown.get(f"{place}{PAGE}", "")
     commands = source.commands()
     is_finished = part.results.overall.episodes == part.size
-    videos = PageVideos(folder, part.run, out, bool(commands), before)
-    replay_ids, replays = page_replays(folder, part.results, before)
+    videos = PageVideos(folder, part.run, out, bool(commands))
+    replay_ids, replays = page_replays(folder, part.results)
     times = run_times(part.results, folder.entries())
     page = part_page(
         "report.html.j2",
@@ -201,86 +182,3 @@ def _part_files(
         duration=duration,
     )
     return with_figures({SUMMARY: summary_json(part), PAGE: page}, svgs)
-
-
-_LONGEST = 200  # characters of what is quoted
-_TAG = re.compile(r"<[^<>]*>")
-_CELL = re.compile(r"<(?:dd|td)\b[^<>]*>(?:\s*<(?!/)[^<>]*>)*\s*(\d[\d.–% ]*)")
-
-
-def check_report(
-    folder: RunFolder, parts: Sequence[RunPart]
-) -> tuple[list[str], list[str]]:
-    """Compare every file of a report in the folder of a run with what would be written there.
-
-    Videos are those that a page shows, and so are replays, as far as they are there. A page of
-    other software, or of a run without journals, needs only to have the numbers that the records
-    give, and so does what lies beside it.
-
-    Returns:
-        What differs, one sentence a file, and the pages of which numbers alone are compared.
-    """
-    left = {
-        name: folder.file(name).read_text("utf-8", "replace")
-        for name in folder.report()
-    }
-    pages = {name: text for name, text in left.items() if name.endswith(PAGE)}
-    is_known = bool(folder.writers)  # without journals its times and commands are not
-    others = [
-        name for name, text in pages.items() if not (is_known and software() in text)
-    ]
-    wrong: list[str] = []
-    for name, text in report_files(folder, folder, parts, pages) if left else ():
-        is_other = re.sub(r"(figures/)?[^/]+$", PAGE, name) in others
-        if name in left and (
-            words := _difference(name, left.pop(name), text, is_other)
-        ):
-            wrong.append(f"{name} {words}; duobench report writes it anew.")
-    return wrong + [
-        f"{name} is no part of this run's report; remove it." for name in left
-    ], others
-
-
-def _difference(name: str, said: str, given: str, is_other: bool) -> str:
-    """In what a file differs first, in words; empty for nothing."""
-    claims, facts = (Counter(_claims(name, text, is_other)) for text in (said, given))
-    lacking, added = (list(left) for left in (facts - claims, claims - facts))
-    if lacking or (added and not is_other):
-        first = ((each or ["nothing"])[0] for each in (added, lacking))
-        claim, fact = (escaped(" ".join(text[:_LONGEST].split())) for text in first)
-        return f"says “{claim}”, its records give “{fact}”"
-    if is_other or name.endswith(".json") or said.splitlines() == given.splitlines():
-        return ""
-    return (
-        "differs in a figure, a style, a script or an order from what its records give"
-    )
-
-
-def _claims(name: str, text: str, is_other: bool) -> list[str]:
-    """What a file says: value by value, line by line, or in numbers alone."""
-    if name.endswith(".json"):
-        with suppress(ValueError, RecursionError):
-            return [
-                *_leaves(json.loads(text, parse_float=_number, object_pairs_hook=tuple))
-            ]
-    if is_other and name.endswith(".html"):
-        return [cell.strip() for cell in _CELL.findall(text)]
-    if is_other:
-        return [] if name.endswith(".svg") else re.findall(r"\d[\d.]*", text)
-    return [line for line in unescape(_TAG.sub(" ", text)).splitlines() if line.strip()]
-
-
-def _number(text: str) -> float:
-    return float(
-        f"{float(text):.9g}"
-    )  # the last bits of a logarithm are a processor's own
-
-
-def _leaves(
-    value: list[Any] | tuple[tuple[str, Any], ...] | float | str | None, place: str = ""
-) -> Iterator[str]:
-    if isinstance(value, list | tuple) and value:
-        for name, part in value if isinstance(value, tuple) else enumerate(value):
-            yield from _leaves(part, f"{place}{name} ")
-    else:
-        yield f"{place}{json.dumps(value, ensure_ascii=False)}"

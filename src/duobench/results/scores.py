@@ -13,7 +13,7 @@ from typing import Any
 
 from duobench.results.attempts import MARK, MARKED, repeats_text
 from duobench.results.excess import MOST, NOTABLE
-from duobench.results.records import NOT_REPEATABLE, Condition, EpisodeRecord
+from duobench.results.records import NOT_REPEATABLE, Condition, Record
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite, TaskInfo
 
@@ -131,7 +131,7 @@ class TaskResult:
     progress: tuple[float, ...]
     """Mean progress 0..1 after 0 %, 1 %, ..., 100 % of the horizon; empty without episodes. An
     episode that is over keeps its last stage, so that it ends at the mean final progress."""
-    records: tuple[EpisodeRecord, ...]
+    records: tuple[Record, ...]
     """The episodes, by index."""
 
 
@@ -153,7 +153,7 @@ class Results:
         )
 
 
-def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
+def score(label: str, records: Sequence[Record]) -> Score:
     """Add up episodes, of one task or of several."""
     return Score(
         label=label,
@@ -173,7 +173,7 @@ def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
     )
 
 
-def progress_curve(records: Sequence[EpisodeRecord], horizon: int) -> tuple[float, ...]:
+def progress_curve(records: Sequence[Record], horizon: int) -> tuple[float, ...]:
     """Mean progress 0..1 of episodes of one task at `TIME_POINTS` times up to the horizon."""
     if not records:
         return ()
@@ -184,7 +184,7 @@ def progress_curve(records: Sequence[EpisodeRecord], horizon: int) -> tuple[floa
     )
 
 
-def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
+def task_result(task: TaskInfo, records: Iterable[Record]) -> TaskResult:
     """Results of one task from its records, in any order; records of other tasks are left out."""
     ours = sorted(
         (r for r in records if r.task == task.id), key=lambda record: record.episode
@@ -199,7 +199,7 @@ def task_result(task: TaskInfo, records: Iterable[EpisodeRecord]) -> TaskResult:
     )
 
 
-def summarize(tasks: Sequence[TaskInfo], records: Sequence[EpisodeRecord]) -> Results:
+def summarize(tasks: Sequence[TaskInfo], records: Sequence[Record]) -> Results:
     """Results of a run from its tasks and its finished episodes, in any order."""
     each = tuple(task_result(task, records) for task in tasks)
     categories = tuple(
@@ -237,7 +237,7 @@ class RunPart:
         return self.run.suite.size
 
     @property
-    def records(self) -> list[EpisodeRecord]:
+    def records(self) -> list[Record]:
         """The finished episodes, task by task."""
         return [record for one in self.results.tasks for record in one.records]
 
@@ -313,9 +313,9 @@ class RunPart:
         return {name: facts[name] for name in names}
 
 
-def group_by_condition(run: Run, records: Iterable[EpisodeRecord]) -> list[RunPart]:
+def group_by_condition(run: Run, records: Iterable[Record]) -> list[RunPart]:
     """The parts of a run in the order of its conditions, those without a record included."""
-    found: dict[Condition, list[EpisodeRecord]] = {
+    found: dict[Condition, list[Record]] = {
         each: [] for each in run.conditions.values()
     }
     for record in records:
@@ -349,7 +349,7 @@ class FailedStage:
 
     stage: int
     """The last stage that they reached, 0 for none."""
-    records: tuple[EpisodeRecord, ...]
+    records: tuple[Record, ...]
     """The episodes, by index."""
     unmet: tuple[tuple[int, str], ...]
     """What did not hold of the next stage, in words, and before it in how many episodes, most
@@ -376,7 +376,7 @@ def failed_stages(result: TaskResult) -> tuple[FailedStage, ...]:
     )
 
 
-def _unmet(records: Iterable[EpisodeRecord]) -> tuple[tuple[int, str], ...]:
+def _unmet(records: Iterable[Record]) -> tuple[tuple[int, str], ...]:
     """What did not hold in episodes, without those that an error ended."""
     alike: dict[tuple[str, ...], list[str]] = {}
     for record in records:

@@ -18,7 +18,7 @@ from duobench.results.pages import json_text
 from duobench.results.pairs import Pair, RunComparison, Test
 from duobench.results.statistics import LEVEL
 
-COMPARISON_SCHEMA = 3
+COMPARISON_SCHEMA = 4
 MINUS = "\N{MINUS SIGN}"
 _SMALLEST = 0.001  # p-values below are not told apart
 _LATEX = str.maketrans(
@@ -52,6 +52,8 @@ CSV_HEADER = (
     "wilson_high",
     "mean_final_progress",
     "best_of_group",
+    "verified",
+    "verification",
     "note",
 )
 """Columns of the table as CSV, one line for each policy in each row."""
@@ -195,6 +197,7 @@ def markdown(comparison: RunComparison) -> str:
         if category:
             lines.append(md_row([f"*{_md(category)}*", *[""] * len(names)]))
         lines += [md_row(_cells(comparison, row, _md, "**{}**")) for row in rows]
+    lines.append(md_row(_verified(comparison, "–")))
     return "\n".join([*lines, "", caption(comparison)]) + "\n"
 
 
@@ -232,6 +235,7 @@ def latex(comparison: RunComparison) -> str:
         lines += [
             tex_row(_cells(comparison, row, tex, r"\textbf{{{}}}")) for row in rows
         ]
+    lines += [r"\midrule", tex_row(_verified(comparison, "--"))]
     lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
     return "\n".join(lines) + "\n"
 
@@ -247,6 +251,12 @@ def _cells(
         style = bold if cell and comparison.is_best(row, one) else "{}"
         cells.append(cell_text(cell, style) if cell else escape("–"))
     return cells
+
+
+def _verified(comparison: RunComparison, dash: str) -> list[str]:
+    """Return the cells of the last row: whether the records of each policy were verified."""
+    found = [one.check.verified if one.part else dash for one in comparison.entrants]
+    return ["Verified", *found]
 
 
 def csv_rows(comparison: RunComparison) -> list[list[object]]:
@@ -278,6 +288,8 @@ def csv_rows(comparison: RunComparison) -> list[list[object]]:
                     *interval,
                     "" if cell.progress is None else f"{cell.progress:{digits}}",
                     int(comparison.is_best(row, one)),
+                    one.check.verified if part else "",
+                    one.check.details,
                     "" if part else Group.ELSEWHERE.value,
                 ]
             )
@@ -371,7 +383,10 @@ _FACTS = (
 
 def _entrant(one: Entrant) -> dict[str, Any]:
     named = {"name": one.name, "group": one.group.value}
-    return named | one.part.facts(*_FACTS) if one.part else named
+    if one.part is None:
+        return named
+    check = {"verified": one.check.verified, "verification": one.check.details}
+    return named | one.part.facts(*_FACTS) | check
 
 
 def _row(row: TableRow) -> dict[str, Any]:

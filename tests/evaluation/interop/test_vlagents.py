@@ -17,7 +17,7 @@ from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.policy import Policy
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.suite import Episode, Suite, find_tasks
 from tests.docs.markdown import ROOT
 from tests.evaluation import toy_tasks
@@ -98,7 +98,7 @@ class Twin:
         return chunk[:EXECUTED]
 
 
-def played(policy: Any, task: str) -> EpisodeRecord:
+def played(policy: Any, task: str) -> Record:
     (info,) = find_tasks([task])
     job = Job(policy=PolicyChoice.parse("hold"), suite=Suite(tasks=(info,)))
     runner = EpisodeRunner(PolicySource(metadata=policy.metadata, bind=lambda _env: policy), job)

@@ -43,7 +43,7 @@ from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.connection import is_healthy
 from duobench.policy.serving.limits import HEALTH_PATH, reply_bytes
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.run import TimeLimits
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_batches, toy_tasks
@@ -506,7 +506,7 @@ def test_episode_is_alone_until_it_ends_after_a_policy_of_several_was_lost(
     assert marked == len(bad.earlier) - 1
 
 
-def records(folder: RunFolder) -> dict[tuple[str, int], EpisodeRecord]:
+def records(folder: RunFolder) -> dict[tuple[str, int], Record]:
     if not folder.description.exists():
         return {}
     found = folder.read_records(folder.read_run())

@@ -18,7 +18,7 @@ from duobench.real.rig import Rig
 from duobench.real.sessions.trials import TrialsSession
 from duobench.real.sessions.trials_folder import TrialsFolder
 from duobench.results.labels import FaultKind
-from duobench.results.records import EpisodeRecord, Judged
+from duobench.results.records import Judged, Record
 from duobench.results.suite import TaskInfo, find_tasks
 from duobench.web.page import assets
 from duobench.web.server import PageServer
@@ -156,7 +156,7 @@ class Stand:
             raise
 
 
-def records(folder: TrialsFolder) -> dict[str, list[EpisodeRecord]]:
+def records(folder: TrialsFolder) -> dict[str, list[Record]]:
     """The records of each policy, by its letter."""
     plan, found = folder.read_plan(), folder.run.read_records(folder.run.read_run())
     return {
@@ -219,7 +219,7 @@ def played(
     return stand
 
 
-def only_record(stand: Stand) -> tuple[EpisodeRecord, Judged]:
+def only_record(stand: Stand) -> tuple[Record, Judged]:
     ((record,),) = records(stand.folder).values()
     assert record.judged is not None
     return record, record.judged

@@ -21,7 +21,7 @@ from rich.progress import (
 )
 
 from duobench.cli.shared.console import console, counted
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.run import WHOLE, Run, Shard
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ class EpisodesPlayed:
     def __init__(self, shown: Display, shard: Shard = WHOLE) -> None:
         self._shown, self._shard = shown, shard
 
-    def on_run_start(self, run: Run, finished: Sequence[EpisodeRecord]) -> None:
+    def on_run_start(self, run: Run, finished: Sequence[Record]) -> None:
         """Say what is going to be done, and what was finished earlier."""
         suite, totals = run.suite, run.counts(self._shard)
         going_on = f", {len(finished)} already finished" if finished else ""
@@ -150,7 +150,7 @@ class EpisodesPlayed:
         for record in finished:
             self._shown.advance(record.task, succeeded=record.success, earlier=True)
 
-    def on_episode(self, played: EpisodeRecord) -> None:
+    def on_episode(self, played: Record) -> None:
         """Count an episode, and say with what error it failed."""
         if played.error:
             name = f"{played.task}, episode {played.episode}"

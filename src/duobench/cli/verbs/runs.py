@@ -1,10 +1,9 @@
-"""What is done with a run that was played: report, compare, verify, bundle, leaderboard."""
+"""What is done with a run that was played: report, compare, verify, bundle."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +12,6 @@ import tyro
 
 from duobench.cli.shared.advice import (
     OTHER_OUT,
-    OTHER_RUN,
     AdvisedError,
     advising,
     find_run,
@@ -29,15 +27,14 @@ from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
 from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import Condition
-from duobench.results.salt import read_salt
-from duobench.results.scores import RunPart, interval_percent, percent, rate_text
+from duobench.results.scores import RunPart
 from duobench.tasks.shifts.shift import NO_SHIFT
 
 if TYPE_CHECKING:
-    from duobench.core.processes import Progress
     from duobench.evaluation.replay.render import RenderResult
     from duobench.evaluation.replay.verify import Finding, Verification
-    from duobench.results.leaderboard import BoardEntry
+    from duobench.results.entrants import Check, Checker
+    from duobench.results.records import Key
 
 
 def report(
@@ -155,21 +152,33 @@ def _make(what: str, make: Callable[..., RenderResult], import_tasks: bool) -> i
 
 
 def compare(
-    runs: tyro.conf.Positional[tuple[str, ...]], out: Path, mixed: bool = False
+    runs: tyro.conf.Positional[tuple[str, ...]],
+    out: Path,
+    mixed: bool = False,
+    verify: bool = False,
+    workers: int = 1,
+    import_tasks: bool = False,
 ) -> None:
     """Compare runs: the paper's table, tests on the same episodes, figures, and one page.
 
+    With --verify the exit code is 1 if a run is not verified.
+
     Args:
-        runs: Folders of two or more runs (--out of duobench eval), each alone or as NAME=FOLDER to
-            give it a name; FOLDER@SHIFT, such as runs/act@look-3, takes one condition. paper:ACT,
-            paper:pi05 and paper:xvla show the paper's results beside them, authors:ACT,
-            authors:pi05 and authors:xvla those of the authors' published checkpoints. They were
-            measured elsewhere, on other tasks, and are tested against nothing.
+        runs: Folders of two or more runs (--out of duobench eval) or bundles, each alone or as
+            NAME=FOLDER to give it a name; FOLDER@SHIFT, such as runs/act@look-3, takes one
+            condition. paper:ACT, paper:pi05 and paper:xvla show the paper's results beside them,
+            authors:ACT, authors:pi05 and authors:xvla those of the authors' published checkpoints.
+            They were measured elsewhere, on other tasks, and are tested against nothing.
         out: Folder of the comparison; an earlier one in it is replaced.
         mixed: Write the paper's mixed table in its place: trained on sim, real or mixed data,
             evaluated in simulation and on real arms. A run is named TRAINING=FOLDER or
             NAME/TRAINING=FOLDER, such as ACT/sim=runs/act, unless it says itself what its policy
             was trained on.
+        verify: Play the joint targets of the runs again first, as duobench verify does; a column
+            says what came out.
+        workers: Processes that verify side by side.
+        import_tasks: To verify, import tasks that are not of the benchmark, which runs the code of
+            the modules that the runs name.
     """
     for run in runs:
         if not run.startswith(SCHEMES):
@@ -177,24 +186,57 @@ def compare(
             find_run(folder)
             check_outside(out, folder)
     if mixed:
+        _refuse_to_verify(verify)
         _mixed(runs, out)
         return
-    if _compare_shifts(runs, out):
+    if _compare_shifts(runs, out, verify):
         return
     from duobench.results.compare import compare as compare_runs, write_comparison
     from duobench.results.tables import verdict
 
-    comparison = compare_runs(runs)
+    checker = _checker(workers, import_tasks) if verify else None
+    comparison = compare_runs(runs, checker)
     with advising(OTHER_OUT):
         page = write_comparison(comparison, out)
     for pair in comparison.pairs:
         say(verdict(pair))
         if pair.conditions:
             say(f"  Not the policies alone differ: {'; '.join(pair.conditions)}.")
+    checked = [one for one in comparison.entrants if one.part and verify]
+    for one in checked:
+        say(f"Verified, {one.name}: {one.check.verified} ({one.check.details})")
     say(f"Comparison: {page}")
+    if any(one.check.verified == "no" for one in checked):
+        sys.exit(1)
 
 
-def _compare_shifts(runs: tuple[str, ...], out: Path) -> bool:
+def _checker(workers: int, import_tasks: bool) -> Checker:
+    """Return what verifies the records of a run or bundle."""
+    load_engine()
+    from duobench.evaluation.replay.verify import checks, verify as verify_run
+
+    def check(path: Path, keys: Collection[Key]) -> Mapping[str, Check]:
+        with display("episode") as shown:
+            found = verify_run(
+                open_source(path),
+                wanted=set(keys),
+                workers=workers,
+                import_tasks=import_tasks,
+                progress=shown.tell,
+            )
+        return checks(found)
+
+    return check
+
+
+def _refuse_to_verify(verify: bool) -> None:
+    if verify:
+        raise AdvisedError(
+            "--verify is for the comparison of single conditions; duobench verify RUN verifies any."
+        )
+
+
+def _compare_shifts(runs: tuple[str, ...], out: Path, verify: bool) -> bool:
     """Lay evaluations under shifts over each other, if the runs are such; whether they are."""
     from duobench.results.robustness import robustness_of, write_robustness
 
@@ -212,6 +254,7 @@ def _compare_shifts(runs: tuple[str, ...], out: Path) -> bool:
             f"{others[0]} is not played under several shifts, as others are. Compare one of their "
             f"conditions with it, such as {under_shifts[0]}@none."
         )
+    _refuse_to_verify(verify)
     policies = [
         one for name, parts in read.values() for one in robustness_of(parts, name)
     ]
@@ -236,10 +279,7 @@ NAMED = 3
 
 
 def verify(
-    source: tyro.conf.Positional[Path],
-    workers: int = 1,
-    import_tasks: bool = False,
-    salt: Path | None = None,
+    source: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool = False
 ) -> None:
     """Play the joint targets in the records of a run again, without its policy, and compare.
 
@@ -250,23 +290,15 @@ def verify(
         workers: Processes that verify side by side.
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the run names.
-        salt: File with the salt that the seeds of the run must follow from.
     """
     find_run(source)
     load_engine()
-    import duobench.results.report  # noqa: F401 - it draws at the end; what keeps it is told now
     from duobench.evaluation.replay.verify import verify as verify_run
 
     opened = open_source(source)
-    opened.salt = None if salt is None else read_salt(salt)
     with display("episode") as shown:
         found = verify_run(
             opened, workers=workers, import_tasks=import_tasks, progress=shown.tell
-        )
-    if found.run.suite.salt and salt is None:
-        say(
-            "The seeds are not verified: they follow from a salt that is not given (--salt), and "
-            "may have been chosen by whoever played the run."
         )
     _tell_missing(opened)
     _show_verification(found, import_tasks)
@@ -296,11 +328,6 @@ def _show_verification(found: Verification, import_tasks: bool) -> None:
         say(f"The run is unfinished: no record of {counted(found.missing, 'episode')}.")
     if found.unnoted:
         say(f"Of {counted(found.unnoted, 'episode')} no attempt is on record.")
-    pages = found.compared_in_numbers
-    if pages:
-        say(
-            f"Of other software, or without its journals, so in numbers alone: {', '.join(pages)}."
-        )
     if found.parts:
         say(verified_table(found.parts))
     tasks = {one.key.task for one in found.of(Verdict.UNVERIFIABLE)}
@@ -342,50 +369,3 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
         say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
     say(f"SHA-256: {digest_of(path)}")
-
-
-def leaderboard(
-    folder: tyro.conf.Positional[Path], out: Path, workers: int = 1
-) -> None:
-    """Verify the bundles in a folder and build a leaderboard of them: pages that load nothing.
-
-    A bundle that does not verify is listed with the reason and not ranked. What was verified before
-    is not played again.
-
-    Args:
-        folder: Folder with files that duobench bundle has written, NAME.duobench.zip.
-        out: Folder of the leaderboard; an earlier one in it is replaced.
-        workers: Processes that verify side by side.
-    """
-    if not folder.is_dir():
-        raise AdvisedError(
-            f"There is no folder {folder}. duobench bundle RUN makes a bundle."
-        )
-    load_engine()
-    from duobench.evaluation.replay.leaderboard import make_leaderboard
-
-    shown = ExitStack()
-
-    def started(name: str) -> Progress:
-        shown.close()  # what is shown of the bundle before
-        say(f"Verifying {name}")
-        return shown.enter_context(display("episode")).tell
-
-    with shown, advising(OTHER_RUN):
-        board, page = make_leaderboard(folder, out, workers=workers, started=started)
-    for title, _, _, ranked in board.groups:
-        for rank, entry in ranked:
-            say(f"{title} {rank}: {_result(entry)}")
-    for entry in board.partial:
-        say(f"Not ranked: {_result(entry)}; {'; '.join(entry.lacks)}")
-    for refused in board.refused:
-        say(f"Refused: {refused.file}: {refused.reason}")
-    say(f"Leaderboard: {page}, {counted(len(board.entries), 'policy run')}")
-
-
-def _result(entry: BoardEntry) -> str:
-    overall = entry.results.overall
-    rate, interval = rate_text(overall), interval_percent(overall)
-    worst = f", worst case {percent(overall.worst_rate)} %" if overall.repeated else ""
-    of = counted(overall.episodes, "episode")
-    return f"{entry.name}, success {rate} % ({interval}) of {of}{worst}"

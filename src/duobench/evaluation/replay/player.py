@@ -29,7 +29,7 @@ from duobench.envs.sim_env import sim_of
 from duobench.evaluation.episode import Latest
 from duobench.evaluation.recorder import EpisodeRecorder
 from duobench.evaluation.rollout import Info, Observation, Watcher, watched_by
-from duobench.results.records import REAL, EpisodeRecord
+from duobench.results.records import REAL, Record
 from duobench.results.run import Run
 from duobench.results.suite import Episode, TaskInfo, find_tasks
 from duobench.tasks import catalog
@@ -123,13 +123,11 @@ class RecordPlayer(Player):
             lambda task: actual_task(claimed[task], import_tasks=import_tasks)
         )
 
-    def task(self, record: EpisodeRecord) -> TaskInfo:
+    def task(self, record: Record) -> TaskInfo:
         """The task of a record as it is, whatever the run says about it; see `actual_task`."""
         return self._task(record.task)
 
-    def environment_of(
-        self, record: EpisodeRecord, *, has_images: bool = False
-    ) -> gym.Env:
+    def environment_of(self, record: Record, *, has_images: bool = False) -> gym.Env:
         """The environment of a record, with the images of its policy or without."""
         config = command_config(record.config)
         if has_images:
@@ -140,12 +138,12 @@ class RecordPlayer(Player):
 
     def replay(
         self,
-        record: EpisodeRecord,
+        record: Record,
         watchers: Sequence[Watcher] = (),
         *,
         has_images: bool = False,
         chunk: int | None = None,
-    ) -> EpisodeRecord:
+    ) -> Record:
         """Play the targets of a record from the episode's own seed on; see `play`.
 
         Returns:
@@ -163,7 +161,6 @@ class RecordPlayer(Player):
         episode = Episode(
             task=task, index=record.episode, split=config.split, shift=config.shift
         )
-        episode = replace(episode, salted=self._run.seeds(record))
         recorder = EpisodeRecorder(episode)
         env = self.environment_of(record, has_images=has_images)
         watching = (recorder, _Sendable(record, targets), *watchers)
@@ -185,7 +182,7 @@ class RecordPlayer(Player):
 class _Sendable(Watcher):
     """Watches a replay, and rejects targets that the policy cannot have sent."""
 
-    def __init__(self, record: EpisodeRecord, targets: Array) -> None:
+    def __init__(self, record: Record, targets: Array) -> None:
         self._latency = record.execution.latency
         self._first = targets[: self._latency]
 
@@ -233,7 +230,7 @@ def actual_task(claimed: TaskInfo, *, import_tasks: bool) -> TaskInfo:
     return actual
 
 
-def why_not(record: EpisodeRecord) -> str:
+def why_not(record: Record) -> str:
     """Why a record of a known task cannot be played again; empty if it can."""
     if record.domain == REAL:
         return "It was played on real arms and judged by a person, which cannot be played again."

@@ -24,7 +24,7 @@ from duobench.evaluation.replay.verify import disagreements
 from duobench.evaluation.rollout import Watcher
 from duobench.evaluation.video import FRAME_EVERY, Overview, Picture, VideoRecorder
 from duobench.results.folder import RunFolder
-from duobench.results.records import EpisodeRecord, Key
+from duobench.results.records import Key, Record
 from duobench.results.run import Run
 from duobench.world.looks.catalog import as_look
 
@@ -45,9 +45,7 @@ _OF_AN_EPISODE = (
 """Errors after which the other episodes are still possible."""
 
 
-def choose(
-    run: Run, records: Iterable[EpisodeRecord], words: Sequence[str]
-) -> list[EpisodeRecord]:
+def choose(run: Run, records: Iterable[Record], words: Sequence[str]) -> list[Record]:
     """The finished episodes that words choose, in the order of the run.
 
     Words are "failures", "all" or "TASK:EPISODE", such as "bin_sort:3", under all conditions;
@@ -85,8 +83,8 @@ def _place(
 
 
 def choose_few(
-    run: Run, records: Sequence[EpisodeRecord], words: Sequence[str]
-) -> list[EpisodeRecord]:
+    run: Run, records: Sequence[Record], words: Sequence[str]
+) -> list[Record]:
     """As `choose`, but "failures" and "all" choose few of many, of all kinds.
 
     The first episode of each task, condition and last stage comes first, then the second, until
@@ -95,7 +93,7 @@ def choose_few(
     several = {FAILURES, ALL}
     named = choose(run, records, [word for word in words if word not in several])
     seen: Counter[tuple[str, str, int]] = Counter()
-    ranked: list[tuple[int, EpisodeRecord]] = []
+    ranked: list[tuple[int, Record]] = []
     for record in choose(run, records, [word for word in words if word in several]):
         kind = (record.task, record.condition.name, record.final_stage)
         ranked.append((seen[kind], record))
@@ -110,18 +108,18 @@ def choose_few(
 class RenderResult:
     """What became of chosen episodes."""
 
-    made: tuple[EpisodeRecord, ...]
+    made: tuple[Record, ...]
     """Episodes of which something was made now."""
-    there: tuple[EpisodeRecord, ...]
+    there: tuple[Record, ...]
     """Episodes of which it was there already; it stays."""
-    impossible: tuple[tuple[EpisodeRecord, str], ...]
+    impossible: tuple[tuple[Record, str], ...]
     """Episodes of which it cannot be made, and why."""
 
 
 def make_missing(
     folder: RunFolder,
     run: Run,
-    records: Sequence[EpisodeRecord],
+    records: Sequence[Record],
     what: str,
     *,
     import_tasks: bool = False,
@@ -172,16 +170,16 @@ class _Renderer:
 
     def make_missing(
         self,
-        records: Sequence[EpisodeRecord],
+        records: Sequence[Record],
         is_there: Sequence[bool],
-        make: Callable[[EpisodeRecord], None],
+        make: Callable[[Record], None],
         progress: Progress,
     ) -> RenderResult:
         there = tuple(compress(records, is_there))
         missing = compress(records, map(not_, is_there))
         places = {task.id: place for place, task in enumerate(self._run.suite.tasks)}
-        made: list[EpisodeRecord] = []
-        impossible: list[tuple[EpisodeRecord, str]] = []
+        made: list[Record] = []
+        impossible: list[tuple[Record, str]] = []
         progress(len(there), len(records))
         for record in sorted(missing, key=lambda record: places[record.task]):
             try:
@@ -195,7 +193,7 @@ class _Renderer:
             progress(len(there) + len(made) + len(impossible), len(records))
         return RenderResult(made=tuple(made), there=there, impossible=tuple(impossible))
 
-    def make_video(self, record: EpisodeRecord) -> None:
+    def make_video(self, record: Record) -> None:
         env = self._player.environment_of(record, has_images=True)
         overview = self._overview.get(env, lambda: Overview(env))
         picture = Picture(self._player.task(record), is_seen=self._chunk is not None)
@@ -205,7 +203,7 @@ class _Renderer:
         if video:
             write(self._folder.video(record.key), video)
 
-    def make_replay(self, record: EpisodeRecord) -> None:
+    def make_replay(self, record: Record) -> None:
         recorder = TrajectoryRecorder(self._scenes, as_look(record.config.look))
         self._replay(record, recorder)
         found = recorder.trajectory()
@@ -213,7 +211,7 @@ class _Renderer:
         write(self._folder.new_replay(record.key, found.scene), found.track)
 
     def _replay(
-        self, record: EpisodeRecord, watcher: Watcher, *, has_images: bool = False
+        self, record: Record, watcher: Watcher, *, has_images: bool = False
     ) -> None:
         chunk = (self._chunk or FRAME_EVERY) if has_images else None
         replay = self._player.replay(

@@ -23,7 +23,7 @@ from duobench.results.attempts import ERROR, FAILURE, SUCCESS
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader
 from duobench.results.journal import end_of
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.scores import group_by_condition
 from duobench.tasks import catalog
 from duobench.tasks.task import Task
@@ -149,7 +149,7 @@ class RunSource:
         self._wanted = {catalog.id_of(task) for task in tasks} or known
         for task in self._wanted:
             check_known("task in the run", task, known)
-        self.records: dict[str, EpisodeRecord] = {}
+        self.records: dict[str, Record] = {}
         """Of all finished episodes, by the ids of their items."""
         self.items: list[Item] = []
         self._player = RecordPlayer(self.run, import_tasks=import_tasks)
@@ -376,7 +376,7 @@ def _recorded(name: str, path: Path) -> Item:
     return Item(id=name, title=name.replace("/", " "), detail=detail, state=state)
 
 
-def _finished(name: str, record: EpisodeRecord) -> Item:
+def _finished(name: str, record: Record) -> Item:
     state = end_of(record)
     detail = f"{state}, stage {record.final_stage} of {record.max_stage}"
     return Item(

@@ -27,7 +27,7 @@ class Trajectory:
     subinstructions: tuple[str, ...]
     """What to do at stage 0, 1, ... to reach the next one."""
     stage_changes: tuple[tuple[int, int], ...]
-    """Pairs (control step, stage), as in `EpisodeRecord`."""
+    """Pairs (control step, stage), as in `Record`."""
     scene: str
     scene_data: bytes = field(repr=False)
     track: bytes = field(repr=False)

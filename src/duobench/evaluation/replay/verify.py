@@ -6,6 +6,7 @@ file was changed, not that somebody computed a new one.
 """
 
 import operator
+from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -27,9 +28,10 @@ from duobench.core.versions import differing_arithmetic
 from duobench.envs import action_modes
 from duobench.evaluation.replay.player import RecordPlayer, actual_task, why_not
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS
-from duobench.results.folder import RunFolder, RunReader
+from duobench.results.entrants import Check
+from duobench.results.folder import RunReader
 from duobench.results.journal import end_of
-from duobench.results.records import EpisodeRecord, Key
+from duobench.results.records import Key, Record
 from duobench.results.run import Run
 from duobench.results.scores import RunPart, group_by_condition
 
@@ -83,7 +85,7 @@ class Verification:
     findings: tuple[Finding, ...]
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
-    """What the run says wrongly of its tasks, and its report of its records, one sentence each."""
+    """What the run says wrongly of its tasks, one sentence each."""
     unnoted: int = 0
     """Of how many records no attempt is noted, so that earlier ones cannot be ruled out."""
     missing: int = 0
@@ -91,8 +93,6 @@ class Verification:
     parts: tuple[RunPart, ...] = ()
     """What is verified adds up to, under each condition: nothing that is contradicted, what cannot
     be verified as failures that reached no stage, and nothing after the horizon."""
-    compared_in_numbers: tuple[str, ...] = ()
-    """Pages of other software, or of a run without journals: their words were not compared."""
 
     def of(self, *verdicts: Verdict) -> list[Finding]:
         """The findings with one of these verdicts."""
@@ -133,20 +133,14 @@ def verify(
 
     Raises:
         EvaluationError: There is no run.
-        OtherRunError: The source has the salt of another run.
         FileError: The run cannot be read.
         DataError: A process ended by itself.
     """
     run = source.read_run()
-    if source.salt and source.salt.sha256 != run.suite.salt:
-        given, expected = source.salt.sha256, run.suite.salt or "no salt"
-        raise OtherRunError(
-            f"The SHA-256 of the salt is {given}; the run says {expected}."
-        )
     unknown, objections = _check_tasks(run, import_tasks)
     findings: dict[Key, Finding] = {}
-    jobs: list[EpisodeRecord] = []
-    records: list[EpisodeRecord] = []
+    jobs: list[Record] = []
+    records: list[Record] = []
     there, attempts = source.finished(run), source.attempts()
     keys = [key for key in there if wanted is None or key in wanted]
     for key in keys:
@@ -172,14 +166,6 @@ def verify(
         for finding in results:
             findings[finding.key] = finding
             progress(len(findings), len(keys))
-    others: list[str] = []
-    if isinstance(source, RunFolder) and len(records) == len(
-        keys
-    ):  # else no report can be written
-        from duobench.results.report import check_report  # draws, which no worker needs
-
-        wrong, others = check_report(source, group_by_condition(run, records))
-        objections += map(escaped, wrong)
     return Verification(
         run=run,
         findings=tuple(map(findings.__getitem__, keys)),
@@ -189,13 +175,42 @@ def verify(
         parts=_parts(
             run, ((record, findings[record.key].verdict) for record in records)
         ),
-        compared_in_numbers=tuple(others),
     )
 
 
-def _parts(
-    run: Run, each: Iterable[tuple[EpisodeRecord, Verdict]]
-) -> tuple[RunPart, ...]:
+def checks(found: Verification) -> dict[str, Check]:
+    """Return what a verification found of each condition that has a record, by its name."""
+    by_condition: dict[str, list[Finding]] = {}
+    for finding in found.findings:
+        by_condition.setdefault(finding.key.condition, []).append(finding)
+    return {
+        name: _check_of(findings, found.objections)
+        for name, findings in by_condition.items()
+    }
+
+
+def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> Check:
+    counts = Counter(finding.verdict for finding in findings)
+    unverifiable = counts[Verdict.UNVERIFIABLE]
+    if objections or counts[Verdict.CONTRADICTED] or unverifiable == len(findings):
+        verified = "no"
+    else:
+        verified = "in part" if unverifiable else "yes"
+    said = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
+    wrong = [
+        f"{finding.key.task}, episode {finding.key.episode}: {finding.reason}"
+        for verdict in (Verdict.CONTRADICTED, Verdict.UNVERIFIABLE)
+        for finding in findings
+        if finding.verdict is verdict
+    ]
+    first = [*objections, *wrong][:1]
+    return Check(
+        verified=verified,
+        details=". ".join([", ".join(said), *(_short(each) for each in first)]),
+    )
+
+
+def _parts(run: Run, each: Iterable[tuple[Record, Verdict]]) -> tuple[RunPart, ...]:
     """What records add up to as far as they are verified; see `Verification.parts`."""
     records = [
         record.unproven if verdict is Verdict.UNVERIFIABLE else record
@@ -229,7 +244,7 @@ def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[
     return unknown, [escaped(sentence) for sentence in objections]
 
 
-def _other_versions(run: Run, record: EpisodeRecord) -> str:
+def _other_versions(run: Run, record: Record) -> str:
     """What was installed for a record and not for its run; empty if nothing."""
     return "; ".join(
         f"its version of {name} is {record.versions.get(name)}, that of the run {version}"
@@ -238,7 +253,7 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
     )
 
 
-def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -> str:
+def _other_attempts(noted: Mapping[str, Sequence[str]], record: Record) -> str:
     """What was noted of attempts and a record says otherwise; empty if nothing."""
     ends = noted.get(record.key.path)
     if ends is None:
@@ -257,12 +272,12 @@ def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -
     return f"its earlier attempts ended so: {claimed}; the journal says: {known}"
 
 
-def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:
+def _checker(run: Run, import_tasks: bool) -> Callable[[Record], Finding]:
     """What checks one record after the other; it keeps the environment of one for the next."""
     return partial(_check, RecordPlayer(run, import_tasks=import_tasks))
 
 
-def _check(player: RecordPlayer, record: EpisodeRecord) -> Finding:
+def _check(player: RecordPlayer, record: Record) -> Finding:
     try:
         replay = player.replay(record)
     except DuoBenchError as error:
@@ -281,7 +296,7 @@ def _check(player: RecordPlayer, record: EpisodeRecord) -> Finding:
     )
 
 
-def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
+def disagreements(record: Record, replay: Record) -> list[str]:
     """What a record claims and its replay does not show, though it would on any processor.
 
     The replay has the same error. What both say is one phrase each.
@@ -294,7 +309,7 @@ def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
     return found
 
 
-def differing_bits(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
+def differing_bits(record: Record, replay: Record) -> list[str]:
     """What in a record is not equal to the bit to its replay; on other processors it need not be.
 
     See `disagreements`. Words on what the next stage lacks are none where the last step failed.
@@ -304,7 +319,7 @@ def differing_bits(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
     return _different(_bits(record), _bits(replay))
 
 
-def _outcome(record: EpisodeRecord) -> dict[str, Any]:
+def _outcome(record: Record) -> dict[str, Any]:
     variants = record.layout.get("variants", {})
     return {
         **{name: getattr(record, name) for name in _OUTCOME},
@@ -312,14 +327,14 @@ def _outcome(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-def _poses(record: EpisodeRecord) -> dict[str, Any]:
+def _poses(record: Record) -> dict[str, Any]:
     return {
         f"start of {name}": pose
         for name, pose in record.layout.get("poses", {}).items()
     }
 
 
-def _bits(record: EpisodeRecord) -> dict[str, Any]:
+def _bits(record: Record) -> dict[str, Any]:
     # What relative Cartesian actions add up to is part of it, and not of what was sent.
     is_relative = record.config.action_mode == action_modes.CARTESIAN_RELATIVE.name
     start, end = record.start, record.end

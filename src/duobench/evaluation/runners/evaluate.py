@@ -43,10 +43,9 @@ from duobench.evaluation.runners.schedule import AttemptLog, check_played
 from duobench.results.attempts import POLICY
 from duobench.results.folder import RunFolder
 from duobench.results.journal import Journal
-from duobench.results.records import EpisodeRecord, FirstAnswer, Key
+from duobench.results.records import FirstAnswer, Key, Record
 from duobench.results.report import write_report
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard, TimeLimits
-from duobench.results.salt import Salt
 from duobench.results.scores import Results, summarize
 from duobench.results.suite import Episode, Suite, TaskInfo
 
@@ -59,14 +58,13 @@ def evaluate(  # noqa: PLR0913
     videos: int = 0,
     limits: TimeLimits | None = None,
     workers: int = 1,
-    observers: Sequence[Observer[EpisodeRecord]] = (),
+    observers: Sequence[Observer[Record]] = (),
     retry_broken: bool = False,
     fresh: bool = False,
     unplayed_count_as_failures: bool = False,
     command: str = "",
     shard: Shard = WHOLE,
     cluster: Cluster | None = None,
-    salt: Salt | None = None,
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
@@ -93,8 +91,6 @@ def evaluate(  # noqa: PLR0913
         shard: Which part of the episodes is played. All parts may be played into one folder, or
             into several that are copied into one. What finishes the run writes the report.
         cluster: The Ray cluster on which workers and policy are; None for this machine alone.
-        salt: The secret that seeds of episodes and policy follow from; it stays in this process.
-            None plays the public ones.
 
     Returns:
         What the records add up to: of the shard, under all shifts.
@@ -111,8 +107,6 @@ def evaluate(  # noqa: PLR0913
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
     if videos < 0:
         raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
-    suite = replace(suite, salt=salt and salt.sha256)
-    folder.salt = salt
     job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos)
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
@@ -122,9 +116,9 @@ def evaluate(  # noqa: PLR0913
             journal.clear()
         elif folder.gives_way(run):
             folder.clear(run, shard, keeps_attempts=True)
-        episodes = run.episodes(shard, videos, salt)
+        episodes = run.episodes(shard, videos)
         # Of a policy that gives no first answer, nothing is written.
-        ask = partial(_first_answer, executor, run.episodes(salt=salt))
+        ask = partial(_first_answer, executor, run.episodes())
         first_answer = ask() if episodes and not folder.has_records else None
         folder.begin(run, shard)
         journal.start(command, workers)
@@ -193,7 +187,7 @@ class _NotedAttempts(AttemptLog):
 
 def _finished(
     folder: RunFolder, run: Run, shard: Shard, *, retry_broken: bool
-) -> list[EpisodeRecord]:
+) -> list[Record]:
     finished = folder.read_records(folder.read_run(), set(run.episode_keys(shard)))
     if retry_broken:
         for record in finished:

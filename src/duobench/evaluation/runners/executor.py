@@ -63,7 +63,7 @@ from duobench.results.attempts import (
     TASK,
     WORKER,
 )
-from duobench.results.records import EpisodeRecord, FirstAnswer
+from duobench.results.records import FirstAnswer, Record
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 from duobench.world.sim import rendering
@@ -93,7 +93,7 @@ class LocalExecutor:
         self._job = job
         self._schedule = Schedule()
         self._ending = ExitStack()
-        self._progress: EpisodeRecord | None = None
+        self._progress: Record | None = None
         self.unplayed: Mapping[Episode, UnplayedError] = self._schedule.abandoned
         """Those whose task has failed, and why; a death ends this process too."""
 
@@ -151,7 +151,7 @@ class LocalExecutor:
             self._schedule.note_fault(episode, str(fault))
         return None
 
-    def _note_progress(self, record: EpisodeRecord) -> None:
+    def _note_progress(self, record: Record) -> None:
         self._progress = record
 
     def failures(self) -> Iterator[EpisodeResult]:
@@ -187,7 +187,7 @@ class ProcessExecutor:
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
         self._first_answer: FirstAnswer | None = None
-        self._at_horizon: dict[Episode, EpisodeRecord] = {}
+        self._at_horizon: dict[Episode, Record] = {}
         self._isolated: Episode | None = None
         """The episode that was begun last, if nothing is played beside it."""
         self._log = AttemptLog()
@@ -324,7 +324,7 @@ class ProcessExecutor:
             case _:
                 _log.warning("A message that nobody asked for was dropped.")
 
-    def _note_progress(self, worker: Worker, record: EpisodeRecord) -> None:
+    def _note_progress(self, worker: Worker, record: Record) -> None:
         """Note how far the episode of a worker is, and the end of one that is played on."""
         if (
             worker.episode
@@ -517,7 +517,7 @@ class ProcessExecutor:
         steps = min(max(worker.process.clock().steps, record.steps), record.horizon)
         return EpisodeResult(record=record.broken(error, steps))
 
-    def _unknown(self, episode: Episode) -> EpisodeRecord:
+    def _unknown(self, episode: Episode) -> Record:
         ready = self._prepared
         return EpisodeRecorder(episode).record(ready.run, ready.versions)
 

@@ -19,7 +19,7 @@ from duobench.evaluation.runners.process import (
 )
 from duobench.evaluation.runners.worker import PlayEpisode, Rehearse, Report
 from duobench.policy.serving.address import PolicyAddress
-from duobench.results.records import EpisodeRecord
+from duobench.results.records import Record
 from duobench.results.suite import Episode, TaskInfo
 
 MAX_FAILED_STARTS = 3
@@ -106,7 +106,7 @@ class Worker:
         self.episode: Episode | None = None
         self.is_alone = True
         """Whether nothing else was asked of its policy since that began."""
-        self.progress: EpisodeRecord | None = None
+        self.progress: Record | None = None
         """The record of that so far, once it has begun."""
         self.task: TaskInfo | None = None
 

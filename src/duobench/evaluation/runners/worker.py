@@ -17,7 +17,7 @@ from duobench.evaluation.runners.process import (
 )
 from duobench.evaluation.runners.schedule import end_of
 from duobench.results.attempts import MACHINERY
-from duobench.results.records import EpisodeRecord, FirstAnswer
+from duobench.results.records import FirstAnswer, Record
 from duobench.results.run import Run
 from duobench.results.suite import Episode
 
@@ -51,7 +51,7 @@ class Rehearsed(msgspec.Struct, tag=True, frozen=True):
 class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
     """From a worker: the episode has begun, reached a new stage, or is played on."""
 
-    record: EpisodeRecord
+    record: Record
 
 
 class EpisodeError(msgspec.Struct, tag=True, frozen=True):

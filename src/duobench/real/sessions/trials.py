@@ -44,7 +44,7 @@ from duobench.real.sessions.trials_folder import (
     TrialsProgress,
 )
 from duobench.real.sessions.trials_plan import RigEpisode, TrialsPlan, shuffled
-from duobench.results.records import REAL, EpisodeRecord, Judged
+from duobench.results.records import REAL, Judged, Record
 from duobench.results.run import Candidate, Run, TimeLimits, needed_options
 from duobench.results.suite import Suite, TaskInfo
 from duobench.tasks import catalog
@@ -265,7 +265,7 @@ class TrialsSession(RigSession):
 
     def _record(
         self, trial: RigEpisode, recorder: EpisodeRecorder, played: PlayedEpisode
-    ) -> EpisodeRecord:
+    ) -> Record:
         labels = self.judge.labels
         policy = self._plan.policies[trial.policy].policy
         plain = recorder.record(self._plan.run, record_versions(None), policy)
