@@ -149,19 +149,6 @@ def test_command_of_the_report_makes_the_same_report(tmp_path: Path, evaluate: T
     assert without_times(pages[0]) == without_times(pages[1])
 
 
-def test_eval_plays_on_after_the_horizon(tmp_path: Path, told: Told) -> None:
-    late = ["--policy", f"{toy_tasks.__name__}:Late", "--tasks", toy_tasks.NUDGE_NAME]
-    words = ["eval", *late, "--episodes", "4", "--videos", "0", "--workers", "0"]
-    out = told(*words, "--overtime", "1.5", "--out", tmp_path / "run")
-    row = next(line for line in out.splitlines() if line.strip().startswith("nudge"))
-    assert row.split()[:6] == ["nudge", "4", "25.0", "4.6–69.9", "0.250", "75.0"]
-    run = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert run["suite"]["overtime"] == 1.5
-    assert "--overtime 1.5" in RunFolder(tmp_path / "run").commands()[0]
-    refused = refusal(*words, "--overtime", "0.5", "--out", tmp_path / "other")
-    assert "1 (none) or more, such as 1.5; got 0.5." in refused
-
-
 def test_command_has_every_option_that_a_result_may_depend_on() -> None:
     options = list(options_of(eval_verb))
     given: dict[str, object] = {}

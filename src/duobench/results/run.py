@@ -127,7 +127,7 @@ class TimeLimits:
         return min(self.act_timeout, MAX_S)
 
 
-RUN_SCHEMA = 10
+RUN_SCHEMA = 11
 _SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
 """What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
@@ -382,7 +382,6 @@ class Run:
             "salt": suite.salt or "none",
             "actions executed of a chunk": suite.execution.execute or "all",
             "latency": suite.execution.latency,
-            "overtime": suite.overtime,
             **_fields("time limit", self.limits),
             "domain": self.domain,
             "rig": self.rig,
