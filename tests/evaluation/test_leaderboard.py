@@ -278,15 +278,6 @@ def test_served_policies_are_listed_by_their_own_names(folder, tmp_path):
     assert replace(entry, part=part).name == "theirs"
 
 
-def test_what_was_begun_again_earns_no_place(folder, tmp_path):
-    entry = made(folder, tmp_path / "site")[0].entries[0]
-    overall = replace(
-        entry.results.overall, episodes=100, successes=80, repeated=40, repeated_successes=35
-    )
-    part = replace(entry.part, results=replace(entry.results, overall=overall))
-    assert replace(entry, part=part).standing[0] == pytest.approx(0.45)
-
-
 def test_no_copy_takes_the_place_of_a_run(runs, folder, tmp_path):
     bare = copied(runs["hold"], tmp_path / "bare")
     shutil.rmtree(bare.path / "attempts")

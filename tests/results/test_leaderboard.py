@@ -1,6 +1,5 @@
 """Who is ranked, in which order, and who is not; and the pages: complete, closed in themselves."""
 
-import html
 import json
 import re
 from datetime import date
@@ -86,23 +85,7 @@ def test_what_is_not_the_whole_suite_is_not_ranked(
     assert (ranked, partial) == (([], [one]) if lacks else ([(1, "one")], []))
 
 
-def test_episodes_that_were_begun_again_are_told_with_the_worst_case(tmp_path: Path) -> None:
-    one = entry("one", 0.5, repeated=40)
-    said = (
-        "40 of 1100 episodes were begun more than once: the policy's process ended by itself, or "
-        "the connection to it was lost (40)."
-    )
-    assert (
-        one.repeats
-        == f"{said} Counted as failures, they would make success 46.4 % instead of 50.0 %."
-    )
-    begin_site(tmp_path)
-    page = write_site(Board(entries=(one,), refused=()), tmp_path).read_text()
-    assert "50.0†" in page
-    assert "worst case 46.4" in page
-    assert said in html.unescape((tmp_path / one.page).read_text())
-    few = entry("few", 0.5, repeated=10)
-    assert (few.repeats[:10], few.results.overall.is_marked) == ("10 of 1100", False)
+def test_episodes_without_a_noted_attempt_keep_an_entry_from_being_ranked() -> None:
     unknown = entry("unknown", noted=1000)
     assert unknown.lacks == ("of 100 episodes no attempt is on record",)
 

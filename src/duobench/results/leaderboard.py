@@ -84,8 +84,6 @@ class BoardEntry:
     commands: tuple[str, ...]
     verdicts: Mapping[str, int]
     """How many episodes have which verdict, by the verdict."""
-    repeats: str
-    """How many of its episodes were begun more than once, and why, in words; empty if none was."""
     repeatability: str
     """Whether its first answers were the same, in words; empty if that is not known."""
     lacks: tuple[str, ...]
@@ -115,9 +113,9 @@ class BoardEntry:
 
     @property
     def standing(self) -> tuple[float, float]:
-        """What entries are ranked by: success rate in the worst case, and mean final progress."""
+        """What entries are ranked by: success rate and mean final progress."""
         overall = self.results.overall
-        return overall.worst_rate or 0.0, overall.mean_final_progress or 0.0
+        return overall.success_rate or 0.0, overall.mean_final_progress or 0.0
 
 
 Ranked = list[tuple[int, BoardEntry]]
@@ -221,7 +219,6 @@ def make_entry(  # noqa: PLR0913 - what is known of a bundle
     played = {task.id for task in run.suite.tasks}
     tasks = [task for task in find_tasks(()) if task.id in played]
     results = summarize(tasks, part.records)
-    repeats = replace(part, results=results).repeats
     # Joint targets of many runs would fill the memory.
     results = replace(
         results, tasks=tuple(replace(one, records=()) for one in results.tasks)
@@ -232,7 +229,6 @@ def make_entry(  # noqa: PLR0913 - what is known of a bundle
         part=replace(part, results=results),
         commands=tuple(commands),
         verdicts=dict(verdicts),
-        repeats=repeats,
         repeatability=part.repeatability,
         lacks=lacks,
         hosted=hosted,
@@ -371,7 +367,6 @@ def _entry(entry: BoardEntry) -> dict[str, Any]:
         "file": entry.file,
         "sha256": entry.digest,
         "verdicts": dict(entry.verdicts),
-        "attempts": entry.repeats,
         "repeatability": entry.repeatability,
         "round": entry.hosted and entry.hosted.name,
         "overall": entry.results.overall.numbers(),

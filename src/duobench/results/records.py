@@ -264,7 +264,7 @@ class EpisodeRecord:
             "steps must lie in 0..horizon": not 0 <= self.steps <= self.horizon,
             "attempts count from 1, and each earlier one has ended somehow": self.attempt
             != 1 + len(self.earlier)
-            or not ENDS.keys() >= set(self.earlier),
+            or not ENDS.issuperset(self.earlier),
             "error must say something": self.error is not None
             and not self.error.strip(),
             "domain must be sim or real": self.domain not in DOMAINS,

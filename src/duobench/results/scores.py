@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
-from duobench.results.attempts import MARK, MARKED, repeats_text
 from duobench.results.excess import MOST, NOTABLE
 from duobench.results.records import NOT_REPEATABLE, Condition, EpisodeRecord
 from duobench.results.run import Candidate, Run
@@ -70,19 +69,6 @@ class Score:
     """Mean of last stage over the task's number of stages; None without episodes."""
     repeated: int = 0
     """Episodes that were begun more than once."""
-    repeated_successes: int = 0
-    """How many of them succeeded."""
-
-    @property
-    def worst_rate(self) -> float | None:
-        """Share of successes if every episode that was begun more than once had failed."""
-        worst = self.successes - self.repeated_successes
-        return worst / self.episodes if self.episodes else None
-
-    @property
-    def is_marked(self) -> bool:
-        """Whether that is another number by more than `MARKED`."""
-        return self.repeated_successes > MARKED * self.episodes
 
     @property
     def success_rate(self) -> float | None:
@@ -104,7 +90,6 @@ class Score:
             "mean_final_progress": self.mean_final_progress,
             "errors": self.errors,
             "begun_more_than_once": self.repeated,
-            "worst_case_success_rate": self.worst_rate,
         }
 
 
@@ -149,9 +134,6 @@ def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
         successes=sum(record.success for record in records),
         errors=sum(record.error is not None for record in records),
         repeated=sum(record.attempt > 1 for record in records),
-        repeated_successes=sum(
-            record.success for record in records if record.attempt > 1
-        ),
         mean_final_progress=(
             math.fsum(record.progress for record in records) / len(records)
             if records
@@ -244,16 +226,6 @@ class RunPart:
     def repeatability(self) -> str:
         """The same in a sentence; empty if it was not asked."""
         return REPEATABILITY.get(self.is_repeatable, "")
-
-    @property
-    def repeats(self) -> str:
-        """How many episodes were begun more than once, why, and the worst case; or nothing."""
-        said = repeats_text(record.earlier for record in self.records)
-        overall = self.results.overall
-        if not overall.repeated_successes:
-            return said
-        worst, rate = percent(overall.worst_rate), percent(overall.success_rate)
-        return f"{said} Counted as failures, they would make success {worst} % instead of {rate} %."
 
     @property
     def excess(self) -> str:
@@ -391,8 +363,8 @@ def percent(share: float | None) -> str:
 
 
 def rate_text(score: Score) -> str:
-    """Success rate as per cent, marked if repeated attempts may have earned more than a point."""
-    return f"{percent(score.success_rate)}{MARK * score.is_marked}"
+    """Success rate as per cent."""
+    return percent(score.success_rate)
 
 
 def interval_percent(score: Score) -> str:

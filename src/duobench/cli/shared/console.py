@@ -113,9 +113,7 @@ def results_table(part: RunPart) -> Table:
         caption_justify="left",
     )
     legend = "Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."
-    notes = [
-        note for note in (part.excess, part.repeats, part.repeatability, legend) if note
-    ]
+    notes = [note for note in (part.excess, part.repeatability, legend) if note]
     rows.caption = "\n".join(notes)
 
     def cells(name: str, score: Score, wanted: int) -> list[str]:
@@ -165,10 +163,7 @@ def verified_table(parts: Sequence[RunPart]) -> Table:
         rows.add_row(name, f"{one.successes} of {one.episodes}", *numbers)
     rows = rows if len(parts) > 1 else results_table(parts[0])
     said = "Without what is contradicted; what is not verifiable reaches no stage."
-    notes = [
-        f"{part.condition.shift}: {part.repeats}" for part in parts if part.repeats
-    ]
-    notes += filter(None, dict.fromkeys(part.repeatability for part in parts))
+    notes = filter(None, dict.fromkeys(part.repeatability for part in parts))
     rows.caption = "\n".join(
         [said, *(notes if len(parts) > 1 else [str(rows.caption or "")])]
     ).rstrip()

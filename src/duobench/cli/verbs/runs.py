@@ -24,13 +24,12 @@ from duobench.cli.shared.console import counted, results_table, say, verified_ta
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
 from duobench.core.files import check_outside, digest_of
-from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
 from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import Condition
 from duobench.results.salt import read_salt
-from duobench.results.scores import RunPart, interval_percent, percent, rate_text
+from duobench.results.scores import RunPart, interval_percent, rate_text
 from duobench.tasks.shifts.shift import NO_SHIFT
 
 if TYPE_CHECKING:
@@ -337,9 +336,6 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
         say(
             f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}."
         )
-    repeats = repeats_text(ends[:-1] for ends in manifest.attempts.values())
-    if repeats:
-        say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
     say(f"SHA-256: {digest_of(path)}")
 
@@ -386,6 +382,5 @@ def leaderboard(
 def _result(entry: BoardEntry) -> str:
     overall = entry.results.overall
     rate, interval = rate_text(overall), interval_percent(overall)
-    worst = f", worst case {percent(overall.worst_rate)} %" if overall.repeated else ""
     of = counted(overall.episodes, "episode")
-    return f"{entry.name}, success {rate} % ({interval}) of {of}{worst}"
+    return f"{entry.name}, success {rate} % ({interval}) of {of}"
