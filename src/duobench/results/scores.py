@@ -357,14 +357,9 @@ def _range(numbers: Sequence[str]) -> str:
     return low if float(low) == float(high) else f"{low} to {high}"
 
 
-def percent(share: float | None) -> str:
-    """A share as per cent with one digit; a dash where there is none."""
-    return "–" if share is None else f"{100 * share:.1f}"
-
-
-def rate_text(score: Score) -> str:
-    """Success rate as per cent."""
-    return percent(score.success_rate)
+def percent(share: float | None, digits: int = 1) -> str:
+    """A share as per cent; a dash where there is none."""
+    return "–" if share is None else f"{100 * share:.{digits}f}"
 
 
 def interval_percent(score: Score) -> str:
@@ -372,8 +367,6 @@ def interval_percent(score: Score) -> str:
     return "–".join(map(percent, score.interval))
 
 
-def progress_text(score: Score) -> str:
-    """Mean final progress with three digits; a dash where there is none."""
-    return (
-        "–" if score.mean_final_progress is None else f"{score.mean_final_progress:.3f}"
-    )
+def progress_text(progress: float | None) -> str:
+    """Mean final progress, with the two digits of the paper; a dash where there is none."""
+    return "–" if progress is None else f"{progress:.2f}"

@@ -16,6 +16,7 @@ from duobench.results.entrants import (
 )
 from duobench.results.pages import json_text
 from duobench.results.pairs import Pair, RunComparison, Test
+from duobench.results.scores import percent, progress_text
 from duobench.results.statistics import LEVEL
 
 COMPARISON_SCHEMA = 3
@@ -57,21 +58,16 @@ CSV_HEADER = (
 """Columns of the table as CSV, one line for each policy in each row."""
 
 
-def rate_text(cell: Cell) -> str:
-    """Success rate in percent: of a run with one digit, of the paper as it stands there."""
-    return (
-        f"{100 * cell.rate:.0f}" if cell.interval is None else f"{100 * cell.rate:.1f}"
-    )
-
-
-def progress_text(cell: Cell) -> str:
-    """Mean final progress with two digits; a dash where it is not known."""
-    return "–" if cell.progress is None else f"{cell.progress:.2f}"
+def cell_rate(cell: Cell) -> str:
+    """Success rate as per cent; a rate of the paper has no digit more than it has there."""
+    return percent(cell.rate, digits=0 if cell.interval is None else 1)
 
 
 def cell_text(cell: Cell | None, bold: str = "{}") -> str:
     """A cell of the paper's table, `44.0 (0.63)`; a dash where there is none."""
-    return f"{bold.format(rate_text(cell))} ({progress_text(cell)})" if cell else "–"
+    if cell is None:
+        return "–"
+    return f"{bold.format(cell_rate(cell))} ({progress_text(cell.progress)})"
 
 
 def points_text(difference: float) -> str:

@@ -26,9 +26,9 @@ def test_row_has_rate_interval_progress_and_distribution() -> None:
     records = [sample_record(SORT, episode, (1, 2, 3)) for episode in range(3)]
     records.append(sample_record(SORT, 3, (5,)))
     lines = printed(records, expected=4)
-    assert "sort|4|75.0|30.1–95.4|0.833|0:0|1:1|2:0|3:3" in lines
+    assert "sort|4|75.0|30.1–95.4|0.83|0:0|1:1|2:0|3:3" in lines
     assert "lift|0/4|–|0.0–100.0|–|0:0|1:0|2:0" in lines
-    assert "All tasks|4/12|75.0|30.1–95.4|0.833" in lines
+    assert "All tasks|4/12|75.0|30.1–95.4|0.83" in lines
     assert not any("Errors" in line for line in lines)
     assert any(
         "2:5 says that five episodes came to stage 2 and no further" in line for line in lines

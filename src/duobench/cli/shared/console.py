@@ -18,7 +18,6 @@ from duobench.results.scores import (
     interval_percent,
     percent,
     progress_text,
-    rate_text,
 )
 
 NOTEBOOK = {"JPY_PARENT_PID", "JPY_SESSION_NAME", "COLAB_RELEASE_TAG"}
@@ -124,14 +123,13 @@ def results_table(part: RunPart) -> Table:
             else f"{score.episodes}/{wanted}"
         )
         broken = [str(score.errors)] if errors else []
-        rate = rate_text(score)
         return [
             name,
             episodes,
             *broken,
-            rate,
+            percent(score.success_rate),
             interval_percent(score),
-            progress_text(score),
+            progress_text(score.mean_final_progress),
         ]
 
     for category in results.categories:
@@ -159,7 +157,11 @@ def verified_table(parts: Sequence[RunPart]) -> Table:
             part.results.overall,
             f"{part.candidate.title}, {part.condition.shift}",
         )
-        numbers = (percent(one.success_rate), interval_percent(one), progress_text(one))
+        numbers = (
+            percent(one.success_rate),
+            interval_percent(one),
+            progress_text(one.mean_final_progress),
+        )
         rows.add_row(name, f"{one.successes} of {one.episodes}", *numbers)
     rows = rows if len(parts) > 1 else results_table(parts[0])
     said = "Without what is contradicted; what is not verifiable reaches no stage."

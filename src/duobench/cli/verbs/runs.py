@@ -29,7 +29,7 @@ from duobench.results.entrants import SCHEMES, read_named, split_name
 from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import Condition
 from duobench.results.salt import read_salt
-from duobench.results.scores import RunPart, interval_percent, rate_text
+from duobench.results.scores import RunPart, interval_percent, percent
 from duobench.tasks.shifts.shift import NO_SHIFT
 
 if TYPE_CHECKING:
@@ -381,6 +381,6 @@ def leaderboard(
 
 def _result(entry: BoardEntry) -> str:
     overall = entry.results.overall
-    rate, interval = rate_text(overall), interval_percent(overall)
+    rate, interval = percent(overall.success_rate), interval_percent(overall)
     of = counted(overall.episodes, "episode")
     return f"{entry.name}, success {rate} % ({interval}) of {of}"
