@@ -190,6 +190,7 @@ def _part_files(
         failed_stages=scores.failed_stages,
         most_unmet=_MOST_UNMET,
         clipping=scores.clipping,
+        is_clipped=any(map(scores.clipping, part.results.tasks)),
         video=videos.video,
         video_command=videos.command,
         poster=videos.poster,

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
-from duobench.results.excess import MOST, NOTABLE
+from duobench.results.excess import MOST, NOTABLE, Excess
 from duobench.results.records import NOT_REPEATABLE, Condition, EpisodeRecord
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite, TaskInfo
@@ -25,6 +25,11 @@ REPEATABILITY: Mapping[bool | None, str] = {
     False: f"This policy is {NOT_REPEATABLE}: with one seed, its first answers were not the same.",
 }
 """Sentences of a run on its policy, which was asked the same twice, or again by a later command."""
+FAR_OFF = (
+    "Limits of the arms changed most targets of an episode. Numbers in other units, such as "
+    "degrees, or arms in the other order look so: the report has a table of targets beyond limits."
+)
+"""Sentence of a run where `RunPart.is_far_off`."""
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
 """A number that is a word of its own, not a part of a name."""
 
@@ -228,22 +233,12 @@ class RunPart:
         return REPEATABILITY.get(self.is_repeatable, "")
 
     @property
-    def excess(self) -> str:
-        """How far a policy asked for more than the arms do, and why perhaps; or nothing."""
-        told = [
-            (found, clipped, one.steps)
+    def is_far_off(self) -> bool:
+        """Whether limits of the arms changed most targets of an episode, by more than a trifle."""
+        return any(
+            one.excess.change > NOTABLE and one.clipped > MOST * one.steps
             for one in self.records
-            if (found := one.excess) and (clipped := one.clipped)
-            if found.questions
-            or (found.change > NOTABLE and clipped > MOST * one.steps)
-        ]
-        if not told:
-            return ""
-        found, clipped, steps = zip(*told, strict=True)
-        return (
-            f"Limits of the arms changed what was to be sent in {sum(clipped)} of {sum(steps)} "
-            f"control steps of {len(told)} of {len(self.records)} episodes: "
-            f"{max(found, key=lambda one: one.change)}."
+            if one.excess and one.clipped
         )
 
     def facts(self, *names: str) -> dict[str, Any]:
@@ -284,21 +279,31 @@ def group_by_condition(run: Run, records: Iterable[EpisodeRecord]) -> list[RunPa
     ]
 
 
-def clipping(result: TaskResult) -> dict[str, int]:
-    """How often limits of the arms changed commands of a task; empty if no record knows it."""
-    known = [
-        (record.clipped, record.steps)
-        for record in result.records
-        if record.clipped is not None
-    ]
-    if not known:
-        return {}
-    return {
-        "steps": sum(clipped for clipped, _ in known),
-        "all_steps": sum(steps for _, steps in known),
-        "episodes": sum(clipped > 0 for clipped, _ in known),
-        "all_episodes": len(known),
-    }
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Clipping:
+    """Targets of a task that limits of the arms changed."""
+
+    steps: int
+    all_steps: int
+    episodes: int
+    all_episodes: int
+    excess: Excess
+    """The largest of every number."""
+
+
+def clipping(result: TaskResult) -> Clipping | None:
+    """Targets of a task beyond limits of the arms; None where no record has one."""
+    known = [record for record in result.records if record.clipped is not None]
+    excesses = [record.excess for record in known if record.excess is not None]
+    if not excesses:
+        return None
+    return Clipping(
+        steps=sum(record.clipped or 0 for record in known),
+        all_steps=sum(record.steps for record in known),
+        episodes=sum(bool(record.clipped) for record in known),
+        all_episodes=len(known),
+        excess=Excess.furthest(excesses),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -12,6 +12,7 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from duobench.results.scores import (
+    FAR_OFF,
     RunPart,
     Score,
     TaskResult,
@@ -112,7 +113,8 @@ def results_table(part: RunPart) -> Table:
         caption_justify="left",
     )
     legend = "Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."
-    notes = [note for note in (part.excess, part.repeatability, legend) if note]
+    far_off = FAR_OFF if part.is_far_off else ""
+    notes = [note for note in (far_off, part.repeatability, legend) if note]
     rows.caption = "\n".join(notes)
 
     def cells(name: str, score: Score, wanted: int) -> list[str]:

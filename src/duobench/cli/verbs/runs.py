@@ -20,7 +20,13 @@ from duobench.cli.shared.advice import (
     offer_to_import,
     relative,
 )
-from duobench.cli.shared.console import counted, results_table, say, verified_table
+from duobench.cli.shared.console import (
+    counted,
+    results_table,
+    say,
+    table,
+    verified_table,
+)
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
 from duobench.core.files import check_outside, digest_of
@@ -181,15 +187,16 @@ def compare(
     if _compare_shifts(runs, out):
         return
     from duobench.results.compare import compare as compare_runs, write_comparison
-    from duobench.results.tables import verdict
+    from duobench.results.tables import PAIR_HEADS, pair_cells
 
     comparison = compare_runs(runs)
     with advising(OTHER_OUT):
         page = write_comparison(comparison, out)
+    pairs = table(*PAIR_HEADS)
     for pair in comparison.pairs:
-        say(verdict(pair))
-        if pair.conditions:
-            say(f"  Not the policies alone differ: {'; '.join(pair.conditions)}.")
+        pairs.add_row(*pair_cells(pair))
+    if comparison.pairs:
+        say(pairs)
     say(f"Comparison: {page}")
 
 
