@@ -110,7 +110,7 @@ class Delta(HoldPolicy):
         ("InDegrees", True),
         ("Bytes", False),  # for a few steps alone
         ("PerCent", True),
-        ("Exchanged", False),  # until it is where it wants to be
+        ("Exchanged", True),
         ("Diverges", True),
         ("Hurries", True),
         ("Delta", True),

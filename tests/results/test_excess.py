@@ -3,7 +3,7 @@
 import pytest
 
 from duobench.results.excess import Excess
-from duobench.results.scores import clipping
+from duobench.results.scores import clipping, task_result
 from tests.results.samples import SORT, part_of, sample_record, sample_run
 
 
@@ -42,11 +42,9 @@ def test_a_task_has_the_largest_of_every_number() -> None:
         ),
         sample_record(SORT, 2, clipped=0, excess=None),
     ]
-    part = part_of(sample_run(tasks=(SORT,), episodes=3), records)
-    found = clipping(part.results.tasks[0])
+    found = clipping(task_result(SORT, records))
     assert found is not None
     assert (found.steps, found.episodes, found.all_episodes) == (8, 2, 3)
     expected = excess(joint=(-147.8, -3.0), opening=(255.0, 1.0), change=0.2, speed=2.5)
     assert found.excess == expected
-    unchanged = part_of(sample_run(tasks=(SORT,), episodes=1), records[2:])
-    assert clipping(unchanged.results.tasks[0]) is None
+    assert clipping(task_result(SORT, records[2:])) is None

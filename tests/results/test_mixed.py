@@ -11,6 +11,7 @@ from duobench.core.errors import EvaluationError
 from duobench.results.mixed import MixedTable, Place, markdown, read_mixed, write_mixed
 from duobench.results.scores import wilson_interval
 from duobench.results.suite import TaskInfo
+from duobench.results.tables import md, md_row
 from tests.results.samples import LIFT, SORT, sample_folder, sample_record, sample_run
 
 EPISODES = 12
@@ -90,7 +91,7 @@ def test_files_hold_the_same(table: MixedTable, tmp_path: Path) -> None:
     assert text == markdown(table)
     for test in table.tests:
         for line in test.lines():
-            assert f"| {' | '.join(line)} |" in text
+            assert md_row(map(md, line)) in text
             assert all(f"<td>{escape(cell)}</td>" in page for cell in line)
     with (tmp_path / "mixed" / "mixed.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -93,7 +93,7 @@ def test_episodes_would_tell_at_the_level_of_the_whole_family(pair: Pair) -> Non
     assert lift.more_episodes == episodes_that_would_tell(*lift.only, 11, level=LEVEL / 3)
     assert tasks["Turn"].more_episodes is None  # no difference was seen
     (overall,) = pair.of(RowKind.OVERALL)
-    assert (overall.better, overall.more_episodes, pair.more_episodes) == (1, None, None)
+    assert (overall.better, overall.more_episodes, pair.whole) == (1, None, overall)
 
 
 def layout(y: float, **variants: str) -> dict[str, object]:

@@ -15,6 +15,7 @@ from duobench.results.journal import PARTS, EpisodeTimes
 from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
 from duobench.results.run import Run, Shard
+from duobench.results.scores import FAR_OFF
 from tests.results.samples import (
     DEGREES,
     LIFT,
@@ -222,22 +223,19 @@ UNMET = ("left does not grasp cube", "cube touches table")
     ("records", "counts"),
     [
         pytest.param(
-            [sample_record(SORT, 0, (5,), clipped=9), sample_record(SORT, 1, (5,), clipped=0)],
-            {
-                "in 9 of 180 control steps (5.0 %), in 1 of 2 episodes": 1,
-                "Limits of the arms": 1,
-            },
+            [
+                sample_record(SORT, 0, (5,), clipped=9, excess=DEGREES),
+                sample_record(SORT, 1, (5,), clipped=0),
+            ],
+            {"9 of 180 1 of 2": 1, "90 (2.9)": 1, FAR_OFF: 0},
             id="clipped",
         ),
         pytest.param(
             [sample_record(SORT, 0, (5,), clipped=80, excess=DEGREES), sample_record(SORT, 1)],
-            {
-                "changed what was to be sent in 80 of 90 control steps of 1 of 2 episodes: joint "
-                "targets went to 90 where 2.9 is the limit (are these degrees?).": 1
-            },
+            {"80 of 90 1 of 1": 1, FAR_OFF: 1},
             id="in degrees",
         ),
-        pytest.param([sample_record(SORT, 0, ())], {"Limits of the arms": 0}, id="not clipped"),
+        pytest.param([sample_record(SORT, 0, ())], {"Targets beyond limits": 0}, id="not clipped"),
         pytest.param(
             [sample_record(SORT, 0), sample_record(SORT, 1, (5,), error=ERROR)],
             {"1 episode failed with an error": 1, "Trace ValueError: no": 1},

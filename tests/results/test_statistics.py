@@ -159,10 +159,9 @@ def test_episodes_that_would_tell_find_the_difference_in_about_80_percent(
     further = episodes_that_would_tell(only_a, only_b, 100, level=level)
     assert further is not None
     chances = only_a / 100, only_b / 100
-    if further > 1:
-        assert power(100 + further, *chances, level) == pytest.approx(0.8, abs=0.08)
-    else:
-        assert power(101, *chances, level) > 0.72
+    found = power(100 + further, *chances, level)
+    assert found > 0.72
+    assert found < 0.9 or further == 1
 
 
 def test_episodes_that_would_tell_are_connors() -> None:

@@ -107,11 +107,11 @@ class Pair:
         return better.count(1), better.count(-1)
 
     @property
-    def more_episodes(self) -> int | None:
-        """Episodes that would tell, of all tasks together or of the only one."""
+    def whole(self) -> Test | None:
+        """The test of all tasks together, or of the only one."""
         tasks = self.of(RowKind.TASK)
         tests = self.of(RowKind.OVERALL) or (tasks if len(tasks) == 1 else ())
-        return tests[0].more_episodes if tests else None
+        return tests[0] if tests else None
 
 
 def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | None:

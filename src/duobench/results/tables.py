@@ -86,8 +86,10 @@ def signed(value: float, digits: int) -> str:
     return text.replace("-", MINUS) if float(text) else text[1:]
 
 
-def p_text(p: float) -> str:
-    """A p-value with three digits."""
+def p_text(p: float | None) -> str:
+    """A p-value with three digits; a dash where there is none."""
+    if p is None:
+        return "–"
     return f"< {_SMALLEST}" if p < _SMALLEST else f"{p:.3f}"
 
 
@@ -110,26 +112,29 @@ PAIR_HEADS = (
     "First",
     "Second",
     "Compared by",
-    "Tasks",
-    "First solves more",
-    "Second solves more",
+    "Tasks won",
+    "Difference / points",
+    "95 % interval / points",
+    "p",
     "Episodes that would tell",
     "Other differences",
 )
-"""Columns of the table of pairs."""
+"""Columns of the table of pairs; the numbers are of all tasks together, or of the only one."""
 
 
 def pair_cells(pair: Pair) -> list[str]:
-    """A row of the table of pairs: in how many tasks either run solves more."""
-    first, second = pair.won
+    """A row of the table of pairs."""
+    whole = pair.whole
+    tasks = len(pair.of(RowKind.TASK))
     return [
         pair.a.name,
         pair.b.name,
         episodes_text(pair),
-        str(len(pair.of(RowKind.TASK))),
-        str(first) if pair.paired else "–",
-        str(second) if pair.paired else "–",
-        count_text(pair.more_episodes),
+        f"{_two(pair.won)} of {tasks}" if pair.paired else "–",
+        points_text(whole.difference) if whole else "–",
+        points_interval_text(whole.interval) if whole else "–",
+        p_text(whole.adjusted if whole else None),
+        count_text(whole.more_episodes if whole else None),
         "; ".join(pair.conditions) or "–",
     ]
 
@@ -157,7 +162,7 @@ def test_cells(test: Test) -> list[str]:
         _two(test.only) if test.only else "–",
         points_text(test.difference),
         points_interval_text(test.interval),
-        "–" if test.adjusted is None else p_text(test.adjusted),
+        p_text(test.adjusted),
         count_text(test.more_episodes),
         signed(test.progress, 2),
     ]
