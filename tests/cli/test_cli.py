@@ -189,13 +189,14 @@ def test_command_of_a_served_policy_says_how_it_is_asked(tmp_path: Path, evaluat
     assert url not in (tmp_path / "run" / "run.json").read_text()
 
 
-def test_comparison_says_who_is_better_and_where_the_page_is(tmp_path: Path, told: Told) -> None:
+def test_comparison_has_a_row_a_pair_and_says_where_the_page_is(tmp_path: Path, told: Told) -> None:
     new, old = (
         play(tmp_path / name, {"sort": [stage] * 12}, name)
         for name, stage in (("new", 3), ("old", 1))
     )
     out = told("compare", new, old, "paper:ACT", "--out", tmp_path / "both")
-    assert "new is better than old in Sort: 12 of 12 episodes against 0 of 12" in out
+    assert "1 / 0 of 1" in out
+    assert "+100.0" in out
     assert f"Comparison: {tmp_path / 'both' / 'index.html'}" in out
     assert (tmp_path / "both" / "index.html").is_file()
 
