@@ -56,12 +56,6 @@ def test_the_command_prints_what_it_measured_or_may(
     assert code in (None, done.returncode)
 
 
-def test_looks_are_simulated() -> None:
-    few = ("--equal", "10", "--different", "200", "--pages", "2")
-    done = ran("-m", "dev.benchmarks.looks", *few, cwd=ROOT)
-    assert "equal policies that claim something" in done.stdout, done.stderr
-
-
 # --- spread of paths -----------------------------------------------------------------------------
 
 

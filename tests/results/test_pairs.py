@@ -11,13 +11,11 @@ from duobench.results.compare import compare
 from duobench.results.entrants import RowKind
 from duobench.results.pairs import Pair, RunComparison
 from duobench.results.statistics import (
-    any_time,
-    barnard,
+    LEVEL,
+    episodes_that_would_tell,
     holm,
     mcnemar,
     newcombe_interval,
-    paired_permutation,
-    permutation,
     tango_interval,
 )
 from tests.results.outcomes import play
@@ -49,7 +47,6 @@ def test_same_episodes_are_tested_in_pairs(pair: Pair) -> None:
     assert (sort.only, sort.successes, sort.episodes) == ((8, 1), (9, 2), (11, 11))
     assert (sort.p, sort.interval) == (mcnemar(8, 1), tango_interval(8, 1, 11))
     stages = [a - b for a, b in zip(GOOD["sort"], BAD["sort"], strict=True)]
-    assert sort.progress_p == paired_permutation(stages)
     assert sort.progress == pytest.approx(sum(stages) / 11 / 3)
 
 
@@ -70,17 +67,17 @@ def test_progress_of_tasks_with_other_numbers_of_stages_adds_up(pair: Pair) -> N
         (a - b) / highest[task] for task in GOOD for a, b in zip(GOOD[task], BAD[task], strict=True)
     ]
     assert overall.progress == pytest.approx(sum(gains) / 33)
-    assert overall.progress_p == paired_permutation([round(6 * gain) for gain in gains])
 
 
 def test_other_episodes_are_two_samples(good: str, tmp_path: Path) -> None:
     pair = pair_of(good, play(tmp_path / "bad", BAD, "bad", first_episode=11))
     assert not pair.paired
     sort = next(test for test in pair.tests if test.row.label == "Sort")
-    assert (sort.only, sort.more_episodes) == (None, None)
-    assert sort.p == barnard((9, 2), (11, 11))
+    assert (sort.only, sort.p, sort.adjusted) == (None, None, None)
+    assert (sort.better, sort.more_episodes) == (0, None)
     assert sort.interval == newcombe_interval((9, 2), (11, 11))
-    assert sort.progress_p == permutation(GOOD["sort"], BAD["sort"])
+    gained = sum(GOOD["sort"]) - sum(BAD["sort"])
+    assert sort.progress == pytest.approx(gained / 11 / 3)
     assert len(pair.of(RowKind.OVERALL)) == 1
 
 
@@ -90,74 +87,13 @@ def test_samples_with_other_shares_of_tasks_are_not_pooled(good: str, tmp_path: 
     assert (len(pair.of(RowKind.TASK)), pair.of(RowKind.OVERALL)) == (3, ())
 
 
-# --- at every look -------------------------------------------------------------------------------
-
-WON, LOST = [1] * 12, [0] * 12
-
-
-def any_times(pair: Pair) -> dict[str, tuple[float, int]]:
-    return {test.row.label: (test.any_time, test.any_time_episodes) for test in pair.tests}
-
-
-def test_any_time_counts_episode_by_episode_and_all_tasks_of_each(pair: Pair) -> None:
-    won = {
-        task: [
-            (int(a == high > b), int(b == high > a))
-            for a, b in zip(GOOD[task], BAD[task], strict=True)
-        ]
-        for task, high in (("sort", 3), ("lift", 2), ("turn", 1))
-    }
-    tasks = pair.of(RowKind.TASK)
-    expected = [any_time(won[test.row.tasks[0].id]) for test in tasks]
-    assert [test.any_time for test in tasks] == expected
-    assert [test.any_time_adjusted for test in tasks] == holm(expected)
+def test_episodes_would_tell_at_the_level_of_the_whole_family(pair: Pair) -> None:
+    tasks = {test.row.label: test for test in pair.of(RowKind.TASK)}
+    lift = tasks["Lift <It>"]
+    assert lift.more_episodes == episodes_that_would_tell(*lift.only, 11, level=LEVEL / 3)
+    assert tasks["Turn"].more_episodes is None  # no difference was seen
     (overall,) = pair.of(RowKind.OVERALL)
-    steps = [
-        (sum(a for a, _ in each), sum(b for _, b in each))
-        for each in zip(*won.values(), strict=True)
-    ]
-    assert overall.any_time_adjusted == overall.any_time == any_time(steps) < 1
-    assert overall.any_time_episodes == 33
-
-
-def test_any_time_of_other_episodes_is_none(good: str, tmp_path: Path) -> None:
-    pair = pair_of(good, play(tmp_path / "bad", BAD, "bad", first_episode=11))
-    assert {(test.any_time, test.is_any_time) for test in pair.tests} == {(1.0, False)}
-
-
-def test_any_time_ends_at_an_episode_that_is_still_to_come(tmp_path: Path) -> None:
-    """In between, it would change what was seen at an earlier look."""
-    won, lost = (
-        play(tmp_path / name, {"turn": stages}, name)
-        for name, stages in (("won", WON), ("lost", LOST))
-    )
-    assert any_times(pair_of(won, lost)) == {"Turn": (any_time([(1, 0)] * 12), 12)}
-    (record,) = Path(lost).rglob("*00004*.json")
-    text = record.read_bytes()
-    record.unlink()
-    assert any_times(pair_of(won, lost)) == {"Turn": (any_time([(1, 0)] * 4), 4)}
-    record.write_bytes(text)
-    (record.with_name(record.name.replace("00004", "00000"))).unlink()
-    assert any_times(pair_of(won, lost)) == {"Turn": (1.0, 0)}
-
-
-def test_any_time_begins_where_the_later_run_does(tmp_path: Path) -> None:
-    won = play(tmp_path / "won", {"turn": WON}, "won")
-    lost = play(tmp_path / "lost", {"turn": LOST}, "lost", first_episode=5)
-    assert any_times(pair_of(won, lost)) == {"Turn": (any_time([(1, 0)] * 7), 7)}
-
-
-def test_any_time_of_a_run_under_way_is_that_of_all_its_tasks(tmp_path: Path) -> None:
-    """Tasks are played one after another: each look would have another family, another sum."""
-    of_a = {"turn": WON, "sort": [3] * 12, "lift": []}
-    of_b = {"turn": LOST, "sort": LOST, "lift": []}
-    pair = pair_of(play(tmp_path / "a", of_a, "a"), play(tmp_path / "b", of_b, "b"))
-    each = any_time([(1, 0)] * 12), 12
-    assert any_times(pair) == {"Sort": each, "Turn": each, "All tasks": (1.0, 0)}
-    assert [test.any_time_adjusted for test in pair.of(RowKind.TASK)] == [3 * each[0], 3 * each[0]]
-    of_a["lift"], of_b["lift"] = [2, 2, 2], [0, 0]
-    pair = pair_of(play(tmp_path / "c", of_a, "c"), play(tmp_path / "d", of_b, "d"))
-    assert any_times(pair)["All tasks"] == (any_time([(3, 0)] * 2), 6)
+    assert (overall.better, overall.more_episodes, pair.whole) == (1, None, overall)
 
 
 def layout(y: float, **variants: str) -> dict[str, object]:

@@ -15,6 +15,7 @@ from duobench.results.journal import PARTS, EpisodeTimes
 from duobench.results.records import Record
 from duobench.results.report import write_report
 from duobench.results.run import Run, Shard
+from duobench.results.scores import FAR_OFF
 from tests.results.samples import (
     DEGREES,
     LIFT,
@@ -106,24 +107,6 @@ def test_summary_has_the_numbers_of_each_task(tmp_path: Path) -> None:
     assert task["last_stage_counts"] == [0, 1, 0, 3]
     assert task["wilson_95"] == pytest.approx([0.3006, 0.9544], abs=1e-4)
     assert found["policy"] == "mine"
-
-
-def test_late_successes_are_beside_the_scores_and_change_none(tmp_path: Path) -> None:
-    records = [sample_record(SORT, 0), sample_record(SORT, 1, (5,))]
-    slow = [records[0], replace(records[1], late_success=100)]
-    of_plain, of_overtime = (
-        reported(tmp_path / name, sample_run(tasks=(SORT,), episodes=2, overtime=overtime), found)
-        for name, overtime, found in (("plain", 1.0, records), ("overtime", 1.5, slow))
-    )
-    plain, overtime = summary(of_plain[0]), summary(of_overtime[0])
-    assert (overtime.pop("overtime"), plain.pop("overtime")) == (1.5, 1.0)
-    for score in (overtime["tasks"]["sort"], *overtime["categories"].values(), overtime["overall"]):
-        assert score["late_successes"] == 1
-        score["late_successes"] = 0
-    assert overtime == plain
-    for words in ("Within 1.5 horizons / %", "is no score", "(3 at 100, after the horizon)"):
-        assert words in of_overtime[1].words
-    assert "horizons" not in of_plain[1].words
 
 
 def test_same_records_give_the_same_bytes_in_any_folder(tmp_path: Path) -> None:
@@ -240,22 +223,19 @@ UNMET = ("left does not grasp cube", "cube touches table")
     ("records", "counts"),
     [
         pytest.param(
-            [sample_record(SORT, 0, (5,), clipped=9), sample_record(SORT, 1, (5,), clipped=0)],
-            {
-                "in 9 of 180 control steps (5.0 %), in 1 of 2 episodes": 1,
-                "Limits of the arms": 1,
-            },
+            [
+                sample_record(SORT, 0, (5,), clipped=9, excess=DEGREES),
+                sample_record(SORT, 1, (5,), clipped=0),
+            ],
+            {"9 of 180 1 of 2": 1, "90 (2.9)": 1, FAR_OFF: 0},
             id="clipped",
         ),
         pytest.param(
             [sample_record(SORT, 0, (5,), clipped=80, excess=DEGREES), sample_record(SORT, 1)],
-            {
-                "changed what was to be sent in 80 of 90 control steps of 1 of 2 episodes: joint "
-                "targets went to 90 where 2.9 is the limit (are these degrees?).": 1
-            },
+            {"80 of 90 1 of 1": 1, FAR_OFF: 1},
             id="in degrees",
         ),
-        pytest.param([sample_record(SORT, 0, ())], {"Limits of the arms": 0}, id="not clipped"),
+        pytest.param([sample_record(SORT, 0, ())], {"Targets beyond limits": 0}, id="not clipped"),
         pytest.param(
             [sample_record(SORT, 0), sample_record(SORT, 1, (5,), error=ERROR)],
             {"1 episode failed with an error": 1, "Trace ValueError: no": 1},

@@ -1,10 +1,11 @@
-import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from duobench.results import tables
 from duobench.results.compare import compare
+from duobench.results.pairs import Pair
 from tests.results.outcomes import play
 
 WON = {"sort": [3] * 12, "turn": [1] * 12, "lift": [2] * 6 + [0] * 6}
@@ -12,85 +13,60 @@ LOST = {"sort": [0] * 12, "turn": [1] * 11 + [0], "lift": [2] * 6 + [0] * 6}
 TURN = {"turn": [1] * 12}, {"turn": [1] * 11 + [0]}
 
 
+def pair_of(tmp_path: Path, a: dict[str, list[int]], b: dict[str, list[int]], **run: Any) -> Pair:
+    sources = play(tmp_path / "a", a, "new"), play(tmp_path / "b", b, "old", **run)
+    (pair,) = compare(sources).pairs
+    return pair
+
+
 @pytest.mark.parametrize(
-    ("a", "b", "object_state", "short", "said"),
+    ("a", "b", "run", "cells"),
     [
-        (
-            WON,
-            LOST,
-            False,
-            "A in 1 of 3",
-            r"new is better than old in 1 of 3 tasks after Holm \(Sort\)\.",
-        ),
-        (
-            LOST,
-            WON,
-            False,
-            "B in 1 of 3",
-            r"old is better than new in 1 of 3 tasks after Holm \(Sort\)\.",
-        ),
-        # Across groups, the policy that knows more is not called the worse one.
-        (
-            WON,
-            LOST,
-            True,
-            "A in 1 of 3",
-            r"new solves more than old in 1 of 3 tasks after Holm \(Sort\)\.",
-        ),
-        (WON, WON, False, "", r"new and old cannot be told apart in any of 3 tasks after Holm\."),
-        (
-            *TURN,
-            False,
-            "",
-            "new and old cannot be told apart in Turn: 12 of 12 episodes against 11 of 12, .*"
-            r"\(95 % .*, p = 1\.000\); about \d+ more episodes would tell, another look\.",
-        ),
-        (
-            {"sort": [3] * 12},
-            {"sort": [0] * 12},
-            False,
-            "A in 1 of 1",
-            "new is better than old in Sort: 12 of 12 episodes against 0 of 12, "
-            r"\+100\.0 points \(95 % .*",
-        ),
+        (WON, LOST, {}, ["same episodes", "1 / 0 of 3"]),
+        (LOST, WON, {}, ["same episodes", "0 / 1 of 3"]),
+        (WON, LOST, {"object_state": True}, ["same episodes", "1 / 0 of 3"]),
+        (WON, WON, {}, ["same episodes", "0 / 0 of 3"]),
+        (WON, LOST, {"first_episode": 12}, ["different episodes", "–"]),
+        ({"sort": [3] * 12}, {"sort": [0] * 12}, {}, ["same episodes", "1 / 0 of 1"]),
     ],
 )
-def test_verdict_names_the_winner_or_what_would_tell(
+def test_a_pair_is_a_row_that_counts_the_tasks_won(
     tmp_path: Path,
     a: dict[str, list[int]],
     b: dict[str, list[int]],
-    object_state: bool,
-    short: str,
-    said: str,
+    run: dict[str, Any],
+    cells: list[str],
 ) -> None:
-    sources = (
-        play(tmp_path / "a", a, "new"),
-        play(tmp_path / "b", b, "old", object_state=object_state),
+    row = tables.pair_cells(pair_of(tmp_path, a, b, **run))
+    assert len(row) == len(tables.PAIR_HEADS)
+    assert row[:4] == ["new", "old", *cells]
+
+
+def test_a_test_is_a_row_of_numbers(tmp_path: Path) -> None:
+    pair = pair_of(tmp_path, *TURN)
+    (test,) = pair.tests
+    cells = dict(zip(tables.TEST_HEADS, tables.test_cells(test), strict=True))
+    assert cells["Successes"] == "12 / 11"
+    assert cells["Only one solved"] == "1 / 0"
+    assert cells["p, Holm"] == "1.000"
+    assert cells["Difference / points"] == "+8.3"
+    further = int(cells["Episodes that would tell"])
+    assert further == test.more_episodes
+    assert pair.whole is test
+    assert 50 < further < 150
+
+
+def test_a_row_of_different_episodes_has_an_interval_and_no_test(tmp_path: Path) -> None:
+    (test,) = pair_of(tmp_path, *TURN, first_episode=12).tests
+    cells = dict(zip(tables.TEST_HEADS, tables.test_cells(test), strict=True))
+    assert [cells[head] for head in ("Only one solved", "p, Holm", "Episodes that would tell")] == (
+        ["–"] * 3
     )
-    (pair,) = compare(sources).pairs
-    assert re.fullmatch(said, tables.verdict(pair))
-    assert tables.wins(pair) == short
-
-
-@pytest.mark.parametrize(
-    ("b", "claimed"),
-    [
-        (LOST, "it claims a difference in Sort."),
-        (WON, "it claims no difference."),
-        # Enough for McNemar and one look alone.
-        ({**WON, "sort": [0] * 8 + [3] * 4}, "it claims no difference."),
-    ],
-)
-def test_what_holds_at_every_look_is_said(
-    tmp_path: Path, b: dict[str, list[int]], claimed: str
-) -> None:
-    sources = play(tmp_path / "a", WON, "new"), play(tmp_path / "b", b, "old")
-    (pair,) = compare(sources).pairs
-    assert tables.any_time(pair).endswith(claimed)
+    assert " to " in cells["95 % interval / points"]
 
 
 def test_numbers_as_text() -> None:
-    assert [tables.about(n) for n in (7, 61, 1137, 18_001)] == ["7", "61", "1,200", "19,000"]
+    assert [tables.count_text(n) for n in (None, 7, 18_001)] == ["–", "7", "18,001"]
     assert [tables.p_text(p) for p in (0.0004, 0.0123, 1.0)] == ["< 0.001", "0.012", "1.000"]
     signed = [tables.signed(x, 1) for x in (0.04, -0.04, 1.25, -3.0)]
     assert signed == ["0.0", "0.0", "+1.2", f"{tables.MINUS}3.0"]

@@ -1,9 +1,8 @@
-"""How far a policy asked for more than the arms do, and which wrong unit or order explains it.
+"""Distances by which a policy asked for more than the arms do.
 
 No score depends on it, and no replay can show it: what was asked for is not what was sent.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -17,13 +16,6 @@ from duobench.core.types import SIDE_SIZE, SIDES, Array
 MOST, NOTABLE = 0.5, 0.05
 """Share of an episode's steps, and change in radians or parts of an opening, above which limits are
 worth a word: a policy that learned to stay at the end of a range overshoots by less."""
-NO_RADIANS, NEAR = 4 * math.pi, 0.5
-"""Joint targets beyond two full turns are hardly radians. So near must be what explains them: in
-degrees (148 at home) the range, and to a first target the arms with left and right exchanged."""
-FAST = 1.1
-"""Part of its speed limit that no joint exceeds unless something drives it, such as a collision."""
-NO_OPENING, FULLY_OPEN = 10.0, 255.0
-"""Openings from the first to the second are hardly parts of one, which are overshot by little."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,33 +63,20 @@ class Excess:
             speed=speed,
         )
 
-    @property
-    def questions(self) -> list[str]:
-        """Mistakes that would explain it, one question each."""
-        (joint, end), (here, exchanged) = self.joint, self.first
-        out = math.copysign(1.0, joint) * (math.radians(joint) - end)
-        mistakes = {
-            "are these degrees?": abs(joint) >= NO_RADIANS and out < NEAR,
-            "are openings 0 to 100 or 255?": NO_OPENING
-            <= self.opening[0]
-            <= FULLY_OPEN,
-            "are the arms in the other order?": exchanged < NEAR < here - exchanged,
-        }
-        return [question for question, explains in mistakes.items() if explains]
+    @classmethod
+    def furthest(cls, each: Sequence[Self]) -> Self:
+        """The largest of every number over several episodes."""
+        return cls(
+            joint=max((one.joint for one in each), key=_distance),
+            opening=max((one.opening for one in each), key=_distance),
+            change=max(one.change for one in each),
+            first=max(one.first for one in each),
+            speed=max(one.speed for one in each),
+        )
 
-    def __str__(self) -> str:
-        """What went how far, with the questions."""
-        far = [
-            f"{what} went to {target:.4g} where {end:.4g} is the limit"
-            for what, (target, end) in {
-                "joint targets": self.joint,
-                "openings": self.opening,
-            }.items()
-            if abs(target - end) > NOTABLE
-        ] or [f"joints were to move {self.change:.2g} rad too far in a step"]
-        if self.speed > FAST:
-            far.append(f"joints turned at {self.speed:.2g} times their speed limits")
-        return " ".join([", ".join(far), *map("({})".format, self.questions)])
+
+def _distance(pair: tuple[float, float]) -> float:
+    return abs(pair[0] - pair[1])
 
 
 def _furthest(targets: Array, ends: Array) -> tuple[float, float]:

@@ -33,7 +33,7 @@ from duobench.results.scores import RunPart, Score, interval_percent, summarize
 
 DOCUMENT = "mixed.json"
 """The table for programs; a folder that has it holds one."""
-MIXED_SCHEMA = 3
+MIXED_SCHEMA = 4
 WHERE = {SIM: "in simulation", REAL: "on real arms"}
 CSV_HEADER = (
     "task",
@@ -47,6 +47,10 @@ CSV_HEADER = (
     "wilson_high",
     "mean_final_progress",
 )
+
+
+TEST_HEADS = ("Evaluated", "First", "Second", "Compared by", *tables.TEST_HEADS)
+"""Columns of the table of tests."""
 
 
 class Place(NamedTuple):
@@ -66,28 +70,22 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MixedTest:
-    """What tests say about two trainings of a policy that played in the same world."""
+    """Two trainings of a policy that played in the same world, against each other."""
 
     policy: str
     domain: str
     pair: Pair
 
-    @property
-    def text(self) -> str:
-        """The same in words."""
-        how = "the same episodes" if self.pair.paired else "different episodes"
-        more = [
-            f"Over {test.row.label.lower()}: {tables.numbers_text(test)}."
-            for test in self.pair.of(RowKind.OVERALL)
-        ]
-        if self.pair.conditions:
-            more.append(
-                f"Not the trainings alone differ: {'; '.join(self.pair.conditions)}."
-            )
-        verdict = tables.verdict(self.pair)
-        return " ".join(
-            [f"{WHERE[self.domain].capitalize()}, with {how}: {verdict}", *more]
-        )
+    def lines(self) -> Iterator[list[str]]:
+        """Rows of the table of tests, below `TEST_HEADS`."""
+        for test in self.pair.tests:
+            yield [
+                WHERE[self.domain],
+                self.pair.a.name,
+                self.pair.b.name,
+                tables.episodes_text(self.pair),
+                *tables.test_cells(test),
+            ]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -214,7 +212,9 @@ def _tests(entrants: dict[Place, Entrant]) -> Iterator[MixedTest]:
 def write_mixed(table: MixedTable, out: Path) -> Path:
     """Write the table as page, Markdown, CSV, LaTeX and JSON; an earlier one is replaced."""
     check_free(out, DOCUMENT, "mixed table")
-    text = page("mixed.html.j2", {}, table=table, text=_cell_text)
+    text = page(
+        "mixed.html.j2", {}, table=table, text=_cell_text, test_heads=TEST_HEADS
+    )
     contents = {
         DOCUMENT: _document(table),
         "mixed.md": markdown(table),
@@ -230,12 +230,19 @@ def _cell_text(score: Score) -> str:
 
 
 def markdown(table: MixedTable) -> str:
-    """The table as Markdown, and what tests say."""
+    """The table as Markdown, and that of the tests."""
     heads, rules = _heads(table), ["---", "---", *["---:"] * len(table.columns)]
     lines = [tables.md_row(cells) for cells in (heads, rules, *_cells(table))]
     what = "Success rate in percent, with mean final progress and the 95 % Wilson interval."
-    said = [line for test in table.tests for line in ("", test.text)]
-    return "\n".join([what, "", *lines, *said]) + "\n"
+    if table.tests:
+        lines += [
+            "",
+            tables.md_row(TEST_HEADS),
+            tables.md_row("---" for _ in TEST_HEADS),
+        ]
+    for test in table.tests:
+        lines += [tables.md_row(map(tables.md, line)) for line in test.lines()]
+    return "\n".join([what, "", *lines]) + "\n"
 
 
 def _latex(table: MixedTable) -> str:

@@ -120,6 +120,8 @@ def identity(part: RunPart) -> Facts:
     )
     objects = ", positions of the objects (privileged)" if config.object_state else ""
     batches = batching and f"{batching.mode} batches of {batching.size}"
+    begun_again = part.results.overall.repeated
+    ends = [end for record in part.records for end in record.earlier]
     actions = (
         f"{policy.horizon} action{'s' if policy.horizon and policy.horizon > 1 else ''}"
     )
@@ -141,10 +143,11 @@ def identity(part: RunPart) -> Facts:
         "Action mode": config.action_mode,
         "Chunk": "of varying or unknown length" if policy.horizon is None else actions,
         "Executed": f"{execute_text(suite)}, {latency_text(suite)}",
-        "Overtime": f"up to {suite.overtime:g} horizons" if suite.overtime > 1 else "",
         "Instructions": config.instructions,
         "Inference": ", ".join(filter(None, (policy.dtype, policy.device, batches)))
         or UNKNOWN,
+        "Begun more than once": str(begun_again or ""),
+        "Earlier attempts": counts_text(ends) if ends else "",
         "Time limits": f"{run.limits.act_timeout:g} s an answer, "
         f"{run.limits.episode_timeout:g} s an episode",
     }

@@ -1,30 +1,21 @@
-"""Two runs against each other: which episodes are the same, and every test, row by row."""
+"""Two runs against each other: which episodes are the same, and the numbers, row by row."""
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count
-
-import numpy as np
 
 from duobench.results.entrants import Entrant, Group, RowKind, TableRow
 from duobench.results.records import Record, SampledLayout
 from duobench.results.scores import RunPart
 from duobench.results.statistics import (
     LEVEL,
-    any_time,
-    barnard,
-    cohen_h,
-    episodes_needed,
+    episodes_that_would_tell,
     holm,
     mcnemar,
     newcombe_interval,
-    paired_permutation,
-    permutation,
     tango_interval,
 )
-from duobench.results.suite import TaskInfo, execute_text, latency_text
+from duobench.results.suite import execute_text, latency_text
 from duobench.world.looks.look import Look
 
 Pairs = list[tuple[Record, Record]]
@@ -43,66 +34,37 @@ _CONDITIONS = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Test:
-    """What tests say about two runs in one row of the table; differences are first minus second."""
+    """Numbers of two runs in one row of the table; differences are first minus second."""
 
     row: TableRow
     episodes: tuple[int, int]
-    """Episodes of either run that were tested."""
+    """Episodes of either run that were compared."""
     successes: tuple[int, int]
     only: tuple[int, int] | None = None
     """Episodes that only one of both solved; None if the episodes are not the same."""
     interval: tuple[float, float]
     """95 % interval of the difference of success rates."""
-    p: float
-    """Of the test of success."""
-    adjusted: float = 1.0
+    p: float | None = None
+    """P-value of success; None if the episodes are not the same."""
+    adjusted: float | None = None
     """The same after Holm, over the rows of this kind."""
-    any_time: float = 1.0
-    """P-value of success that holds at every look; 1 if the episodes are not the same."""
-    any_time_adjusted: float = 1.0
-    """The same after Holm, over the rows of this kind."""
-    any_time_episodes: int = 0
-    """Episodes that it counts, up to a gap."""
     progress: float
     """Difference of mean final progress."""
-    progress_p: float
-    """Of the permutation test of final progress."""
-    progress_adjusted: float = 1.0
-    """The same after Holm, over the rows of this kind."""
     more_episodes: int | None = None
-    """About how many more would show the difference that was seen; None where that is unknown."""
-
-    @property
-    def rates(self) -> tuple[float, float]:
-        """Success rates of the tested episodes."""
-        return self.successes[0] / self.episodes[0], self.successes[1] / self.episodes[
-            1
-        ]
+    """Episodes that would tell; None where the test tells, or that is unknown."""
 
     @property
     def difference(self) -> float:
         """Difference of success rates."""
-        return self.rates[0] - self.rates[1]
-
-    @property
-    def effect(self) -> float:
-        """Cohen's h."""
-        return cohen_h(*self.rates)
+        ours, theirs = self.successes
+        return ours / self.episodes[0] - theirs / self.episodes[1]
 
     @property
     def better(self) -> int:
-        """1 if the first run solves more, -1 if the second does, 0 if nobody can tell."""
-        return int(np.sign(self.difference)) if self.adjusted <= LEVEL else 0
-
-    @property
-    def is_any_time(self) -> bool:
-        """Whether a difference of success is claimed at every look."""
-        return self.any_time_adjusted <= LEVEL
-
-    @property
-    def further(self) -> int:
-        """1 if the first run has more progress, -1 if the second has, 0 if nobody can tell."""
-        return int(np.sign(self.progress)) if self.progress_adjusted <= LEVEL else 0
+        """1 if the first run solves more, -1 if the second does, 0 if the test does not tell."""
+        if self.adjusted is None or self.adjusted > LEVEL:
+            return 0
+        return 1 if self.difference > 0 else -1
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -119,6 +81,7 @@ class Pair:
     left_out: int
     """Finished episodes of common tasks that only one run has, where the tests are paired."""
     tests: tuple[Test, ...]
+    """Row by row of a table."""
     is_same: bool = False
     """Whether the records of all episodes that both have are equal: it is one run, or a copy."""
 
@@ -137,12 +100,26 @@ class Pair:
         """The tests of rows of a kind."""
         return tuple(test for test in self.tests if test.row.kind is kind)
 
+    @property
+    def won(self) -> tuple[int, int]:
+        """Tasks in which the first, and in which the second run solves more."""
+        better = [test.better for test in self.of(RowKind.TASK)]
+        return better.count(1), better.count(-1)
+
+    @property
+    def whole(self) -> Test | None:
+        """The test of all tasks together, or of the only one."""
+        tasks = self.of(RowKind.TASK)
+        tests = self.of(RowKind.OVERALL) or (tasks if len(tasks) == 1 else ())
+        return tests[0] if tests else None
+
 
 def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | None:
-    """Test two runs against each other, row by row of a table.
+    """Compare two runs with each other, row by row of a table.
 
-    The tests are paired if both share episodes in every task that they have in common; episodes
-    that only one of them has are left out then. Otherwise they are about two samples.
+    They are tested if both share episodes in every task that they have in common; episodes that
+    only one of them has are left out then. Otherwise they are two samples, whose difference has an
+    interval and no test.
 
     Returns:
         What the tests say; None if one of both was measured elsewhere.
@@ -163,11 +140,7 @@ def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | Non
     shared = {task: _same_episodes(a.records(task), b.records(task)) for task in tasks}
     paired = bool(shared) and all(shared.values())
     tests = [
-        _paired(
-            row,
-            [pair for task in row.tasks for pair in shared[task.id]],
-            _whole(row, a, b),
-        )
+        _paired(row, [pair for task in row.tasks for pair in shared[task.id]])
         if paired
         else _unpaired(row, a, b)
         for row in rows
@@ -183,32 +156,16 @@ def compare_pair(a: Entrant, b: Entrant, rows: Sequence[TableRow]) -> Pair | Non
         is_same=paired
         and all(one == other for pairs in shared.values() for one, other in pairs),
         left_out=played - 2 * sum(map(len, shared.values())) if paired else 0,
-        tests=_adjusted([test for test in tests if test], _planned(a, b)),
+        tests=_adjusted([test for test in tests if test]),
     )
 
 
-def _whole(row: TableRow, a: Entrant, b: Entrant) -> range:
-    """Indices whose episodes both have finished, up to the first that is missing.
-
-    Runs that go on only append to them, which an any-time p-value relies on: no episode that
-    comes late goes in between, and a sum waits for every task that will be a part of it.
-    """
-    whole = [task for task in _planned(a, b) if row.category in {"", task.category}]
-    tasks = row.tasks if row.kind is RowKind.TASK else whole
-    played = [
-        {r.episode for r in one.records(task.id)} for one in (a, b) for task in tasks
-    ]
-    first = max(one.part.suite.first_episode for one in (a, b) if one.part)
-    return range(
-        first, next(i for i in count(first) if not all(i in each for each in played))
+def _paired(row: TableRow, pairs: Pairs) -> Test:
+    only = (
+        sum(a.success and not b.success for a, b in pairs),
+        sum(b.success and not a.success for a, b in pairs),
     )
-
-
-def _paired(row: TableRow, pairs: Pairs, whole: range) -> Test:
-    only_a = Counter(a.episode for a, b in pairs if a.success and not b.success)
-    only_b = Counter(b.episode for a, b in pairs if b.success and not a.success)
-    only = only_a.total(), only_b.total()
-    stages = [_stages(a, row) - _stages(b, row) for a, b in pairs]
+    gained = math.fsum(a.progress - b.progress for a, b in pairs)
     return Test(
         row=row,
         episodes=(len(pairs), len(pairs)),
@@ -216,86 +173,49 @@ def _paired(row: TableRow, pairs: Pairs, whole: range) -> Test:
         only=only,
         interval=tango_interval(*only, len(pairs)),
         p=mcnemar(*only),
-        any_time=any_time((only_a[index], only_b[index]) for index in whole),
-        any_time_episodes=sum(a.episode in whole for a, _ in pairs),
-        progress=math.fsum(stages) / len(pairs) / _scale(row),
-        progress_p=paired_permutation(stages),
+        progress=gained / len(pairs),
     )
 
 
 def _unpaired(row: TableRow, a: Entrant, b: Entrant) -> Test | None:
-    """Tests about two samples; None where tasks do not have the same share of either."""
-    if (
-        len({len(a.records(task.id)) / len(b.records(task.id)) for task in row.tasks})
-        > 1
-    ):
+    """Numbers of two samples; None where tasks do not have the same share of either."""
+    shares = {len(a.records(task.id)) / len(b.records(task.id)) for task in row.tasks}
+    if len(shares) > 1:
         return None
-    ours, theirs = (
-        [r for task in row.tasks for r in one.records(task.id)] for one in (a, b)
-    )
+    ours = [record for task in row.tasks for record in a.records(task.id)]
+    theirs = [record for task in row.tasks for record in b.records(task.id)]
     episodes = len(ours), len(theirs)
-    successes = sum(r.success for r in ours), sum(r.success for r in theirs)
-    stages = [_stages(r, row) for r in ours], [_stages(r, row) for r in theirs]
-    means = [math.fsum(each) / len(each) / _scale(row) for each in stages]
+    successes = sum(one.success for one in ours), sum(one.success for one in theirs)
+    progress = [
+        math.fsum(one.progress for one in each) / len(each) for each in (ours, theirs)
+    ]
     return Test(
         row=row,
         episodes=episodes,
         successes=successes,
         interval=newcombe_interval(successes, episodes),
-        p=barnard(successes, episodes),
-        progress=means[0] - means[1],
-        progress_p=permutation(*stages),
+        progress=progress[0] - progress[1],
     )
 
 
-def _planned(a: Entrant, b: Entrant) -> list[TaskInfo]:
-    """The tasks that both will have played in the end."""
-    ours, theirs = (one.part.suite.tasks if one.part else () for one in (a, b))
-    return [task for task in ours if task.id in {other.id for other in theirs}]
-
-
-def _adjusted(tests: Sequence[Test], planned: Sequence[TaskInfo]) -> tuple[Test, ...]:
-    """The tests with p-values after Holm (any-time: planned tasks), and how many would tell."""
-    several = [n for n in Counter(task.category for task in planned).values() if n > 1]
-    sizes = {
-        RowKind.TASK: len(planned),
-        RowKind.CATEGORY: len(several),
-        RowKind.OVERALL: 1,
-    }
+def _adjusted(tests: Sequence[Test]) -> tuple[Test, ...]:
+    """The tests with p-values after Holm, and the episodes that would tell."""
     done: dict[TableRow, Test] = {}
     for kind in RowKind:
         family = [test for test in tests if test.row.kind is kind]
-        adjusted = holm([test.p for test in family])
-        progress = holm([test.progress_p for test in family])
-        unplayed = [1.0] * (sizes[kind] - len(family))
-        any_times = holm([test.any_time for test in family] + unplayed)
-        for test, p, far, ever in zip(
-            family, adjusted, progress, any_times, strict=False
-        ):
-            changed = replace(
-                test, adjusted=p, progress_adjusted=far, any_time_adjusted=ever
-            )
+        adjusted = holm([test.p for test in family if test.p is not None])
+        for test, p in zip(family, adjusted or [None] * len(family), strict=True):
+            changed = replace(test, adjusted=p)
             more = _more_episodes(changed, len(family))
             done[test.row] = replace(changed, more_episodes=more)
     return tuple(done[test.row] for test in tests)
 
 
 def _more_episodes(test: Test, family: int) -> int | None:
-    """Episodes that are missing at the strictest level that Holm asks of one of so many tests."""
+    """Episodes that would tell at the strictest level that Holm asks of one of so many tests."""
     if test.better or test.only is None:
         return None
-    played = test.episodes[0]
-    needed = episodes_needed(*test.only, played, level=LEVEL / family)
-    return needed and max(1, needed - played)
-
-
-def _scale(row: TableRow) -> int:
-    """What makes stages of tasks with different numbers of stages whole numbers of one size."""
-    return math.lcm(*(task.max_stage for task in row.tasks))
-
-
-def _stages(record: Record, row: TableRow) -> int:
-    return record.final_stage * _scale(row) // record.max_stage
+    return episodes_that_would_tell(*test.only, test.episodes[0], level=LEVEL / family)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

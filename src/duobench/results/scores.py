@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
 
-from duobench.results.attempts import MARK, MARKED, repeats_text
-from duobench.results.excess import MOST, NOTABLE
+from duobench.results.excess import MOST, NOTABLE, Excess
 from duobench.results.records import NOT_REPEATABLE, Condition, Record
 from duobench.results.run import Candidate, Run
 from duobench.results.suite import Suite, TaskInfo
@@ -26,6 +25,11 @@ REPEATABILITY: Mapping[bool | None, str] = {
     False: f"This policy is {NOT_REPEATABLE}: with one seed, its first answers were not the same.",
 }
 """Sentences of a run on its policy, which was asked the same twice, or again by a later command."""
+FAR_OFF = (
+    "Limits of the arms changed most targets of an episode. Numbers in other units, such as "
+    "degrees, or arms in the other order look so: the report has a table of targets beyond limits."
+)
+"""Sentence of a run where `RunPart.is_far_off`."""
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?!\w)")
 """A number that is a word of its own, not a part of a name."""
 
@@ -66,39 +70,15 @@ class Score:
     episodes: int
     successes: int
     errors: int
-    late_successes: int
-    """How many more did after their horizon, where they were played on."""
     mean_final_progress: float | None
     """Mean of last stage over the task's number of stages; None without episodes."""
     repeated: int = 0
     """Episodes that were begun more than once."""
-    repeated_successes: int = 0
-    """How many of them succeeded."""
-
-    @property
-    def worst_rate(self) -> float | None:
-        """Share of successes if every episode that was begun more than once had failed."""
-        worst = self.successes - self.repeated_successes
-        return worst / self.episodes if self.episodes else None
-
-    @property
-    def is_marked(self) -> bool:
-        """Whether that is another number by more than `MARKED`."""
-        return self.repeated_successes > MARKED * self.episodes
 
     @property
     def success_rate(self) -> float | None:
         """Share of successes; None without episodes."""
         return self.successes / self.episodes if self.episodes else None
-
-    @property
-    def late_rate(self) -> float | None:
-        """Share of episodes that succeeded, late ones included: no score. None without episodes."""
-        return (
-            (self.successes + self.late_successes) / self.episodes
-            if self.episodes
-            else None
-        )
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -114,9 +94,7 @@ class Score:
             "wilson_95": list(self.interval),
             "mean_final_progress": self.mean_final_progress,
             "errors": self.errors,
-            "late_successes": self.late_successes,
             "begun_more_than_once": self.repeated,
-            "worst_case_success_rate": self.worst_rate,
         }
 
 
@@ -160,11 +138,7 @@ def score(label: str, records: Sequence[Record]) -> Score:
         episodes=len(records),
         successes=sum(record.success for record in records),
         errors=sum(record.error is not None for record in records),
-        late_successes=sum(record.late_success is not None for record in records),
         repeated=sum(record.attempt > 1 for record in records),
-        repeated_successes=sum(
-            record.success for record in records if record.attempt > 1
-        ),
         mean_final_progress=(
             math.fsum(record.progress for record in records) / len(records)
             if records
@@ -259,32 +233,12 @@ class RunPart:
         return REPEATABILITY.get(self.is_repeatable, "")
 
     @property
-    def repeats(self) -> str:
-        """How many episodes were begun more than once, why, and the worst case; or nothing."""
-        said = repeats_text(record.earlier for record in self.records)
-        overall = self.results.overall
-        if not overall.repeated_successes:
-            return said
-        worst, rate = percent(overall.worst_rate), percent(overall.success_rate)
-        return f"{said} Counted as failures, they would make success {worst} % instead of {rate} %."
-
-    @property
-    def excess(self) -> str:
-        """How far a policy asked for more than the arms do, and why perhaps; or nothing."""
-        told = [
-            (found, clipped, one.steps)
+    def is_far_off(self) -> bool:
+        """Whether limits of the arms changed most targets of an episode, by more than a trifle."""
+        return any(
+            one.excess.change > NOTABLE and one.clipped > MOST * one.steps
             for one in self.records
-            if (found := one.excess) and (clipped := one.clipped)
-            if found.questions
-            or (found.change > NOTABLE and clipped > MOST * one.steps)
-        ]
-        if not told:
-            return ""
-        found, clipped, steps = zip(*told, strict=True)
-        return (
-            f"Limits of the arms changed what was to be sent in {sum(clipped)} of {sum(steps)} "
-            f"control steps of {len(told)} of {len(self.records)} episodes: "
-            f"{max(found, key=lambda one: one.change)}."
+            if one.excess and one.clipped
         )
 
     def facts(self, *names: str) -> dict[str, Any]:
@@ -303,7 +257,6 @@ class RunPart:
             "suite": suite.label,
             "execute": suite.execution.execute,
             "latency": suite.execution.latency,
-            "overtime": suite.overtime,
             "look": self.condition.look,
             "shift": self.condition.shift.name,
             "versions": self.run.versions,
@@ -326,21 +279,31 @@ def group_by_condition(run: Run, records: Iterable[Record]) -> list[RunPart]:
     ]
 
 
-def clipping(result: TaskResult) -> dict[str, int]:
-    """How often limits of the arms changed commands of a task; empty if no record knows it."""
-    known = [
-        (record.clipped, record.steps)
-        for record in result.records
-        if record.clipped is not None
-    ]
-    if not known:
-        return {}
-    return {
-        "steps": sum(clipped for clipped, _ in known),
-        "all_steps": sum(steps for _, steps in known),
-        "episodes": sum(clipped > 0 for clipped, _ in known),
-        "all_episodes": len(known),
-    }
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Clipping:
+    """Targets of a task that limits of the arms changed."""
+
+    steps: int
+    all_steps: int
+    episodes: int
+    all_episodes: int
+    excess: Excess
+    """The largest of every number."""
+
+
+def clipping(result: TaskResult) -> Clipping | None:
+    """Targets of a task beyond limits of the arms; None where no record has one."""
+    known = [record for record in result.records if record.clipped is not None]
+    excesses = [record.excess for record in known if record.excess is not None]
+    if not excesses:
+        return None
+    return Clipping(
+        steps=sum(record.clipped or 0 for record in known),
+        all_steps=sum(record.steps for record in known),
+        episodes=sum(bool(record.clipped) for record in known),
+        all_episodes=len(known),
+        excess=Excess.furthest(excesses),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -399,14 +362,9 @@ def _range(numbers: Sequence[str]) -> str:
     return low if float(low) == float(high) else f"{low} to {high}"
 
 
-def percent(share: float | None) -> str:
-    """A share as per cent with one digit; a dash where there is none."""
-    return "–" if share is None else f"{100 * share:.1f}"
-
-
-def rate_text(score: Score) -> str:
-    """Success rate as per cent, marked if repeated attempts may have earned more than a point."""
-    return f"{percent(score.success_rate)}{MARK * score.is_marked}"
+def percent(share: float | None, digits: int = 1) -> str:
+    """A share as per cent; a dash where there is none."""
+    return "–" if share is None else f"{100 * share:.{digits}f}"
 
 
 def interval_percent(score: Score) -> str:
@@ -414,8 +372,6 @@ def interval_percent(score: Score) -> str:
     return "–".join(map(percent, score.interval))
 
 
-def progress_text(score: Score) -> str:
-    """Mean final progress with three digits; a dash where there is none."""
-    return (
-        "–" if score.mean_final_progress is None else f"{score.mean_final_progress:.3f}"
-    )
+def progress_text(progress: float | None) -> str:
+    """Mean final progress, with the two digits of the paper; a dash where there is none."""
+    return "–" if progress is None else f"{progress:.2f}"

@@ -16,6 +16,7 @@ from duobench.results.entrants import (
 )
 from duobench.results.pages import json_text
 from duobench.results.pairs import Pair, RunComparison, Test
+from duobench.results.scores import percent, progress_text
 from duobench.results.statistics import LEVEL
 
 COMPARISON_SCHEMA = 4
@@ -59,21 +60,16 @@ CSV_HEADER = (
 """Columns of the table as CSV, one line for each policy in each row."""
 
 
-def rate_text(cell: Cell) -> str:
-    """Success rate in percent: of a run with one digit, of the paper as it stands there."""
-    return (
-        f"{100 * cell.rate:.0f}" if cell.interval is None else f"{100 * cell.rate:.1f}"
-    )
-
-
-def progress_text(cell: Cell) -> str:
-    """Mean final progress with two digits; a dash where it is not known."""
-    return "–" if cell.progress is None else f"{cell.progress:.2f}"
+def cell_rate(cell: Cell) -> str:
+    """Success rate as per cent; a rate of the paper has no digit more than it has there."""
+    return percent(cell.rate, digits=0 if cell.interval is None else 1)
 
 
 def cell_text(cell: Cell | None, bold: str = "{}") -> str:
     """A cell of the paper's table, `44.0 (0.63)`; a dash where there is none."""
-    return f"{bold.format(rate_text(cell))} ({progress_text(cell)})" if cell else "–"
+    if cell is None:
+        return "–"
+    return f"{bold.format(cell_rate(cell))} ({progress_text(cell.progress)})"
 
 
 def points_text(difference: float) -> str:
@@ -92,15 +88,11 @@ def signed(value: float, digits: int) -> str:
     return text.replace("-", MINUS) if float(text) else text[1:]
 
 
-def p_text(p: float) -> str:
-    """A p-value with three digits."""
+def p_text(p: float | None) -> str:
+    """A p-value with three digits; a dash where there is none."""
+    if p is None:
+        return "–"
     return f"< {_SMALLEST}" if p < _SMALLEST else f"{p:.3f}"
-
-
-def about(number: int) -> str:
-    """A rough number: two digits of it, rounded up, with commas."""
-    size = 10 ** max(0, len(str(number)) - 2)
-    return f"{-(-number // size) * size:,}"
 
 
 def listed(names: Sequence[str]) -> str:
@@ -109,76 +101,82 @@ def listed(names: Sequence[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def verdict(pair: Pair) -> str:
-    """What the tests say about two runs, in a sentence."""
-    a, b = pair.a.name, pair.b.name
+def episodes_text(pair: Pair) -> str:
+    """Which episodes of a pair are compared, or why none are."""
     if pair.obstacle:
-        return f"{a} and {b} are not compared. {pair.obstacle}"
+        return pair.obstacle
     if pair.is_same:
-        return (
-            f"{a} and {b} have the same records: one run, a copy of it, or the same "
-            "played again."
-        )
-    tests = pair.of(RowKind.TASK)
-    # Of another group, better is not the word: it knows what the other one has to see.
-    beats = "solves more than" if pair.crosses_groups else "is better than"
-    found: list[str] = []
-    for better, who, other in ((1, a, b), (-1, b, a)):
-        won = [test.row.label for test in tests if test.better == better]
-        if won:
-            found.append(f"{who} {beats} {other} in {_share(won, tests)}")
-    if not found:
-        found.append(f"{a} and {b} cannot be told apart in {_share([], tests)}")
-    overall = pair.of(RowKind.OVERALL)
-    more = (overall or tests)[0].more_episodes if len(tests) == 1 or overall else None
-    of = " of all tasks together" if overall else ""
-    would = (
-        f"; about {about(more)} more episodes{of} would tell, another look"
-        if more
-        else ""
-    )
-    numbers = f": {numbers_text(tests[0])}" if len(tests) == 1 else ""
-    return f"{'; '.join(found)}{numbers}{would}."
+        return "same records"
+    return "same episodes" if pair.paired else "different episodes"
 
 
-def wins(pair: Pair) -> str:
-    """In how many tasks either run of a pair solves more, by their letters; or nothing."""
-    if pair.obstacle:
-        return "not compared"
-    if pair.is_same:
-        return "the same records"
-    tests = pair.of(RowKind.TASK)
-    won = {pair.a.key: 1, pair.b.key: -1}
-    counts = {
-        key: sum(test.better == better for test in tests) for key, better in won.items()
-    }
-    found = [f"{key} in {count}" for key, count in counts.items() if count]
-    return f"{', '.join(found)} of {len(tests)}" if found else ""
+PAIR_HEADS = (
+    "First",
+    "Second",
+    "Compared by",
+    "Tasks won",
+    "Difference / points",
+    "95 % interval / points",
+    "p",
+    "Episodes that would tell",
+    "Other differences",
+)
+"""Columns of the table of pairs; the numbers are of all tasks together, or of the only one."""
 
 
-def any_time(pair: Pair) -> str:
-    """What holds of two runs on the same episodes at every look, in a sentence."""
-    tests = pair.of(RowKind.TASK)
-    claimed = [test.row.label for test in tests if test.is_any_time]
-    where = f"a difference in {listed(claimed)}" if claimed else "no difference"
-    return f"If this is not the first look, the any-time p-value counts: it claims {where}."
+def pair_cells(pair: Pair) -> list[str]:
+    """A row of the table of pairs."""
+    whole = pair.whole
+    tasks = len(pair.of(RowKind.TASK))
+    return [
+        pair.a.name,
+        pair.b.name,
+        episodes_text(pair),
+        f"{_two(pair.won)} of {tasks}" if pair.paired else "–",
+        points_text(whole.difference) if whole else "–",
+        points_interval_text(whole.interval) if whole else "–",
+        p_text(whole.adjusted if whole else None),
+        count_text(whole.more_episodes if whole else None),
+        "; ".join(pair.conditions) or "–",
+    ]
 
 
-def _share(won: Sequence[str], tests: Sequence[Test]) -> str:
-    if len(tests) == 1:
-        return tests[0].row.label
-    if not won:
-        return f"any of {len(tests)} tasks after Holm"
-    return f"{len(won)} of {len(tests)} tasks after Holm ({listed(won)})"
+TEST_HEADS = (
+    "Task",
+    "Episodes",
+    "Successes",
+    "Only one solved",
+    "Difference / points",
+    "95 % interval / points",
+    "p, Holm",
+    "Episodes that would tell",
+    "Progress, difference",
+)
+"""Columns of the table of tests; two numbers are those of the first and of the second run."""
 
 
-def numbers_text(test: Test) -> str:
-    """The numbers of a test of success, in words."""
-    (ours, theirs), (n, m) = test.successes, test.episodes
-    counts = f"{ours} of {n:,} episodes against {theirs} of {m:,}"
-    interval = points_interval_text(test.interval)
-    p = f"p = {p_text(test.p)}".replace("= <", "<")
-    return f"{counts}, {points_text(test.difference)} points (95 % {interval}, {p})"
+def test_cells(test: Test) -> list[str]:
+    """A row of the table of tests."""
+    return [
+        test.row.label,
+        _two(test.episodes),
+        _two(test.successes),
+        _two(test.only) if test.only else "–",
+        points_text(test.difference),
+        points_interval_text(test.interval),
+        p_text(test.adjusted),
+        count_text(test.more_episodes),
+        signed(test.progress, 2),
+    ]
+
+
+def count_text(number: int | None) -> str:
+    """A number of episodes; a dash where there is none."""
+    return "–" if number is None else f"{number:,}"
+
+
+def _two(numbers: tuple[int, int]) -> str:
+    return f"{numbers[0]:,} / {numbers[1]:,}"
 
 
 def markdown(comparison: RunComparison) -> str:
@@ -189,14 +187,14 @@ def markdown(comparison: RunComparison) -> str:
     ]
     for group, members in comparison.groups:
         lines.append(
-            f"- {group}: {', '.join(f'{one.key} {_md(one.name)}' for one in members)}"
+            f"- {group}: {', '.join(f'{one.key} {md(one.name)}' for one in members)}"
         )
-    names = [f"{_md(one.name)} ({one.group.note})" for one in comparison.entrants]
+    names = [f"{md(one.name)} ({one.group.note})" for one in comparison.entrants]
     lines += ["", md_row(["task", *names]), md_row(["---", *["---:"] * len(names)])]
     for category, rows in sections(comparison.rows):
         if category:
-            lines.append(md_row([f"*{_md(category)}*", *[""] * len(names)]))
-        lines += [md_row(_cells(comparison, row, _md, "**{}**")) for row in rows]
+            lines.append(md_row([f"*{md(category)}*", *[""] * len(names)]))
+        lines += [md_row(_cells(comparison, row, md, "**{}**")) for row in rows]
     lines.append(md_row(_verified(comparison, "–")))
     return "\n".join([*lines, "", caption(comparison)]) + "\n"
 
@@ -320,7 +318,8 @@ def caption(comparison: RunComparison) -> str:
     return text
 
 
-def _md(text: str) -> str:
+def md(text: str) -> str:
+    """Text that Markdown shows as it is."""
     return text.translate(_MARKDOWN)
 
 
@@ -419,7 +418,6 @@ def pair_json(pair: Pair) -> dict[str, Any]:
         "episodes_left_out": pair.left_out,
         "same_records": pair.is_same,
         "conditions_that_differ": list(pair.conditions),
-        "verdict": verdict(pair),
         "tests": [_test(test, pair.paired) for test in pair.tests],
     }
 
@@ -427,24 +425,18 @@ def pair_json(pair: Pair) -> dict[str, Any]:
 def _test(test: Test, paired: bool) -> dict[str, Any]:
     return {
         **_row(test.row),
-        "test": "McNemar, exact" if paired else "Barnard",
+        "test": "McNemar, exact" if paired else None,
         "episodes": list(test.episodes),
         "successes": list(test.successes),
         "only_one_solved": test.only and list(test.only),
         "difference": _short(test.difference),
         "interval_95": [_short(end) for end in test.interval],
         "interval": "Tango" if paired else "Newcombe",
-        "cohen_h": _short(test.effect),
-        "p": _short(test.p),
-        "p_holm": _short(test.adjusted),
-        "p_any_time": _short(test.any_time) if paired else None,
-        "p_any_time_holm": _short(test.any_time_adjusted) if paired else None,
-        "any_time_episodes": test.any_time_episodes if paired else None,
-        "progress_difference": _short(test.progress),
-        "progress_p": _short(test.progress_p),
-        "progress_p_holm": _short(test.progress_adjusted),
+        "p": None if test.p is None else _short(test.p),
+        "p_holm": None if test.adjusted is None else _short(test.adjusted),
         "better": {1: "a", -1: "b", 0: None}[test.better],
-        "more_episodes": test.more_episodes,
+        "episodes_that_would_tell": test.more_episodes,
+        "progress_difference": _short(test.progress),
     }
 
 

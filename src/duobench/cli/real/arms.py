@@ -15,7 +15,7 @@ import tyro
 
 from duobench.cli.real.rigs import KeyTerminal, RigOptions, hold_and_say
 from duobench.cli.shared.advice import OTHER_OUT, Advice, AdvisedError, advising
-from duobench.cli.shared.console import counted, say
+from duobench.cli.shared.console import counted, say, table
 from duobench.cli.shared.options import command_line
 from duobench.cli.shared.page import PageOptions
 from duobench.cli.shared.process import load_engine, stopping
@@ -342,6 +342,8 @@ def _tell_of_doctor(
 
 
 def _show_report(report: TrialsReport) -> None:
+    from duobench.results.tables import PAIR_HEADS, pair_cells
+
     for each in report.policies:
         score = each.score
         say(
@@ -349,8 +351,11 @@ def _show_report(report: TrialsReport) -> None:
             f"{percent(score.success_rate)} % (95 % interval "
             f"{interval_percent(score)} %)"
         )
-    for verdict in report.verdicts:
-        say(verdict)
+    if report.pairs:
+        pairs = table(*PAIR_HEADS)
+        for pair in report.pairs:
+            pairs.add_row(*pair_cells(pair))
+        say(pairs)
     invalid = sum(count for _, count in report.invalid)
     if invalid:
         say(f"{counted(invalid, 'invalid trial')}, played again; the report says why.")

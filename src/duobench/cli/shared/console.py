@@ -12,13 +12,13 @@ from rich.table import Column, Table
 from rich.text import Text
 
 from duobench.results.scores import (
+    FAR_OFF,
     RunPart,
     Score,
     TaskResult,
     interval_percent,
     percent,
     progress_text,
-    rate_text,
 )
 
 NOTEBOOK = {"JPY_PARENT_PID", "JPY_SESSION_NAME", "COLAB_RELEASE_TAG"}
@@ -97,15 +97,12 @@ def results_table(part: RunPart) -> Table:
     """
     results, expected = part.results, part.suite.episodes
     errors = ("Errors",) if results.overall.errors else ()
-    overtime = part.suite.overtime
-    late = (f"Within {overtime:g}\nhorizons %",) if overtime > 1 else ()
     headings = (
         "Episodes",
         *errors,
         "Success\n%",
         "95 %\ninterval",
         "Final\nprogress",
-        *late,
     )
     rows = table(
         whole("Task"),
@@ -116,13 +113,8 @@ def results_table(part: RunPart) -> Table:
         caption_justify="left",
     )
     legend = "Episodes by last stage: 2:5 says that five episodes came to stage 2 and no further."
-    notes = [
-        note for note in (part.excess, part.repeats, part.repeatability, legend) if note
-    ]
-    if late:
-        notes.append(
-            f"Within {overtime:g} horizons is no score: scores end at the horizon."
-        )
+    far_off = FAR_OFF if part.is_far_off else ""
+    notes = [note for note in (far_off, part.repeatability, legend) if note]
     rows.caption = "\n".join(notes)
 
     def cells(name: str, score: Score, wanted: int) -> list[str]:
@@ -133,16 +125,13 @@ def results_table(part: RunPart) -> Table:
             else f"{score.episodes}/{wanted}"
         )
         broken = [str(score.errors)] if errors else []
-        rate = rate_text(score)
-        later = [percent(score.late_rate)] if late else []
         return [
             name,
             episodes,
             *broken,
-            rate,
+            percent(score.success_rate),
             interval_percent(score),
-            progress_text(score),
-            *later,
+            progress_text(score.mean_final_progress),
         ]
 
     for category in results.categories:
@@ -170,14 +159,15 @@ def verified_table(parts: Sequence[RunPart]) -> Table:
             part.results.overall,
             f"{part.candidate.title}, {part.condition.shift}",
         )
-        numbers = (percent(one.success_rate), interval_percent(one), progress_text(one))
+        numbers = (
+            percent(one.success_rate),
+            interval_percent(one),
+            progress_text(one.mean_final_progress),
+        )
         rows.add_row(name, f"{one.successes} of {one.episodes}", *numbers)
     rows = rows if len(parts) > 1 else results_table(parts[0])
     said = "Without what is contradicted; what is not verifiable reaches no stage."
-    notes = [
-        f"{part.condition.shift}: {part.repeats}" for part in parts if part.repeats
-    ]
-    notes += filter(None, dict.fromkeys(part.repeatability for part in parts))
+    notes = filter(None, dict.fromkeys(part.repeatability for part in parts))
     rows.caption = "\n".join(
         [said, *(notes if len(parts) > 1 else [str(rows.caption or "")])]
     ).rstrip()

@@ -35,7 +35,7 @@ INSTEAD = {
     "env environment": "What is played is a task: --tasks bin_sort.",
     "num-envs n-envs num-processes": "Episodes are played side by side by --workers 4.",
     "resume continue": "The same command in the same folder goes on where it was stopped.",
-    "horizon max-steps": "The task fixes its horizon; duobench eval --overtime 1.5 plays on.",
+    "horizon max-steps": "The task fixes its horizon.",
     "batch-size lr": "Options of lerobot-train come last, after --: -- --batch_size=8.",
     "format": "duobench export lerobot writes LeRobot's format.",
 }

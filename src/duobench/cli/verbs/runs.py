@@ -18,11 +18,16 @@ from duobench.cli.shared.advice import (
     offer_to_import,
     relative,
 )
-from duobench.cli.shared.console import counted, results_table, say, verified_table
+from duobench.cli.shared.console import (
+    counted,
+    results_table,
+    say,
+    table,
+    verified_table,
+)
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.progress import display
 from duobench.core.files import check_outside, digest_of
-from duobench.results.attempts import repeats_text
 from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
 from duobench.results.folder import RunFolder, RunReader
@@ -192,16 +197,17 @@ def compare(
     if _compare_shifts(runs, out, verify):
         return
     from duobench.results.compare import compare as compare_runs, write_comparison
-    from duobench.results.tables import verdict
+    from duobench.results.tables import PAIR_HEADS, pair_cells
 
     checker = _checker(workers, import_tasks) if verify else None
     comparison = compare_runs(runs, checker)
     with advising(OTHER_OUT):
         page = write_comparison(comparison, out)
+    pairs = table(*PAIR_HEADS)
     for pair in comparison.pairs:
-        say(verdict(pair))
-        if pair.conditions:
-            say(f"  Not the policies alone differ: {'; '.join(pair.conditions)}.")
+        pairs.add_row(*pair_cells(pair))
+    if comparison.pairs:
+        say(pairs)
     checked = [one for one in comparison.entrants if one.part and verify]
     for one in checked:
         say(f"Verified, {one.name}: {one.check.verified} ({one.check.details})")
@@ -364,8 +370,5 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
         say(
             f"The run is unfinished: no record of {counted(manifest.missing, 'episode')}."
         )
-    repeats = repeats_text(ends[:-1] for ends in manifest.attempts.values())
-    if repeats:
-        say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
     say(f"SHA-256: {digest_of(path)}")

@@ -217,8 +217,7 @@ def _parts(run: Run, each: Iterable[tuple[Record, Verdict]]) -> tuple[RunPart, .
         for record, verdict in each
         if verdict is not Verdict.CONTRADICTED
     ]
-    shown = replace(run, suite=replace(run.suite, overtime=1.0))
-    return tuple(group_by_condition(shown, records))
+    return tuple(group_by_condition(run, records))
 
 
 def _finding(key: Key, verdict: Verdict, reason: str = "") -> Finding:

@@ -10,14 +10,14 @@ from duobench.real.doctor.checks import Report, read_checks
 from duobench.real.rig import Rig
 from duobench.real.sessions.trials_folder import TrialsFolder, TrialsProgress
 from duobench.real.sessions.trials_plan import TrialsPlan
-from duobench.results import scores
+from duobench.results import scores, tables
 from duobench.results.compare import compare_parts
 from duobench.results.folder import CONDITIONS
 from duobench.results.pages import counts_text, rig_text
+from duobench.results.pairs import Pair
 from duobench.results.records import InvalidTrial
 from duobench.results.report import read_parts, write_report
 from duobench.results.scores import RunPart, Score
-from duobench.results.tables import verdict
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -91,8 +91,8 @@ class TrialsReport:
     missing: int
     differing: str
     """Sentences on what is missing of what the log tells; empty if nothing."""
-    verdicts: tuple[str, ...]
-    """What tests say about any two policies, in words."""
+    pairs: tuple[Pair, ...]
+    """Any two policies against each other."""
     rigs: str
     """The states of the rig's file that trials were played on; empty without one."""
     objection: str
@@ -128,10 +128,9 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         for number, part in enumerate(parts)
         if part.records
     ]
-    verdicts: list[str] = []
+    pairs: tuple[Pair, ...] = ()
     if len(policies) > 1:
-        comparison = compare_parts(part for part in parts if part.records)
-        verdicts = [verdict(pair) for pair in comparison.pairs]
+        pairs = compare_parts(part for part in parts if part.records).pairs
     doctor = read_checks(folder.path)
     reasons = Counter(one.reason for each in progress.invalid.values() for one in each)
     report = TrialsReport(
@@ -141,11 +140,11 @@ def write_trials_report(folder: TrialsFolder) -> TrialsReport:
         invalid_by_policy=invalid_rows(plan, progress) if is_shown and reasons else (),
         missing=missing,
         differing=differing,
-        verdicts=tuple(verdicts),
+        pairs=pairs,
         rigs=rig_text(record for part in parts for record in part.records),
         objection=doctor.objection(Rig.read(folder.rig).hash) if doctor else "",
         doctor=doctor,
     )
-    shown = {"report": report, "plan": plan, "scores": scores}
+    shown = {"report": report, "plan": plan, "scores": scores, "text": tables}
     write(folder.page, render("duobench.real.sessions", "trials.html.j2", **shown))
     return report
