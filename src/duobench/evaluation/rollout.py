@@ -24,7 +24,7 @@ from duobench.results.run import Run
 Observation = Mapping[str, Any]
 Info = Mapping[str, Any]
 Played_contra = TypeVar("Played_contra", contravariant=True)
-"""What there is of a finished episode: an `Record`, or an `Attempt` at a demonstration."""
+"""What there is of a finished episode: a `Record`, or an `Attempt` at a demonstration."""
 
 
 class Watcher(Protocol):

@@ -1,4 +1,4 @@
-"""What is done with a run that was played: report, compare, verify, bundle."""
+"""Verbs for a run that was played: report, compare, verify, bundle."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ class Verification:
     findings: tuple[Finding, ...]
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
-    """What the run says wrongly of its tasks, one sentence each."""
+    """Contradictions between the run and its tasks, one sentence each."""
     unnoted: int = 0
     """Of how many records no attempt is noted, so that earlier ones cannot be ruled out."""
     missing: int = 0
