@@ -12,11 +12,7 @@ LOOK, CAMERA, LAYOUT, PHYSICS = "look", "camera", "layout", "physics"
 INSTRUCTION, SENSING, LATENCY = "instruction", "sensing", "latency"
 SINGLE_AXES = (LOOK, CAMERA, LAYOUT, PHYSICS, INSTRUCTION, SENSING, LATENCY)
 AXES = (*SINGLE_AXES, ALL_AXES)
-<<<<<<< HEAD
 """Axes along which episodes may be shifted; the page on robustness explains each."""
-=======
-"""Axes that may be shifted; see the page robustness."""
->>>>>>> wt-results
 LEVELS = 5
 """Levels 1 to 5 of each axis; 0 is no shift."""
 
