@@ -23,10 +23,9 @@ from rich.console import Console
 
 from duobench import __version__
 from duobench.cli import main
-from duobench.cli.program import GROUPS, VERBS
+from duobench.cli.program import GROUPS, VERBS, parsed
 from duobench.cli.shared.console import console
 from duobench.cli.shared.options import command_line, options_of
-from duobench.cli.shared.spelling import check_spelling
 from duobench.cli.verbs.episodes import evaluate as eval_verb
 from duobench.core.files import decode, encode, locked
 from duobench.data import DataSet
@@ -254,7 +253,7 @@ def test_doctor_tells_versions_and_graphics(told: Told) -> None:
         assert word in out
     assert " ms at 224x224" in out
     said = out.splitlines()[-1].removeprefix("All is well. Next: duobench ")
-    check_spelling(said.split(), VERBS, "duobench")
+    assert parsed(said.split())
 
 
 def found_by_doctor(done: subprocess.CompletedProcess[str]) -> dict[str, str]:

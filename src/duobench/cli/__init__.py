@@ -10,7 +10,6 @@ from importlib import import_module
 from pathlib import Path
 
 from duobench.cli.shared.process import leave, leaving_at_once
-from duobench.cli.shared.spelling import check_names
 from duobench.core.errors import DuoBenchError, escaped
 from duobench.core.machine import fill_streams
 
@@ -37,7 +36,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 words.remove(VERBOSE)
                 logging.basicConfig(format="%(message)s")
                 logging.getLogger("duobench").setLevel(logging.INFO)
-            check_names(words)
             import_module("duobench.cli.program").run(words)
             sys.stdout.flush()
         except DuoBenchError as error:
