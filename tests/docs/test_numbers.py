@@ -16,7 +16,7 @@ from duobench.core.sheets import Paper
 from duobench.core.types import CONTROL_HZ
 from duobench.envs.config import IMAGE_SIZE
 from duobench.evaluation.replay.sources import LAYOUTS
-from duobench.evaluation.replay.verify import Verdict
+from duobench.evaluation.replay.verification import Verdict
 from duobench.evaluation.replay.viewer import MAX_ITEMS
 from duobench.printing import coupon, jig, recipe
 from duobench.printing.formats import BED_STEP

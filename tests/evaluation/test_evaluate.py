@@ -13,7 +13,7 @@ from duobench.core.errors import (
     PolicyError,
     UnknownNameError,
 )
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.journal import PARTS, Begun, Ended
 from duobench.results.run import TimeLimits

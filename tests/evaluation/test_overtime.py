@@ -7,7 +7,7 @@ import pytest
 
 from duobench.core.errors import EvaluationError
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.replay.verify import Verdict, verify
+from duobench.evaluation.replay.verification import Verdict, verify
 from duobench.policy import Batching
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder

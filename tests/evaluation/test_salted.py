@@ -15,8 +15,8 @@ from duobench.core.errors import EvaluationError, OtherRunError
 from duobench.core.randomness import episode_seed, policy_seed
 from duobench.data import DataSet
 from duobench.evaluation.replay.leaderboard import make_leaderboard
-from duobench.evaluation.replay.verify import Verdict, verify
-from duobench.evaluation.runners.evaluate import evaluate, record as record_demonstrations
+from duobench.evaluation.replay.verification import Verdict, verify
+from duobench.evaluation.runners.evaluations import evaluate, record as record_demonstrations
 from duobench.evaluation.runners.process import WorkerProcess
 from duobench.policy import HoldPolicy
 from duobench.results.bundle import Bundle, open_source, write_bundle

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from duobench.core.errors import EvaluationError, LockedError, OtherRunError
-from duobench.evaluation.replay.verify import verify
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.replay.verification import verify
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.policy import PolicyMetadata
 from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.compare import compare
@@ -132,7 +132,7 @@ import sys
 from pathlib import Path
 from duobench.results.folder import RunFolder
 from duobench.results.run import Shard
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from tests.evaluation.conftest import small_suite
 
 evaluate("random", small_suite(), RunFolder(Path(sys.argv[1])), workers=1,

@@ -26,7 +26,7 @@ from duobench.core.errors import (
 )
 from duobench.core.types import POLICY_CAMERAS
 from duobench.data import DataSet, Recording
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
 from duobench.results.suite import Suite

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from duobench.evaluation.replay.verify import Verdict
+from duobench.evaluation.replay.verification import Verdict
 from duobench.policy import PolicyMetadata
 from duobench.results.leaderboard import EPISODES, BoardEntry, make_entry
 from duobench.results.records import EpisodeRecord, Key

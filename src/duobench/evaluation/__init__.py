@@ -16,7 +16,7 @@ if TYPE_CHECKING:
         PolicySource as PolicySource,
         source as source,
     )
-    from duobench.evaluation.rollout import (
+    from duobench.evaluation.rollouts import (
         Observer as Observer,
         Watcher as Watcher,
         rollout as rollout,
@@ -46,5 +46,32 @@ if TYPE_CHECKING:
         TaskInfo as TaskInfo,
         find_tasks as find_tasks,
     )
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.envs.execution": ["Step"],
+            "duobench.evaluation.episode": ["Job"],
+            "duobench.evaluation.policies": [
+                "ExpertPolicy",
+                "PolicyChoice",
+                "PolicySource",
+                "source",
+            ],
+            "duobench.evaluation.rollouts": ["Observer", "Watcher", "rollout"],
+            "duobench.evaluation.video": ["VideoRecorder"],
+            "duobench.results.bundle": ["open_source", "write_bundle"],
+            "duobench.results.folder": ["RunFolder"],
+            "duobench.results.records": ["EpisodeRecord"],
+            "duobench.results.report": ["read_results", "write_report"],
+            "duobench.results.run": ["Run", "TimeLimits"],
+            "duobench.results.scores": [
+                "Results",
+                "Score",
+                "TaskResult",
+                "summarize",
+                "wilson_interval",
+            ],
+            "duobench.results.suite": ["Episode", "Suite", "TaskInfo", "find_tasks"],
+        },
+    )

@@ -12,7 +12,7 @@ from duobench.core.errors import OptionError, PolicyError, UnknownNameError
 from duobench.core.randomness import SUITE_VERSION
 from duobench.envs.duo_env import ResetNeededError
 from duobench.evaluation.interop.episodes import Episodes, format_for, tasks_by_id
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.policy import PolicyMetadata
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.results.folder import RunFolder

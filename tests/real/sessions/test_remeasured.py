@@ -8,7 +8,7 @@ import pytest
 
 from duobench.core.errors import OtherRunError
 from duobench.core.types import HEAD, Side
-from duobench.evaluation.replay.verify import Verdict, verify
+from duobench.evaluation.replay.verification import Verdict, verify
 from duobench.real.cell import Obstacle
 from duobench.real.rig import CameraCalibration, CameraConfig, CameraDriver, GripperConfig, Rig
 from duobench.real.sessions.trials_report import write_trials_report

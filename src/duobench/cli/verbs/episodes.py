@@ -44,7 +44,7 @@ from duobench.tasks import catalog
 
 if TYPE_CHECKING:
     from duobench.data import DataSet, ImageSource, Recording
-    from duobench.evaluation.runners.evaluate import Attempt
+    from duobench.evaluation.runners.evaluations import Attempt
 
 _LIMITS = TimeLimits()
 
@@ -365,7 +365,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
-    from duobench.evaluation.runners.evaluate import evaluate as play
+    from duobench.evaluation.runners.evaluations import evaluate as play
 
     if executor != "ray" and cluster != _CLUSTER:
         raise EvaluationError("--address and --policy-gpus are for --executor ray.")

@@ -36,7 +36,7 @@ from duobench.tasks.shifts.shift import NO_SHIFT
 if TYPE_CHECKING:
     from duobench.data.processes import Progress
     from duobench.evaluation.replay.render import RenderResult
-    from duobench.evaluation.replay.verify import Finding, Verification
+    from duobench.evaluation.replay.verification import Finding, Verification
     from duobench.results.leaderboard import BoardEntry
 
 
@@ -255,7 +255,7 @@ def verify(
     find_run(source)
     load_engine()
     import duobench.results.report  # noqa: F401 - it draws at the end; what keeps it is told now
-    from duobench.evaluation.replay.verify import verify as verify_run
+    from duobench.evaluation.replay.verification import verify as verify_run
 
     opened = open_source(source)
     opened.salt = None if salt is None else read_salt(salt)
@@ -275,7 +275,7 @@ def verify(
 
 
 def _show_verification(found: Verification, import_tasks: bool) -> None:
-    from duobench.evaluation.replay.verify import Verdict
+    from duobench.evaluation.replay.verification import Verdict
 
     name = partial(_episode_name, found.run.conditions)
     for sentence in found.objections:

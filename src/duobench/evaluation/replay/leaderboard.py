@@ -23,7 +23,12 @@ from duobench.core.files import digest_of, encode, locked, read, remove, write
 from duobench.core.randomness import SUITE_VERSION
 from duobench.core.versions import has_avx2, package_source, package_versions
 from duobench.data.processes import Progress
-from duobench.evaluation.replay.verify import Finding, Verdict, Verification, verify
+from duobench.evaluation.replay.verification import (
+    Finding,
+    Verdict,
+    Verification,
+    verify,
+)
 from duobench.results.bundle import MAX_BYTES, Bundle
 from duobench.results.leaderboard import (
     VERDICTS,

@@ -36,7 +36,7 @@ from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.rollout import Observer
+from duobench.evaluation.rollouts import Observer
 from duobench.evaluation.runners.executor import Executor, executor_for
 from duobench.evaluation.runners.ray_process import Cluster
 from duobench.evaluation.runners.schedule import AttemptLog, check_played
