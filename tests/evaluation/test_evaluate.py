@@ -115,7 +115,6 @@ def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play)
 @pytest.mark.parametrize(
     ("policy", "error", "message"),
     [
-        ("IsSlow", DuoBenchError, "control rate is 30 Hz, got 10"),
         ("SeesNowhere", UnknownNameError, "camera 'haed'. Did you mean 'head'"),
         ("no_such_policy_module:make", PolicyError, "no module named 'no_such_policy_module'"),
         (

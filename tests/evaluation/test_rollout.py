@@ -303,7 +303,7 @@ class Nan(HoldPolicy):
     ("policy", "error", "message", "heard"),
     [
         (Refuses, asyncio.CancelledError, None, ["end: CancelledError"]),
-        (toy_tasks.IsSlow, PolicyError, "acts 10 times a second", []),
+        (toy_tasks.SeesNowhere, PolicyError, "it sees camera 'haed'", []),
         (Nan, PolicyError, "nan in action 0", ["start", "end: PolicyError"]),
     ],
 )

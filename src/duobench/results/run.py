@@ -139,7 +139,6 @@ def needed_options(policy: PolicyMetadata) -> dict[str, Any]:
         "cameras": policy.cameras,
         "object_state": policy.object_state,
         "action_mode": policy.action_mode,
-        "control_rate_hz": policy.control_rate_hz,
         "image_size": policy.image_size or IMAGE_SIZE,
     }
 

@@ -133,9 +133,7 @@ def test_hold_action_keeps_the_arms_where_they_are(tmp_path: Path, mode: str) ->
         np.testing.assert_array_equal(held[:-2], 0 if mode.endswith("relative") else last[:-2])
 
 
-@pytest.mark.parametrize(
-    "options", [{"control_rate_hz": 10}, {"horizon": 0}, {"binary_gripper": "yes"}]
-)
+@pytest.mark.parametrize("options", [{"horizon": 0}, {"binary_gripper": "yes"}])
 def test_environment_that_does_not_exist_is_refused_at_once(options: dict[str, Any]) -> None:
     with pytest.raises(OptionError):
         Episodes(BLIND, **options)
