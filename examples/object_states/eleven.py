@@ -1,4 +1,4 @@
-"""One policy for all tasks, out of a file for each: a leaderboard ranks whole runs of one policy.
+"""One policy for all tasks, out of a file for each.
 
     python eleven.py FOLDER
     CHECKPOINT=FOLDER duobench eval --policy eleven:Networks --out runs/networks

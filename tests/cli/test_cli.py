@@ -172,7 +172,7 @@ def test_command_has_every_option_that_a_result_may_depend_on() -> None:
             given[option.name] = value
     command = command_line("eval", eval_verb, given)
     for option in options:
-        elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE", "salt": "FILE"}
+        elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE"}
         value = elsewhere.get(option.name, f"'my {option.name}'")
         no_matter = {"workers", "wait", "retry_broken", "watch", "watch_port"}
         no_matter |= {"executor", "address", "policy_gpus", "shard"}
@@ -639,13 +639,10 @@ def test_importing_a_module_loads_nothing_heavy(module: str, heavy: str) -> None
 
 
 def test_only_the_command_line_names_its_flags() -> None:
-    """Neither errors nor pages of the library do, but for how to submit to a leaderboard.
-
-    Cards do too: who reads one on the Hub has nothing else.
-    """
+    """Neither errors nor pages of the library do; cards may, whose readers have nothing else."""
     flags = []
     for path in (ROOT / "src" / "duobench").rglob("*.j2"):
-        if path.name in {"leaderboard.html.j2", "card.md.j2"}:
+        if path.name == "card.md.j2":
             continue
         flags += re.findall(r"(?<![\w-])--[a-z][a-z-]+[ <]|duobench [a-z]+ [A-Z]", path.read_text())
     for path in (ROOT / "src" / "duobench").rglob("*.py"):

@@ -156,8 +156,6 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("verify file.zip", "is no whole bundle"),
         ("bundle file.zip", "holds no evaluation"),
         ("report file.zip --out out", "is no whole bundle"),
-        ("leaderboard nowhere --out out", "There is no folder"),
-        ("leaderboard folder --out out", "There is no bundle in"),
         ("real doctor --rig none.json --out x", "There is no file none.json"),
         ("real doctor --rig simulated --out x --seconds 0", "more than 0"),
         ("real doctor --rig simulated --out x --store-reference", "no file beside which"),

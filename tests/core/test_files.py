@@ -13,7 +13,6 @@ import pytest
 
 from duobench.core.errors import (
     DuoBenchError,
-    EvaluationError,
     FileError,
     LeaderError,
     OtherRunError,
@@ -32,7 +31,6 @@ from duobench.core.files import (
 from duobench.policy.serving.access import read_key
 from duobench.policy.serving.message_format import read_format
 from duobench.real.rig import Rig
-from duobench.results.salt import Salt, read_rounds, read_salt
 from duobench.teleop.leaders.gello import GelloConfig
 from tests.children import ran
 from tests.real.test_rig_file import RIGHT
@@ -138,12 +136,9 @@ def test_what_was_not_known_before_makes_no_difference() -> None:
 
 MARK = "\ufeff"
 """What some editors put before a text."""
-ROUNDS = '[[round]]\nname = "autumn"\ndate = 2026-09-01\nsalt_sha256 = "{}"\n'
 BY_PEOPLE = {
     "format.toml": (lambda path: read_format(str(path)), 'prompt = "task"\n', ServingError),
     "key.txt": (read_key, "word\n", ServingError),
-    "salt.txt": (read_salt, "ab" * 32, EvaluationError),
-    "rounds.toml": (read_rounds, ROUNDS.format(Salt("ab" * 32).sha256), EvaluationError),
     "rig.json": (Rig.read, json.dumps(RIGHT), FileError),
     "leaders.toml": (GelloConfig.read, LEADERS, LeaderError),
     "config.json": (lambda path: read_object(path, FileError), '{"a": 1}', FileError),
@@ -171,8 +166,7 @@ def test_file_in_another_encoding_is_refused_in_a_sentence(tmp_path: Path, name:
     with pytest.raises(error, match=name) as refused:
         read(path)
     assert "\n" not in str(refused.value)
-    if name != "salt.txt":  # whose errors show none of it
-        assert "it is UTF-16" in str(refused.value)
+    assert "it is UTF-16" in str(refused.value)
 
 
 DEEP = 100_000

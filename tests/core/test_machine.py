@@ -192,7 +192,7 @@ def test_another_minor_version_of_the_engine_is_named(version: str | None, said:
     assert other_engine({"mujoco": version}) == said
 
 
-def test_the_engine_that_is_ranked_is_the_one_that_is_installed() -> None:
+def test_the_engine_of_the_benchmark_is_the_one_that_is_installed() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     (pin,) = [one for one in map(Requirement, project["dependencies"]) if one.name == "mujoco"]
     assert pin.specifier.contains(f"{ENGINE}.99")

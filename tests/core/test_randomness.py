@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from duobench.core.errors import EvaluationError, UnknownNameError
+from duobench.core.errors import UnknownNameError
 from duobench.core.randomness import (
     ANY_YAW,
     EVAL,
-    SALTED,
     SPLITS,
     SUITE_VERSION,
     TRAIN,
@@ -23,7 +22,6 @@ from duobench.core.randomness import (
     layout_key,
     policy_seed,
 )
-from duobench.results.salt import Salt
 from duobench.tasks import catalog
 from tests.children import printed
 
@@ -48,8 +46,8 @@ def test_a_generator_is_a_function_of_task_and_seed_of_the_eval_split() -> None:
 
 
 def test_other_processes_draw_the_same() -> None:
-    for salt in ("0", "1"):
-        drawn = printed(DRAW, env={**os.environ, "PYTHONHASHSEED": salt})
+    for seed in ("0", "1"):
+        drawn = printed(DRAW, env={**os.environ, "PYTHONHASHSEED": seed})
         assert drawn == f"{numbers()}\n"
 
 
@@ -100,8 +98,6 @@ def test_the_layout_of_a_policy_seed_is_another_one(name: str) -> None:
 
 def seeds_of(name: str, split: str) -> list[tuple[int, int]]:
     """Seeds of resets, plain ones and those of episodes, with those of the policy."""
-    if split == SALTED:
-        return [Salt("ab" * 32).seeds(name, n) for n in range(40)]
     seeds = [*range(20), *(episode_seed(name, n, split) for n in range(20))]
     return [(seed, policy_seed(name, seed, split)) for seed in seeds]
 
@@ -128,15 +124,10 @@ def test_episode_seeds_of_both_splits_differ() -> None:
     assert seeds[0].isdisjoint(seeds[1])
 
 
-def test_salted_seeds_need_a_salt() -> None:
-    with pytest.raises(EvaluationError, match="'salted' has no seeds without a salt"):
-        episode_seed("bin_sort", 0, SALTED)
-
-
 @pytest.mark.parametrize("split", ["test", "", None, 0])
 def test_an_unknown_split_is_refused(split: str) -> None:
     for call in (generator, layout_key, episode_seed, policy_seed):
-        with pytest.raises(UnknownNameError, match=r"split.*Known: eval, salted, train"):
+        with pytest.raises(UnknownNameError, match=r"split.*Known: eval, train"):
             call("bin_sort", 0, split)
 
 

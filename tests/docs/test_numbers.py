@@ -44,7 +44,6 @@ from duobench.real.sessions.cameras import FILM_RATE
 from duobench.real.sessions.status_page import SILENCE_S
 from duobench.real.sessions.trials import TrialsSession
 from duobench.real.watchdog import STOP_AFTER_S
-from duobench.results.leaderboard import EPISODES
 from duobench.results.suite import Suite, find_tasks
 from duobench.web.messages import MAX_MESSAGE
 from duobench.web.server import MAX_PEERS
@@ -71,7 +70,6 @@ SENTENCES: Mapping[str, Sequence[str]] = {
         f"1/{CONTROL_HZ:g} s: {SUBSTEPS} physics steps of 1/{CONTROL_HZ * SUBSTEPS:.0f} s",
         f"the default {IMAGE_SIZE[0]} × {IMAGE_SIZE[1]}",
     ),
-    "leaderboard": (f"episodes 0 to {EPISODES - 1} of each", f"--episodes {EPISODES} "),
     "printing": (
         "1240 kg/m³",
         f"{1e9 * recipe.MATERIAL_PER_SECOND:.0f} mm³ a second",

@@ -37,6 +37,14 @@ CHUNK = 2
 TASK = "pour_marbles"  # has variants
 
 
+def test_the_code_names_pages_that_there_are() -> None:
+    """Errors and help do, as "see the page NAME"."""
+    text = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.py"))
+    named = set(re.findall(r"see\s+the\s+page\s+([a-z_]+)", text))
+    assert len(named) > 3
+    assert named <= {page.stem for page in PAGES}
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     assert [link for link in links(page) if not (page.parent / link).exists()] == []

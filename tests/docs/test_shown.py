@@ -23,18 +23,6 @@ class Shown:
 
 
 PAGES = {
-    "hosting": Shown(
-        commands={
-            0: ("round.salt, new: ",),
-            3: ("The seeds are not verified", "Verified."),
-            4: ("1 episode: exact 1,", "Verified."),
-            5: ("split salted instead of eval; self-reported",),
-        }
-    ),
-    "leaderboard": Shown(
-        commands={-1: ("Not ranked: expert, success 100.0 % ",)},
-        files=("site/index.html", "site/leaderboard.json"),
-    ),
     "object_states": Shown(
         commands={0: ("my_states:MyStates (privileged)",)}, code={0: ("white_cube_x 0.",)}
     ),

@@ -296,7 +296,7 @@ def choosing() -> gym.Env:
         (
             lambda: RandomizedReset(bare(), "test"),
             UnknownNameError,
-            "split 'test'.*eval, salted, train",
+            "split 'test'.*eval, train",
         ),
         (lambda: RandomizedReset(DuoEnv(NumberArms(), catalog.get(TASK))), TypeError, "simulated"),
         (lambda: TaskStages(DuoEnv(NumberArms(), catalog.get(TASK))), TypeError, "simulated"),

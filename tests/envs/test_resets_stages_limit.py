@@ -114,7 +114,7 @@ def test_a_reset_samples_from_the_split_of_its_environment_or_options(
         ({"layouts": {}}, UnknownNameError, "'layouts'.*Did you mean 'layout'"),
         ({"look": 5}, OptionError, "A look is a name, a Look or its JSON form; got 5"),
         ({"split": 1}, UnknownNameError, "split 1"),
-        ({"split": "test"}, UnknownNameError, "split 'test'.*Known: eval, salted, train"),
+        ({"split": "test"}, UnknownNameError, "split 'test'.*Known: eval, train"),
         ({"instruction": " "}, OptionError, "text that can be printed, got ' '"),
         ({"instruction": "a\x00b"}, OptionError, "text that can be printed"),
         ({"instruction": 11}, OptionError, "a number from 0 to 10: .*; got 11"),

@@ -12,12 +12,10 @@ from dev.tools.pages import PHONE, View
 from duobench.policy import PolicyMetadata
 from duobench.results.compare import compare, write_comparison
 from duobench.results.folder import RunFolder
-from duobench.results.leaderboard import Board, begin_site, write_site
 from duobench.results.records import EpisodeRecord
 from duobench.results.report import write_report
 from duobench.results.suite import find_tasks
 from tests.pages.windows import opened
-from tests.results.boards import entry
 from tests.results.samples import sample_folder, sample_record, sample_run
 
 LAPTOP = View(name="laptop", width=1440, height=900)
@@ -121,16 +119,6 @@ def test_rows_of_a_comparison_sort_by_a_policy(window: Browser, comparison: str)
         names = column(page, ".results", 0)
         assert names[:-1] == sorted(names[:-1])
         assert len(names) == 11 + 1
-
-
-def test_leaderboard_sorts_by_name_and_keeps_its_places(window: Browser, tmp_path: Path) -> None:
-    entries = tuple(entry(name, share) for name, share in (("b", 0.9), ("c", 0.5), ("a", 0.1)))
-    begin_site(tmp_path)
-    site = write_site(Board(entries=entries, refused=()), tmp_path)
-    with opened(window, site.as_uri(), LAPTOP) as page:
-        page.get_by_role("button", name="Policy").first.press("Enter")
-        names = column(page, "#policies ~ .wide .board", 0)[:3]
-        assert [name.split() for name in names] == [["3", "a"], ["1", "b"], ["2", "c"]]
 
 
 def test_keys_filter_episodes_by_task_stage_and_constraint(window: Browser, report: str) -> None:

@@ -1,4 +1,4 @@
-"""Pages that compare: two runs with each other and with the paper, and a leaderboard."""
+"""Pages that compare: two runs with each other and with the paper."""
 
 import os
 from pathlib import Path
@@ -7,28 +7,18 @@ import pytest
 
 from dev.tools.pages import PHONE, VIEWS, View, measure, violations
 from duobench.results.compare import compare, write_comparison
-from duobench.results.leaderboard import Board, RefusedBundle, begin_site, write_site
-from duobench.results.suite import find_tasks
-from tests.results.boards import entry
 from tests.results.outcomes import play
 
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """A comparison; and a leaderboard's first page and a policy's, of ranked, privileged, partial
-    and refused bundles."""
-    folder, out = tmp_path_factory.mktemp("runs"), tmp_path_factory.mktemp("site")
+    """A comparison of two runs and the paper's."""
+    folder = tmp_path_factory.mktemp("runs")
     runs = [
         play(folder / name, {"sort": [stage] * 12, "carry_pot": [1] * 12}, name)
         for name, stage in (("new", 3), ("old", 1))
     ]
-    comparison = write_comparison(compare([*runs, "paper:ACT"]), folder / "both")
-    few = entry("few", tasks=find_tasks(("bin_sort",)), episodes=3)
-    entries = (entry("a_module.of_my.own:PolicyWithALongName"), entry("expert", 0.9), few)
-    refused = RefusedBundle(file="x" * 80 + ".duobench.zip", reason="It is damaged.")
-    begin_site(out)
-    site = write_site(Board(entries=entries, refused=(refused,)), out)
-    return [comparison, site, out / entries[0].page]
+    return [write_comparison(compare([*runs, "paper:ACT"]), folder / "both")]
 
 
 @pytest.mark.parametrize("view", VIEWS, ids=lambda view: view.name)

@@ -87,10 +87,10 @@ def test_machines_and_software_are_told_once_each() -> None:
     ]
 
 
-def test_software_that_is_not_ranked_is_marked() -> None:
+def test_software_with_another_engine_is_marked() -> None:
     record = sample_record(TURN, 0, (3,), versions={"mujoco": "4.1.0"})
     (facts,) = stacks([record])
-    assert facts["Software"] == "mujoco 4.1.0 (MuJoCo 4.1.0 instead of 4.0: not ranked)"
+    assert facts["Software"] == "mujoco 4.1.0 (MuJoCo 4.1.0 instead of 4.0)"
 
 
 SHADES = [np.full((48, 64, 3), shade, np.uint8) for shade in range(0, 250, 2)]

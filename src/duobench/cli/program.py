@@ -15,7 +15,6 @@ from duobench.cli.shared.process import find_scratch
 from duobench.cli.shared.spelling import hints, meant_command
 from duobench.cli.verbs import (
     data,
-    docs,
     doctor,
     episodes,
     policies,
@@ -38,8 +37,6 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "compare": runs.compare,
     "verify": runs.verify,
     "bundle": runs.bundle,
-    "leaderboard": runs.leaderboard,
-    "salt": episodes.salt,
     "record": episodes.record,
     "replay": episodes.replay,
     "view": tasks.view,
@@ -50,11 +47,9 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "data": data.data,
     "export": data.export,
     "train": policies.train,
-    "checkpoint": policies.checkpoint,
     "print": tasks.print_,
     "real": arms.real,
     "doctor": doctor.doctor,
-    "docs": docs.docs,
 }
 GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
     "data": {
@@ -66,7 +61,6 @@ GROUPS: Mapping[str, Mapping[str, Callable[..., None]]] = {
         "split": data.split,
     },
     "export": {"lerobot": data.lerobot},
-    "checkpoint": {"card": policies.card},
     "real": {
         "doctor": doctor.examine_rig,
         "home": arms.home,

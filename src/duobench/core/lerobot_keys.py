@@ -28,7 +28,7 @@ FEATURE_NAMES = "duobench_names.json"
 """File beside a checkpoint that says what the numbers of its features are: names by feature.
 LeRobot keeps only how many there are."""
 CARD, ID = "README.md", "USER/NAME"
-"""The card of a data set or a checkpoint on the Hub, and what stands for an id there."""
+"""The card of a data set on the Hub, and what stands for an id there."""
 _ID = re.compile(
     r"(?!.*(--|\.\.|\.git$))(?=.{1,96}$)\w([\w.-]*\w)?(/\w([\w.-]*\w)?)?", re.ASCII
 )

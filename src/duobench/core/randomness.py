@@ -12,16 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from duobench.core.errors import EvaluationError, TaskError, check_known
+from duobench.core.errors import TaskError, check_known
 
 SUITE_VERSION = "6"
 """Version of the benchmark's episodes. A change that alters any layout or state raises it."""
 
 EVAL, TRAIN = "eval", "train"
 """Splits: layouts that policies are evaluated on, and layouts that demonstrations begin with."""
-SALTED = "salted"
-"""Split of evaluations whose seeds follow from a secret; see `duobench.results.salt`."""
-SPLITS = (EVAL, TRAIN, SALTED)
+SPLITS = (EVAL, TRAIN)
 
 
 def _digest(*words: object) -> int:
@@ -70,10 +68,6 @@ def shift_generator(
 
 def episode_seed(task_id: str, episode: int, split: str = EVAL) -> int:
     """Seed (32 bits) of the n-th episode of a task's split in this suite version."""
-    if split == SALTED:
-        raise EvaluationError(
-            f"The split {SALTED!r} has no seeds without a salt: take another."
-        )
     if episode < 0:
         raise ValueError(f"An episode index counts from 0, got {episode}.")
     return (

@@ -17,7 +17,7 @@ from duobench.core.errors import DuoBenchError, escaped
 __version__ = "1.0.0rc1"
 """Version of the software; a build reads it from this line."""
 ENGINE = "4.0"
-"""Minor version of MuJoCo whose runs are ranked: scores depend on the engine."""
+"""Minor version of MuJoCo whose runs are comparable: scores depend on the engine."""
 _PACKAGES = ("mujoco", "numpy", "mink", "daqp", "scipy", "manifold3d")
 """The engine, the arithmetic, the inverse kinematics with its solver, and what cuts shapes."""
 _DECIDING = ("mujoco", "numpy", "manifold3d")

@@ -103,7 +103,7 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
             - `reward` ("stage"): stage / last stage in every step, which pays waiting before the
               last stage more than finishing; to train, "progress": what the step adds to it, or
               "dense": to it and to how near the next stage is.
-            - `split` ("eval"): layouts; "train" for demonstrations, "salted" for hosted rounds.
+            - `split` ("eval"): layouts; "train" for demonstrations.
             - `speed_fraction` (1.0): part of the joints' speed limits that the arms use.
             - `render_mode` (None): "rgb_array", for `render`.
             - `render_size` (480, 640): height and width of its image, in pixels.

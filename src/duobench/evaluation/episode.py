@@ -17,7 +17,7 @@ from duobench.core.errors import (
     TaskFailedError,
     escaped,
 )
-from duobench.core.randomness import EVAL, SALTED, episode_seed
+from duobench.core.randomness import EVAL, episode_seed
 from duobench.core.versions import (
     package_source,
     package_versions,
@@ -206,11 +206,7 @@ class EpisodeRunner:
         config = EnvConfig(
             **needed_options(metadata),
             instructions=job.recording.instructions if job.recording else FIXED,
-            split=job.recording.split
-            if job.recording
-            else SALTED
-            if job.suite.salt
-            else EVAL,
+            split=job.recording.split if job.recording else EVAL,
             look=job.suite.look,
         )
         with before_policy(""):

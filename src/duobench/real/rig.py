@@ -32,7 +32,7 @@ FOLLOWER_HZ = 500.0
 """Rate at which an arm is told where to be [measured: 8 mrad behind, no reflex]."""
 MAX_ACCELERATION = 6.0
 """Largest joint acceleration in rad/s² that a rig allows: at 9 arms overshot their speed limits in
-a strict simulator of the robot, at 6 they did not [duobench docs real_safety; data sheet: 10]."""
+a strict simulator of the robot, at 6 they did not [page real_safety; data sheet: 10]."""
 MAX_SPEED_FRACTION = 0.5
 """Largest part of the joints' speed limits that a rig may allow."""
 MAX_TOOL_SPEED = 2.0

@@ -10,7 +10,6 @@ import shutil
 from abc import ABC, abstractmethod
 from collections.abc import Container, Generator, Iterable
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 
 from duobench.core.errors import EvaluationError, FileError, LockedError, OtherRunError
@@ -42,7 +41,6 @@ from duobench.results.journal import (
 )
 from duobench.results.records import RECORD_SCHEMA, Condition, EpisodeRecord, Key
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard
-from duobench.results.salt import Salt
 from duobench.results.suite import Episode
 
 DESCRIPTION = "run.json"
@@ -80,8 +78,6 @@ class RunReader(ABC):
 
     advice = ""
     """What to do about a record that cannot be read."""
-    salt: Salt | None = None
-    """Where it is that of the run, seeds of records are checked against it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path.absolute()
@@ -181,7 +177,6 @@ class RunReader(ABC):
         episode = Episode(
             task=task, index=key.episode, split=split, shift=condition.shift
         )
-        episode = replace(episode, salted=run.seeds(record, self.salt))
         objection = run.objection(record, episode)
         if record.run != digest:
             raise OtherRunError(

@@ -132,7 +132,6 @@ def identity(part: RunPart) -> Facts:
         "Rig": rig_text(part.records) if run.is_real else "",
         "Suite": f"{suite_text(suite)}, version {suite.version}, layouts of the split "
         f"{config.split}",
-        "Salt": f"SHA-256 {suite.salt}" if suite.salt else "",
         "Tasks": ", ".join(task.id for task in suite.tasks),
         "Episodes": f"{indices}, {suite.episodes} of each task",
         "Look": "" if run.is_real else suite.look,
@@ -176,7 +175,7 @@ def stacks(records: Iterable[EpisodeRecord]) -> list[Facts]:
                 for name, version in versions.items()
                 if version and name not in hidden
             )
-            + (f" ({other}: not ranked)" if (other := other_engine(versions)) else ""),
+            + (f" ({other})" if (other := other_engine(versions)) else ""),
         }
         for versions in found
     ]

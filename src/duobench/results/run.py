@@ -14,7 +14,7 @@ import msgspec
 
 from duobench.core.errors import EvaluationError, escaped
 from duobench.core.files import checksum, differences
-from duobench.core.randomness import SALTED, SUITE_VERSION
+from duobench.core.randomness import SUITE_VERSION
 from duobench.envs.config import IMAGE_SIZE, EnvConfig
 from duobench.policy import Batching, PolicyMetadata
 from duobench.policy.registry import reads_simulation
@@ -29,7 +29,6 @@ from duobench.results.records import (
     Key,
     Software,
 )
-from duobench.results.salt import Salt, Seeds
 from duobench.results.suite import Episode, Suite
 from duobench.tasks.shifts.shift import NO_SHIFT, Shift, every_shift
 
@@ -127,7 +126,7 @@ class TimeLimits:
         return min(self.act_timeout, MAX_S)
 
 
-RUN_SCHEMA = 10
+RUN_SCHEMA = 11
 _SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
 """What a policy may be trained on: recordings of simulated arms, of real ones, or of both."""
@@ -214,12 +213,6 @@ class Run:
             )
         if not self.candidates:
             raise EvaluationError("A run has at least one policy.")
-        if {each.config.split == SALTED for each in self.candidates} != {
-            bool(self.suite.salt)
-        }:
-            raise EvaluationError(
-                f"A run of the split {SALTED!r}, and no other, names its salt."
-            )
         if len(self.conditions) < len(self.candidates) * len(self.suite.shifts):
             raise EvaluationError("Two policies of a run have the same name.")
 
@@ -274,12 +267,10 @@ class Run:
         condition = self._condition(candidate, episode.shift)
         return Key(episode.task.id, condition.name, episode.index)
 
-    def episodes(
-        self, shard: Shard = WHOLE, videos: int = 0, salt: Salt | None = None
-    ) -> list[Episode]:
+    def episodes(self, shard: Shard = WHOLE, videos: int = 0) -> list[Episode]:
         """Every episode that each of its policies plays, task by task and shift by shift.
 
-        Of each task and shift, the first ones have so many videos. A run with a salt needs it.
+        Of each task and shift, the first ones have so many videos.
         """
         return [
             Episode(
@@ -288,7 +279,6 @@ class Run:
                 has_video=index - self.suite.first_episode < videos,
                 split=self.candidates[0].config.split,
                 shift=shift,
-                salted=salt and salt.seeds(task.id, index),
             )
             for place, task in enumerate(self.suite.tasks)
             for shift in self.suite.shifts
@@ -314,12 +304,6 @@ class Run:
     def size(self) -> int:
         """How many episodes it has under all conditions."""
         return sum(self.counts().values())
-
-    def seeds(self, record: EpisodeRecord, salt: Salt | None = None) -> Seeds | None:
-        """Salted seeds of a record's episode: without the salt of the run what the record says."""
-        if salt is not None and salt.sha256 == self.suite.salt:
-            return salt.seeds(record.task, record.episode)
-        return (record.seed, record.policy_seed) if self.suite.salt else None
 
     def objection(self, record: EpisodeRecord, episode: Episode) -> str | None:
         """Why a record is not that of an episode of this run; None if it is."""
@@ -378,7 +362,6 @@ class Run:
             "suite version": suite.version,
             "suite": suite.label,
             "look": suite.look,
-            "salt": suite.salt or "none",
             "actions executed of a chunk": suite.execution.execute or "all",
             "latency": suite.execution.latency,
             "overtime": suite.overtime,

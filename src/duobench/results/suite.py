@@ -9,12 +9,10 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from duobench.core.errors import EvaluationError, OptionError, check_known
 from duobench.core.randomness import EVAL, SUITE_VERSION, episode_seed, policy_seed
 from duobench.envs.execution import WHOLE_CHUNKS, ChunkExecution
-from duobench.results.salt import Seeds
 from duobench.tasks import catalog
 from duobench.tasks.shifts.levels import latency_steps
 from duobench.tasks.shifts.shift import AXES, LEVELS, NO_SHIFT, Shift, every_shift
@@ -73,26 +71,16 @@ class Episode:
     """Which layouts it is one of."""
     shift: Shift = NO_SHIFT
     """What differs in it from the usual episode of this index."""
-    salted: Seeds | None = None
-    """Its seeds in the split "salted"; None in others, where they follow from the index."""
 
     @property
     def seed(self) -> int:
         """Seed of the reset: a pure function of (task, suite version, split, episode)."""
-        return (
-            self.salted[0]
-            if self.salted
-            else episode_seed(self.task.id, self.index, self.split)
-        )
+        return episode_seed(self.task.id, self.index, self.split)
 
     @property
     def policy_seed(self) -> int:
         """Seed of the policy: a hash of that of the reset."""
-        return (
-            self.salted[1]
-            if self.salted
-            else policy_seed(self.task.id, self.seed, self.split)
-        )
+        return policy_seed(self.task.id, self.seed, self.split)
 
 
 MAX_EPISODES = 2**53
@@ -120,8 +108,6 @@ class Suite:
     overtime: float = 1.0
     """Horizons after which an episode without success ends. What happens after the first one is no
     part of its result; 1 plays none of it."""
-    salt: str | None = None
-    """SHA-256 of the salt that all seeds follow from; None where they are public."""
 
     def __post_init__(self) -> None:
         if (
@@ -246,7 +232,7 @@ class SuiteChoice:
 
     suite: str | None = None
     """paper (100 episodes of each task, 30 actions executed of a chunk), quick (10 episodes),
-    robust (20 episodes under each of 41 shifts; see duobench docs robustness); or your own."""
+    robust (20 episodes under each of 41 shifts; see the page robustness); or your own."""
     tasks: tuple[str, ...] = ()
     """Task ids (see: duobench list) or module:ATTRIBUTE; all tasks if none is named."""
     episodes: int | None = None
@@ -254,10 +240,10 @@ class SuiteChoice:
     first_episode: int = 0
     """Index of the first episode; seeds follow from task and index alone."""
     look: str = looks.DEFAULT
-    """Look of the images that the policy sees: wood_table, dark, random:7, ... (see duobench
-    docs looks)."""
+    """Look of the images that the policy sees: wood_table, dark, random:7, ... (see the page
+    looks)."""
     shift: str = NO_SHIFT.name
-    """Play under one shift, such as look-3; see duobench docs robustness."""
+    """Play under one shift, such as look-3; see the page robustness."""
     axes: tuple[str, ...] = ()
     """Of the suite robust, these axes alone: look, camera, layout, physics, instruction, sensing,
     latency, all."""
@@ -266,9 +252,6 @@ class SuiteChoice:
     overtime: float = 1.0
     """Play an episode without success on after its horizon, until it has had so many horizons in
     all, such as 1.5. Scores and records end at the horizon."""
-    salt: Path | None = None
-    """File of duobench salt, from which seeds follow that nobody knows before; see duobench
-    docs hosting."""
 
     def make(self, execution: ChunkExecution = WHOLE_CHUNKS) -> Suite:
         """The suite, its chunks executed as told; without a number of actions as the name says.
@@ -340,50 +323,8 @@ def deviations(suite: Suite) -> list[str]:
         != named.execution.execute,
         " and ".join(map(str, suite.shifts)): not {*suite.shifts} <= {*named.shifts},
         latency_text(suite): suite.execution.latency != named.execution.latency,
-        "seeds from a salt": suite.salt is not None,
     }
     return [phrase for phrase, differs in differing.items() if differs]
-
-
-def suite_options(suite: Suite) -> list[str]:
-    """The words of `duobench eval` that choose a suite under one shift, what is usual left out."""
-    ids, (shift,) = [task.reference for task in suite.tasks], suite.shifts
-    words = ["--suite", suite.name] if suite.name in SUITES else []
-    if ids != list(catalog.names()):
-        words += ["--tasks", *ids]
-    words += ["--episodes", str(suite.episodes)]
-    named = SUITES.get(suite.name, _OWN).execution
-    chosen = {
-        "first-episode": suite.first_episode or None,
-        "look": None if suite.look == looks.DEFAULT else suite.look,
-        "shift": None if shift == NO_SHIFT else shift.name,
-        "execute": None
-        if suite.execution.execute == named.execute
-        else suite.execution.execute,
-        "latency": suite.execution.latency or None,
-        "salt": suite.salt and "SALT",
-    }
-    return words + [
-        word
-        for name, value in chosen.items()
-        if value
-        for word in (f"--{name}", str(value))
-    ]
-
-
-def conditions_text(suite: Suite) -> str:
-    """Under what a suite is played, for people: whatever is not usual; empty if all is."""
-    if suite.name != CUSTOM:
-        return f"suite {suite_text(suite)}"
-    (shift,) = suite.shifts
-    said = {
-        f"look {suite.look}": suite.look != looks.DEFAULT,
-        f"shift {shift.name}": shift != NO_SHIFT,
-        f"{execute_text(suite)} executed": suite.execution.execute is not None,
-        latency_text(suite): suite.execution.latency > 0,
-        "seeds from a salt": suite.salt is not None,
-    }
-    return ", ".join(phrase for phrase, is_said in said.items() if is_said)
 
 
 def suite_text(suite: Suite) -> str:

@@ -10,7 +10,6 @@ _ELSEWHERE: Mapping[str, str] = {
     "out": "DIR",
     "server": "URL",
     "key_file": "FILE",
-    "salt": "FILE",
 }
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
 _NO_MATTER = (

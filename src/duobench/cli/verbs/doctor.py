@@ -122,7 +122,7 @@ def _versions() -> Iterator[Check]:
     other = other_engine(versions)
     for name, version in versions.items():
         is_well = name != "mujoco" or not other
-        advice = f"This is {other}; runs with it are marked and not ranked."
+        advice = f"This is {other}; runs with it are marked."
         yield Outcome.NOTE.unless(is_well, name, version, advice)
     yield Outcome.OK.of("suite version", SUITE_VERSION)
 

@@ -1,4 +1,4 @@
-"""Verbs that play episodes: `duobench eval`, `salt`, `record` and `replay`."""
+"""Verbs that play episodes: `duobench eval`, `record` and `replay`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,6 @@ from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
 from duobench.results.folder import VIDEO_SUFFIX, RunFolder
 from duobench.results.run import WHOLE, Shard, TimeLimits
-from duobench.results.salt import make_salt, read_salt
 from duobench.results.scores import Results
 from duobench.results.suite import PAPER_EXECUTE, SuiteChoice, find_tasks
 from duobench.tasks import catalog
@@ -159,7 +158,7 @@ def replay(
         out: Folder of the videos.
         cameras: What the videos show, side by side: overview, head, left_wrist, right_wrist.
         size: Height and width of one image in pixels, both even.
-        look: Look of the images: wood_table, dark, random:7, ... (see duobench docs looks).
+        look: Look of the images: wood_table, dark, random:7, ... (see the page looks).
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the data set names.
     """
@@ -349,8 +348,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             simulator, hang, and end the run.
         shard: Play a part of the run alone, such as 3/16 for the third of sixteen, counted from 1.
             All parts go into one --out, or into several whose contents are copied into one
-            afterwards; see duobench docs scale.
-        executor: ray plays on a Ray cluster that is there (extra ray; see duobench docs scale):
+            afterwards; see the page scale.
+        executor: ray plays on a Ray cluster that is there (extra ray; see the page scale):
             --workers simulators on its nodes, policies in actors; this process alone writes.
         cluster: The Ray cluster.
         videos: How many episodes of each task have a video: 1, and 0 under each shift of the suite
@@ -376,7 +375,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
         say(
             "The policy plays in the process of the simulator, which it can see and move."
         )
-    secret = None if suite.salt is None else read_salt(suite.salt)
     if choice.server is not None and choice.server.wait_s:
         say(
             f"Connecting to the policy's server; waiting up to {choice.server.wait_s:g} s for it."
@@ -403,7 +401,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             command=command,
             shard=part,
             cluster=cluster if executor == "ray" else None,
-            salt=secret,
         )
     _show(folder, part, results)
 
@@ -440,16 +437,3 @@ def _show(folder: RunFolder, shard: Shard, results: Results) -> None:
             f"{changed}.",
         )
         sys.exit(1)
-
-
-def salt(file: tyro.conf.Positional[Path]) -> None:
-    """Make a salt: a secret from which duobench eval --salt takes seeds that nobody knows before.
-
-    Args:
-        file: The file, which its owner alone may read. One that holds a salt stays as it is.
-    """
-    word = "new" if make_salt(file) else "there before and not changed"
-    say(f"SHA-256 of the salt in {file}, {word}: {read_salt(file).sha256}")
-    say(
-        "Publish it before you play the first policy, and the file after the last: page hosting"
-    )

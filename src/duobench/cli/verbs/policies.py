@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from duobench.cli.shared.advice import AdvisedError, find_run
+from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
 from duobench.cli.shared.process import stopping
 from duobench.core.errors import DataError, NoObjectStatesError, ServingError
-from duobench.core.lerobot_keys import ID
 from duobench.policy.batch import Batching
 from duobench.policy.registry import reads_simulation
 from duobench.policy.serving.access import check_access, read_key
@@ -124,35 +123,6 @@ def _show_commands(
         width = max(len(setting.argument) for setting in each.settings)
         for setting in each.settings:
             sys.stderr.write(f"{setting.argument:{min(width, 48)}}  {setting.why}\n")
-
-
-def checkpoint() -> None:
-    """Prepare a trained policy for others."""
-
-
-def card(
-    checkpoint: tyro.conf.Positional[Path],
-    run: Path,
-    name: str = ID,
-    licence: str = "apache-2.0",
-) -> None:
-    """Write the card of a checkpoint, README.md as the Hub shows it, with the bundle of a run.
-
-    Args:
-        checkpoint: Folder of a checkpoint of LeRobot, or of the file that a policy reads.
-        run: What was given to --out of duobench eval, or a file that duobench bundle has written.
-        name: Its id on the Hub, as commands on the card name it.
-        licence: The Hub's word for what others may do with it.
-    """
-    find_run(run)
-    if not checkpoint.is_dir():
-        raise AdvisedError(
-            f"There is no folder {checkpoint}; a checkpoint of LeRobot is one."
-        )
-    from duobench.results.card import write_checkpoint_card
-
-    say(f"Card: {write_checkpoint_card(checkpoint, run, name, licence)}")
-    say(f"Upload: {shlex.join(['hf', 'upload', name, str(checkpoint)])}")
 
 
 def serve(

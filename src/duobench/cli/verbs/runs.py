@@ -1,10 +1,9 @@
-"""What is done with a run that was played: report, compare, verify, bundle, leaderboard."""
+"""What is done with a run that was played: report, compare, verify, bundle."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +12,6 @@ import tyro
 
 from duobench.cli.shared.advice import (
     OTHER_OUT,
-    OTHER_RUN,
     AdvisedError,
     advising,
     find_run,
@@ -29,15 +27,12 @@ from duobench.results.bundle import BUNDLE_SUFFIX, open_source, write_bundle
 from duobench.results.entrants import SCHEMES, read_named, split_name
 from duobench.results.folder import RunFolder, RunReader
 from duobench.results.records import Condition
-from duobench.results.salt import read_salt
-from duobench.results.scores import RunPart, interval_percent, percent, rate_text
+from duobench.results.scores import RunPart
 from duobench.tasks.shifts.shift import NO_SHIFT
 
 if TYPE_CHECKING:
-    from duobench.data.processes import Progress
     from duobench.evaluation.replay.render import RenderResult
     from duobench.evaluation.replay.verification import Finding, Verification
-    from duobench.results.leaderboard import BoardEntry
 
 
 def report(
@@ -236,10 +231,7 @@ NAMED = 3
 
 
 def verify(
-    source: tyro.conf.Positional[Path],
-    workers: int = 1,
-    import_tasks: bool = False,
-    salt: Path | None = None,
+    source: tyro.conf.Positional[Path], workers: int = 1, import_tasks: bool = False
 ) -> None:
     """Play the joint targets in the records of a run again, without its policy, and compare.
 
@@ -250,7 +242,6 @@ def verify(
         workers: Processes that verify side by side.
         import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
             that the run names.
-        salt: File with the salt that the seeds of the run must follow from.
     """
     find_run(source)
     load_engine()
@@ -258,15 +249,9 @@ def verify(
     from duobench.evaluation.replay.verification import verify as verify_run
 
     opened = open_source(source)
-    opened.salt = None if salt is None else read_salt(salt)
     with display("episode") as shown:
         found = verify_run(
             opened, workers=workers, import_tasks=import_tasks, progress=shown.tell
-        )
-    if found.run.suite.salt and salt is None:
-        say(
-            "The seeds are not verified: they follow from a salt that is not given (--salt), and "
-            "may have been chosen by whoever played the run."
         )
     _tell_missing(opened)
     _show_verification(found, import_tasks)
@@ -342,50 +327,3 @@ def bundle(folder: tyro.conf.Positional[Path], out: Path | None = None) -> None:
         say(repeats)
     say(f"Bundle: {path}, {counted(len(manifest.parts) - 1, 'record')}")
     say(f"SHA-256: {digest_of(path)}")
-
-
-def leaderboard(
-    folder: tyro.conf.Positional[Path], out: Path, workers: int = 1
-) -> None:
-    """Verify the bundles in a folder and build a leaderboard of them: pages that load nothing.
-
-    A bundle that does not verify is listed with the reason and not ranked. What was verified before
-    is not played again.
-
-    Args:
-        folder: Folder with files that duobench bundle has written, NAME.duobench.zip.
-        out: Folder of the leaderboard; an earlier one in it is replaced.
-        workers: Processes that verify side by side.
-    """
-    if not folder.is_dir():
-        raise AdvisedError(
-            f"There is no folder {folder}. duobench bundle RUN makes a bundle."
-        )
-    load_engine()
-    from duobench.evaluation.replay.leaderboard import make_leaderboard
-
-    shown = ExitStack()
-
-    def started(name: str) -> Progress:
-        shown.close()  # what is shown of the bundle before
-        say(f"Verifying {name}")
-        return shown.enter_context(display("episode")).tell
-
-    with shown, advising(OTHER_RUN):
-        board, page = make_leaderboard(folder, out, workers=workers, started=started)
-    for title, _, _, ranked in board.groups:
-        for rank, entry in ranked:
-            say(f"{title} {rank}: {_result(entry)}")
-    for entry in board.partial:
-        say(f"Not ranked: {_result(entry)}; {'; '.join(entry.lacks)}")
-    for refused in board.refused:
-        say(f"Refused: {refused.file}: {refused.reason}")
-    say(f"Leaderboard: {page}, {counted(len(board.entries), 'policy run')}")
-
-
-def _result(entry: BoardEntry) -> str:
-    overall = entry.results.overall
-    rate, interval = rate_text(overall), interval_percent(overall)
-    worst = f", worst case {percent(overall.worst_rate)} %" if overall.repeated else ""
-    of = counted(overall.episodes, "episode")
-    return f"{entry.name}, success {rate} % ({interval}) of {of}{worst}"

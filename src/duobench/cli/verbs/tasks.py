@@ -89,7 +89,7 @@ def render(
         task: Id of a task (see: duobench list) or module:ATTRIBUTE.
         seed: Seed of the reset.
         size: Height and width of the images in pixels.
-        look: Look of the images: wood_table, dark, random:7, ... (see duobench docs looks).
+        look: Look of the images: wood_table, dark, random:7, ... (see the page looks).
         out: Folder of the images.
     """
     load_engine()
@@ -143,7 +143,7 @@ def view(
         tasks: Only the episodes of these tasks; of all if none is named.
         page: Where the page is served.
         look: Look of the scene, without textures: wood_table, dark, random:7, ... (see
-            duobench docs looks).
+            the page looks).
         import_tasks: Import tasks of episodes that are not of the benchmark, which runs the code of
             the modules that the data set or the run names.
         follow: Follow a run that is going on, or is going to be started: successes so far, the
@@ -197,7 +197,7 @@ def print_(
             it may be.
         paper: Size of the sheets.
         foot: Front edge and width in mm of the foot of your mount, and the jig for it is written
-            too; see duobench docs real_setup. By default that of the simulated mount.
+            too; see the page real_setup. By default that of the simulated mount.
     """
     from duobench.printing import Foot, write_prints
 

@@ -136,7 +136,7 @@ class ExportForm:
     size: tuple[int, int] = IMAGE_SIZE
     """Height and width of the images in pixels, even numbers from 4 on."""
     look: str = DEFAULT
-    """How rendered images look, such as wood_table or random:7; see duobench docs looks. In
+    """How rendered images look, such as wood_table or random:7; see the page looks. In
     random_per_episode each episode has a random look of its own; random_per_episode:SEED gives
     others."""
     format: Format = Format.V30
@@ -145,7 +145,7 @@ class ExportForm:
     """Which observation stands with an action: the one before it (causal) or after it (delayed)."""
     action: str = JOINT.name
     """What the actions are meant for: joint (targets), cartesian (tool poses) or cartesian_relative
-    (changes of them), with rotations as six numbers; see duobench docs lerobot."""
+    (changes of them), with rotations as six numbers; see the page lerobot."""
     action_source: ActionSource = ActionSource.INTENDED
     """Which recorded numbers they are made of: what the actor wanted (intended; where it acted in
     something else, what was sent), what was sent, or what was given, brought to joint targets."""

@@ -163,7 +163,6 @@ class RecordPlayer(Player):
         episode = Episode(
             task=task, index=record.episode, split=config.split, shift=config.shift
         )
-        episode = replace(episode, salted=self._run.seeds(record))
         recorder = EpisodeRecorder(episode)
         env = self.environment_of(record, has_images=has_images)
         watching = (recorder, _Sendable(record, targets), *watchers)

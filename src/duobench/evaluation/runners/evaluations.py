@@ -46,7 +46,6 @@ from duobench.results.journal import Journal
 from duobench.results.records import EpisodeRecord, FirstAnswer, Key
 from duobench.results.report import write_report
 from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard, TimeLimits
-from duobench.results.salt import Salt
 from duobench.results.scores import Results, summarize
 from duobench.results.suite import Episode, Suite, TaskInfo
 
@@ -66,7 +65,6 @@ def evaluate(  # noqa: PLR0913
     command: str = "",
     shard: Shard = WHOLE,
     cluster: Cluster | None = None,
-    salt: Salt | None = None,
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
@@ -93,8 +91,6 @@ def evaluate(  # noqa: PLR0913
         shard: Which part of the episodes is played. All parts may be played into one folder, or
             into several that are copied into one. What finishes the run writes the report.
         cluster: The Ray cluster on which workers and policy are; None for this machine alone.
-        salt: The secret that seeds of episodes and policy follow from; it stays in this process.
-            None plays the public ones.
 
     Returns:
         What the records add up to: of the shard, under all shifts.
@@ -111,8 +107,6 @@ def evaluate(  # noqa: PLR0913
     choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
     if videos < 0:
         raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
-    suite = replace(suite, salt=salt and salt.sha256)
-    folder.salt = salt
     job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos)
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
@@ -122,9 +116,9 @@ def evaluate(  # noqa: PLR0913
             journal.clear()
         elif folder.gives_way(run):
             folder.clear(run, shard, keeps_attempts=True)
-        episodes = run.episodes(shard, videos, salt)
+        episodes = run.episodes(shard, videos)
         # Of a policy that gives no first answer, nothing is written.
-        ask = partial(_first_answer, executor, run.episodes(salt=salt))
+        ask = partial(_first_answer, executor, run.episodes())
         first_answer = ask() if episodes and not folder.has_records else None
         folder.begin(run, shard)
         journal.start(command, workers)

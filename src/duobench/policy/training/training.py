@@ -428,7 +428,7 @@ def _problems(info: Mapping[str, Any], features: Any) -> Iterator[str]:
     if labels is None:
         yield (
             f"Its actions are {', '.join(map(str, names or ()))}, which no action mode has; see "
-            "duobench docs lerobot for the names."
+            "the page lerobot for the names."
         )
     else:
         yield from _wrong_shape(features, ACTION, len(labels.names))

@@ -139,7 +139,9 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
         f", answers in {1000 * typical:.1f} ms ({1000 * max(answers):.1f} ms at most)"
     )
     if typical > LONGEST_ANSWER_S:
-        advice = "Set the latency timer of its adapter to 1 ms (see duobench docs real_setup)."
+        advice = (
+            "Set the latency timer of its adapter to 1 ms (see the page real_setup)."
+        )
         return Outcome.FAILED.of(name, value, advice)
     ends, usual = (
         (each.open_count, each.closed_count) for each in (config, GripperConfig())
@@ -189,7 +191,9 @@ def _camera_checks(
     calibration = config.calibration
     if calibration is None:
         value = "none; its images are not remapped"
-        yield Outcome.NOTE.of(title, value, "Calibrate it: duobench docs real_cameras.")
+        yield Outcome.NOTE.of(
+            title, value, "To calibrate it, see the page real_cameras."
+        )
         return
     coverage = CanonicalView(name, calibration, config.size).coverage
     value = (

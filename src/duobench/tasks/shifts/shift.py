@@ -12,7 +12,7 @@ LOOK, CAMERA, LAYOUT, PHYSICS = "look", "camera", "layout", "physics"
 INSTRUCTION, SENSING, LATENCY = "instruction", "sensing", "latency"
 SINGLE_AXES = (LOOK, CAMERA, LAYOUT, PHYSICS, INSTRUCTION, SENSING, LATENCY)
 AXES = (*SINGLE_AXES, ALL_AXES)
-"""What may be shifted; duobench docs robustness says what each is."""
+"""What may be shifted; the page robustness says what each is."""
 LEVELS = 5
 """Levels 1 to 5 of each axis; 0 is no shift."""
 

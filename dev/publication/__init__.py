@@ -1,1 +1,0 @@
-"""`make publication`: the folder of what would be published, made from nothing."""
