@@ -148,19 +148,6 @@ def test_command_of_the_report_makes_the_same_report(tmp_path: Path, evaluate: T
     assert without_times(pages[0]) == without_times(pages[1])
 
 
-def test_eval_plays_on_after_the_horizon(tmp_path: Path, told: Told) -> None:
-    late = ["--policy", f"{toy_tasks.__name__}:Late", "--tasks", toy_tasks.NUDGE_NAME]
-    words = ["eval", *late, "--episodes", "4", "--videos", "0", "--workers", "0"]
-    out = told(*words, "--overtime", "1.5", "--out", tmp_path / "run")
-    row = next(line for line in out.splitlines() if line.strip().startswith("nudge"))
-    assert row.split()[:6] == ["nudge", "4", "25.0", "4.6–69.9", "0.250", "75.0"]
-    run = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert run["suite"]["overtime"] == 1.5
-    assert "--overtime 1.5" in RunFolder(tmp_path / "run").commands()[0]
-    refused = refusal(*words, "--overtime", "0.5", "--out", tmp_path / "other")
-    assert "1 (none) or more, such as 1.5; got 0.5." in refused
-
-
 def test_command_has_every_option_that_a_result_may_depend_on() -> None:
     options = list(options_of(eval_verb))
     given: dict[str, object] = {}
@@ -174,7 +161,7 @@ def test_command_has_every_option_that_a_result_may_depend_on() -> None:
     for option in options:
         elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE"}
         value = elsewhere.get(option.name, f"'my {option.name}'")
-        no_matter = {"workers", "wait", "retry_broken", "watch", "watch_port"}
+        no_matter = {"workers", "wait", "retry_broken"}
         no_matter |= {"executor", "address", "policy_gpus", "shard"}
         assert (f"{option.flag} {value}" in command) == (option.name not in no_matter), option.name
 

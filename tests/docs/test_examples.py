@@ -329,15 +329,15 @@ def test_table_of_parameters_names_those_of_the_benchmark() -> None:
 def look(line: str, folder: Path) -> dict[str, Any]:
     """Run a command, and look at its page until an episode or report is shown; the last status."""
     seen: list[dict[str, Any]] = []
-    watched = "--watch" in line
+    followed = "--follow" in line
 
     def until_shown(page: Page) -> None:
-        while not (seen and seen[-1].get("report" if watched else "instruction")):
+        while not (seen and seen[-1].get("report" if followed else "instruction")):
             seen.append(page.hear_of("status"))
-        if not watched:
+        if not followed:
             page.frame()
 
-    attend(line, folder, until_shown, end=not watched)
+    attend(line, folder, until_shown, end=True)
     return seen[-1]
 
 
@@ -346,12 +346,12 @@ def look(line: str, folder: Path) -> dict[str, Any]:
 def test_commands_of_viewing_run(tmp_path: Path) -> None:
     shown = {}
     for line in "".join(blocks(VIEWING, "sh")).splitlines():
-        if " view " in line or "--watch" in line:
+        if " view " in line:
             shown[line.split()[-1]] = look(line, tmp_path)
         else:
             run(line, tmp_path)
     assert len(shown["carry_pot"]["items"]) == LAYOUTS
     assert len(shown["data/expert"]["items"]) == 2
     assert shown["data/expert"]["steps"] > 0
-    assert shown["--watch"]["run"]["finished"] == 2
+    assert shown["--follow"]["run"]["finished"] == 2
     assert [item["state"] for item in shown["runs/expert"]["items"]] == ["success"] * 2

@@ -366,7 +366,7 @@ def test_a_closed_environment_says_that_it_is_closed(kind: str, is_over: bool) -
             "of the base": env.unwrapped.reset,
         }
         if is_over:
-            env.get_wrapper_attr("play_on")(1)
+            env.get_wrapper_attr("allow_step_after_end")()
             env.step(action)
     env.close()
     env.close()

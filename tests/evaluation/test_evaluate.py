@@ -63,7 +63,6 @@ def test_other_run_is_refused_in_the_same_folder(play):
         ("hold", {}, "policy hold instead of random"),
         ("random", {"limits": TimeLimits(act_timeout=5.0)}, r"act_timeout 5\.0 instead of 120\.0"),
         ("random", {"look": "dark"}, "environment's look dark instead of default"),
-        ("random", {"overtime": 1.5}, r"overtime 1\.5 instead of 1\.0"),
     ):
         with pytest.raises(OtherRunError, match=message):
             play(policy, episodes=1, **options)

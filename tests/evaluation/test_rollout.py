@@ -69,7 +69,7 @@ def told(steps):
 
 def in_order(length):
     """Such pairs of chunks of a length, one after the other."""
-    return [(1 + number // length, number % length) for number in range(HORIZON + 12)]
+    return [(1 + number // length, number % length) for number in range(HORIZON)]
 
 
 @pytest.fixture(scope="module")
@@ -88,11 +88,11 @@ def seeing():
 
 def played(env, policy, *watchers, **options):
     listener = Listener()
-    following = rollout(env, policy, seed=3, watchers=[listener, *watchers], **options)
+    rollout(env, policy, seed=3, watchers=[listener, *watchers], **options)
     assert listener.heard == WHOLE
     assert [step.number for step in listener.steps] == list(range(1, HORIZON + 1))
     assert [step.truncated for step in listener.steps] == [False] * (HORIZON - 1) + [True]
-    return listener, following
+    return listener
 
 
 # --- chunks --------------------------------------------------------------------------------------
@@ -101,23 +101,9 @@ def played(env, policy, *watchers, **options):
 @pytest.mark.parametrize("length", [1, 5, 24, 100])
 def test_actions_of_a_chunk_are_executed_in_order_until_the_end(env, length):
     policy = Numbered(length)
-    listener, _ = played(env, policy)
+    listener = played(env, policy)
     assert told(listener.steps) == in_order(length)[:HORIZON]
     assert policy.calls == -(-HORIZON // length)
-
-
-@pytest.mark.parametrize("length", [1, 5])
-def test_what_follows_an_episode_goes_on_where_the_chunk_was_cut_off(seeing, length):
-    listener, following = played(seeing, Numbered(length))
-    seeing.get_wrapper_attr("play_on")(36)
-    steps = [next(following) for _ in range(12)]
-    seeing.get_wrapper_attr("set_rendering")(True)  # as whoever plays on does afterwards
-    assert [step.number for step in steps] == list(range(25, 37))
-    assert told(steps) == in_order(length)[HORIZON:]
-    assert [step.truncated for step in steps] == [False] * 11 + [True]
-    seen = [step.number for step in steps if "pixels" in step.observation]
-    assert seen == [number for number in range(25, 37) if number % length == 0]
-    assert listener.heard == WHOLE
 
 
 @pytest.mark.parametrize(
@@ -128,7 +114,7 @@ def test_what_follows_an_episode_goes_on_where_the_chunk_was_cut_off(seeing, len
     ],
 )
 def test_a_chunk_is_cut(env, length, numbers):
-    listener, _ = played(env, Numbered(length), execution=ChunkExecution(execute=3))
+    listener = played(env, Numbered(length), execution=ChunkExecution(execute=3))
     assert told(listener.steps)[: len(numbers)] == numbers
 
 
@@ -136,13 +122,13 @@ def test_a_chunk_is_cut(env, length, numbers):
 @pytest.mark.parametrize("length", [1, 3])
 def test_latency_delays_what_is_executed_and_nothing_else(env, length, latency):
     held = [(100, 0)] * latency  # the grippers are open at home
-    listener, _ = played(env, Numbered(length), execution=ChunkExecution(latency=latency))
+    listener = played(env, Numbered(length), execution=ChunkExecution(latency=latency))
     assert told(listener.steps) == [*held, *in_order(length)][:HORIZON]
 
 
 def test_the_policy_is_asked_at_the_same_steps_and_sees_the_images(seeing):
     execution = ChunkExecution(execute=4, latency=6)
-    listener, _ = played(seeing, toy_tasks.Sees(), execution=execution)
+    listener = played(seeing, toy_tasks.Sees(), execution=execution)
     assert listener.seen == [4, 8, 12, 16, 20, 24]
 
 
@@ -240,7 +226,7 @@ def test_images_are_rendered_when_somebody_asks_for_them_through_any_wrappers(
     env = seeing
     for wrapper in wrappers:
         env = wrapper(env)
-    assert played(env, toy_tasks.Sees(), watcher())[0].seen == seen
+    assert played(env, toy_tasks.Sees(), watcher()).seen == seen
     # Who steps the environment afterwards sees images again.
     assert "pixels" in env.reset(seed=0)[0]
 

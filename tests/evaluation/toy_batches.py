@@ -9,7 +9,7 @@ import numpy as np
 from duobench.policy import PolicyMetadata, Session, noise
 from duobench.world.robot.joints import JOINT_RANGES
 from tests.evaluation import toy_tasks
-from tests.evaluation.toy_tasks import HORIZON, dies, mark, raises, seed_of
+from tests.evaluation.toy_tasks import dies, mark, raises, seed_of
 
 WIDTH = 64
 LOW, HIGH = np.vstack([np.vstack([JOINT_RANGES, (0.0, 1.0)])] * 2).T.astype(np.float32)
@@ -55,15 +55,6 @@ class DiesInOne(Wanders):
 
     def before(self, asked: set[tuple[int, int]]) -> None:
         if (seed_of("nod", 0), 2) in asked:
-            dies()
-
-
-class DiesLate(Wanders):
-    """Kills its process after the horizon of the second episode."""
-
-    def before(self, asked: set[tuple[int, int]]) -> None:
-        if (seed_of("wave", 1), HORIZON // 3) in asked:
-            mark("late")
             dies()
 
 

@@ -139,7 +139,6 @@ def dies_when_made() -> None:
 
 
 FAULTS: tuple[Callable[[], None], ...] = (exits, raises, cancels, raises_bytes, raises_much)
-LATE_FAULTS: tuple[Callable[[], None], ...] = (raises, exits, dies, hangs)
 
 
 class Acts:
@@ -294,47 +293,6 @@ class Hangs(Acts, HoldPolicy):
     def before(self) -> None:
         if self.acts == 4 and self.seed == seed_of("wave", 0):
             hangs()
-
-
-class Late(HoldPolicy):
-    """Still, longer in each episode than in the one before, then moves; in chunks of five."""
-
-    metadata = PolicyMetadata(name="late", cameras=(), horizon=5)
-    waits: tuple[int, ...] = (5, 21, 23, 100)
-
-    def reset(self, instruction: str, seed: int) -> None:
-        super().reset(instruction, seed)
-        seeds = {seed_of(name, k): k for name in ("nudge", "wave", "nod") for k in range(10)}
-        self.index, self.acts = seeds[seed], 0
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        chunk = np.repeat(np.atleast_2d(super().act(observation)), 5, axis=0)
-        wait = (*self.waits, 100)[min(self.index, len(self.waits))]
-        for row in chunk:
-            self.acts += 1
-            row[1] += 0.05 * max(0, self.acts - wait)
-        return chunk
-
-
-class FailsLate(Late):
-    """Moves too late for any horizon, and breaks after it, in each episode in another way."""
-
-    waits = ()
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        if self.acts > HORIZON:
-            LATE_FAULTS[self.index]()
-        return super().act(observation)
-
-
-class TriesAgain(Late):
-    """Kills its process once it is too late, and succeeds in the next attempt."""
-
-    def act(self, observation: Mapping[str, Any]) -> Any:
-        if self.acts > HORIZON and mark("again"):
-            dies()
-        self.waits = (0,) if Path(os.environ[MARKS], "again").exists() else ()
-        return super().act(observation)
 
 
 class Tires(Acts, RandomPolicy):

@@ -27,7 +27,6 @@ def test_a_run_is_told_by_everything_that_was_chosen() -> None:
         tasks=(SORT, TURN),
         first_episode=3,
         look="dark",
-        overtime=1.5,
         metadata=PolicyMetadata(
             name="net", version="7", horizon=30, object_state=True, dtype="float16", device="cuda"
         ),
@@ -48,7 +47,6 @@ def test_a_run_is_told_by_everything_that_was_chosen() -> None:
             "Look": "dark",
             "Cameras": "head, 128 × 96 pixels",
             "Action mode": "cartesian",
-            "Overtime": "up to 1.5 horizons",
             "Chunk": "30 actions",
             "Inference": "float16, cuda, dynamic batches of 4",
         }.items()
@@ -59,7 +57,6 @@ def test_what_is_not_known_is_said() -> None:
     facts = identity(part_of(sample_run(metadata=PolicyMetadata(name="mine"))))
     known = {"Its version": "not known", "Inference": "not known", "Cameras": "none"}
     assert facts.items() >= {**known, "Chunk": "of varying or unknown length"}.items()
-    assert "Overtime" not in facts
 
 
 def test_machines_and_software_are_told_once_each() -> None:

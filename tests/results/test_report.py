@@ -108,24 +108,6 @@ def test_summary_has_the_numbers_of_each_task(tmp_path: Path) -> None:
     assert found["policy"] == "mine"
 
 
-def test_late_successes_are_beside_the_scores_and_change_none(tmp_path: Path) -> None:
-    records = [sample_record(SORT, 0), sample_record(SORT, 1, (5,))]
-    slow = [records[0], replace(records[1], late_success=100)]
-    of_plain, of_overtime = (
-        reported(tmp_path / name, sample_run(tasks=(SORT,), episodes=2, overtime=overtime), found)
-        for name, overtime, found in (("plain", 1.0, records), ("overtime", 1.5, slow))
-    )
-    plain, overtime = summary(of_plain[0]), summary(of_overtime[0])
-    assert (overtime.pop("overtime"), plain.pop("overtime")) == (1.5, 1.0)
-    for score in (overtime["tasks"]["sort"], *overtime["categories"].values(), overtime["overall"]):
-        assert score["late_successes"] == 1
-        score["late_successes"] = 0
-    assert overtime == plain
-    for words in ("Within 1.5 horizons / %", "is no score", "(3 at 100, after the horizon)"):
-        assert words in of_overtime[1].words
-    assert "horizons" not in of_plain[1].words
-
-
 def test_same_records_give_the_same_bytes_in_any_folder(tmp_path: Path) -> None:
     run = sample_run()
     records = sample_records(run)

@@ -272,7 +272,7 @@ class TimeLimit(DuoWrapper):
         if horizon < 1:
             raise ValueError(f"A horizon is at least one control step, got {horizon}.")
         super().__init__(env, horizon=horizon)
-        self._horizon = self._limit = horizon
+        self._horizon = horizon
         self._steps = 0
         self._over = False
 
@@ -284,12 +284,9 @@ class TimeLimit(DuoWrapper):
     def reset(self, *, seed: int | None = None, options: ResetOptions = None) -> Start:
         """Begin an episode and count from zero."""
         result = self.env.reset(seed=seed, options=options)
-        self._limit, self._steps, self._over = self._horizon, 0, False
+        self._steps = 0
+        self._over = False
         return result
-
-    def play_on(self, limit: int) -> None:
-        """Let an episode that the horizon has cut off go on, up to so many control steps in all."""
-        self._limit, self._over = limit, False
 
     def allow_step_after_end(self) -> None:
         """Allow one more step after the end: a recording, or a replay, may go on after success."""
@@ -303,7 +300,8 @@ class TimeLimit(DuoWrapper):
         """Continue from a saved state, and count on."""
         steps = required(state.steps, "time limit")
         result = super().restore_state(state)
-        self._limit, self._steps, self._over = self._horizon, steps, state.over
+        self._steps = steps
+        self._over = state.over
         return result
 
     def step(self, action: Any) -> Transition:
@@ -315,6 +313,6 @@ class TimeLimit(DuoWrapper):
             )
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._steps += 1
-        truncated = truncated or self._steps >= self._limit
+        truncated = truncated or self._steps >= self._horizon
         self._over = terminated or truncated
         return observation, float(reward), terminated, truncated, info

@@ -3,7 +3,7 @@
 import hashlib
 import logging
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, replace
 from typing import Generic, Protocol, TypeVar
@@ -14,7 +14,6 @@ import msgspec
 from duobench.core.errors import (
     DataError,
     PolicyError,
-    TaskFailedError,
     escaped,
 )
 from duobench.core.randomness import EVAL, episode_seed
@@ -27,7 +26,6 @@ from duobench.core.versions import (
 from duobench.data import Actor, ActorKind, EpisodeInfo, Outcome, Recorder, Recording
 from duobench.data.stream import INTERRUPTED
 from duobench.envs.config import FIXED, EnvConfig
-from duobench.envs.execution import Step, optional_method
 from duobench.envs.registration import make
 from duobench.evaluation.blame import Asking, before_policy
 from duobench.evaluation.clock import EpisodeClock, Stopwatch
@@ -180,8 +178,7 @@ class EpisodeRunner:
         source: The policy of the job, which belongs to the runner from now on.
         job: How it plays.
         clock: Where its times are noted, for another process.
-        tell: Takes the record of an episode so far, whenever it has reached a new stage, and before
-            it is played on after its horizon: that one stands whatever happens then.
+        tell: Takes the record of an episode so far, whenever it has reached a new stage.
         is_interruptible: Whether a `KeyboardInterrupt` is a person's, not the policy's.
     """
 
@@ -233,8 +230,8 @@ class EpisodeRunner:
         """Play one episode.
 
         Whatever the policy raises, `sys.exit` included, and whatever its actions do to the physics,
-        makes the episode a failed one; after its horizon, it ends the overtime. A `MachineryError`
-        is no fault of the policy, and other errors mean that it does not fit; see `blame`.
+        makes the episode a failed one. A `MachineryError` is no fault of the policy, and other
+        errors mean that it does not fit; see `blame`.
         """
         watch = Stopwatch()
         setting = self._prepare(episode)
@@ -255,11 +252,11 @@ class EpisodeRunner:
                 watch.policy(self._clock.timed(self._limits, recorder.steps))
             )
 
-        error = late = None
+        error = None
         before = getattr(policy, "busy_s", None)
         try:
             with self._clock.playing(), watch.rollout(env):
-                following = rollout(
+                rollout(
                     env,
                     policy,
                     seed=episode.seed,
@@ -270,8 +267,6 @@ class EpisodeRunner:
                         episode.task.id, episode.shift
                     ),
                 )
-                so_far = recorder.record(self.run, self.versions)
-                late = self._play_on(env, following, so_far, asking)
         except self._let_through:
             raise
         except BaseException as caught:
@@ -287,9 +282,7 @@ class EpisodeRunner:
             error = caught
         record = recorder.record(self.run, self.versions)
         return EpisodeResult(
-            record=replace(record, late_success=late)
-            if error is None
-            else record.broken(error, record.steps),
+            record=record if error is None else record.broken(error, record.steps),
             video=None if video is None else video.video(),
             recording=recording and recording.content,
             times=watch.times(
@@ -297,32 +290,6 @@ class EpisodeRunner:
                 None if before is None else getattr(policy, "busy_s", before) - before,
             ),
         )
-
-    def _play_on(
-        self,
-        env: gym.Env,
-        following: Iterator[Step],
-        record: EpisodeRecord,
-        asking: Asking,
-    ) -> int | None:
-        """Play on after the horizon, if asked to; the step that reached the last stage, if any."""
-        limit = round(self.run.suite.overtime * record.horizon)
-        if record.success or not record.steps == record.horizon < limit:
-            return None
-        self._tell(record)
-        env.get_wrapper_attr("play_on")(limit)
-        try:
-            last = next(step for step in following if step.is_last)
-        except self._let_through:
-            raise
-        except BaseException as error:
-            fault = asking.fault_of(error, record.task)
-            if fault is not None and not isinstance(fault, TaskFailedError):
-                raise
-            self._latest.close()  # the result is that of the horizon
-            return None
-        optional_method(env, "set_rendering")(True)
-        return last.number if last.info["success"] else None
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
         """Have the policy answer the first observation of an episode twice; it is not played."""

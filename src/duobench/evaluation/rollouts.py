@@ -71,7 +71,7 @@ def rollout(
     watchers: Iterable[Watcher] = (),
     busy: Callable[[], AbstractContextManager[Any]] = nullcontext,
     execution: ChunkExecution = WHOLE_CHUNKS,
-) -> Iterator[Step]:
+) -> None:
     """Run one episode.
 
     The actions of a chunk are executed in order, until the episode is over, or only its first
@@ -100,10 +100,6 @@ def rollout(
         busy: Surrounds everything that the policy does, and the check of what it returned, which
             may wait for a lazy array.
         execution: What is executed of the policy's chunks, and when.
-
-    Returns:
-        The steps that would follow, each executed when it is asked for, to play on after the
-        horizon. Watchers are not told of them.
 
     Raises:
         PolicyError: If the policy does not fit the environment, or returns something that is no
@@ -137,7 +133,6 @@ def rollout(
                 watcher.on_step(step)
             if step.is_last:
                 break
-    return steps
 
 
 def _steps(
@@ -163,10 +158,10 @@ def _steps(
                 optional_method(env, "intend")(wanted)
         queue = np.concatenate([waiting, answered])
         chunk, waiting = queue[: len(answered)], queue[len(answered) :]
-        while len(chunk):  # also after a step that was the last
-            for step in execute(env, chunk, before=number, render_last=render_last):
-                observation, number, chunk = step.observation, step.number, chunk[1:]
-                yield step
+        for step in execute(env, chunk, before=number, render_last=render_last):
+            observation = step.observation
+            number = step.number
+            yield step
 
 
 def _changes_observations(env: gym.Env) -> bool:

@@ -141,7 +141,6 @@ def identity(part: RunPart) -> Facts:
         "Action mode": config.action_mode,
         "Chunk": "of varying or unknown length" if policy.horizon is None else actions,
         "Executed": f"{execute_text(suite)}, {latency_text(suite)}",
-        "Overtime": f"up to {suite.overtime:g} horizons" if suite.overtime > 1 else "",
         "Instructions": config.instructions,
         "Inference": ", ".join(filter(None, (policy.dtype, policy.device, batches)))
         or UNKNOWN,

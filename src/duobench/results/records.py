@@ -30,7 +30,7 @@ from duobench.results.excess import Excess
 from duobench.results.labels import FaultKind, StageLabel, StageLabels
 from duobench.tasks.shifts.shift import Shift
 
-RECORD_SCHEMA = 11
+RECORD_SCHEMA = 12
 """Version of the record's fields; raised when a field is added, removed or changes its meaning."""
 SIM, REAL, MIXED = "sim", "real", "mixed"
 """Where something was played or recorded: in simulation, on real arms, or both."""
@@ -221,9 +221,6 @@ class EpisodeRecord:
     terminated: bool
     truncated: bool
     """Whether the horizon ended the episode, or arms that could not go on."""
-    late_success: int | None = None
-    """Control step at which an episode that was played on after its horizon reached the last stage;
-    None if it did not, or was not played on."""
     error: str | None
     layout: SampledLayout
     state_hash: str | None
@@ -265,14 +262,6 @@ class EpisodeRecord:
             "stages are reached within the executed steps": bool(when)
             and not 0 <= when[0] <= when[-1] <= self.steps,
             "steps must lie in 0..horizon": not 0 <= self.steps <= self.horizon,
-            "late_success must come after the horizon, without success or error": (
-                self.late_success is not None
-                and (
-                    self.success
-                    or self.error is not None
-                    or self.late_success <= self.horizon
-                )
-            ),
             "attempts count from 1, and each earlier one has ended somehow": self.attempt
             != 1 + len(self.earlier)
             or not ENDS.keys() >= set(self.earlier),

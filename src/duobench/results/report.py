@@ -37,7 +37,7 @@ from duobench.results.run import Run, Shard
 from duobench.results.scores import Results, RunPart, group_by_condition
 from duobench.results.suite import deviations
 
-SUMMARY_SCHEMA = 7
+SUMMARY_SCHEMA = 8
 SUMMARY = "summary.json"
 """The results of a condition for programs."""
 _NAMED = 6  # shards that a sentence names
@@ -124,7 +124,7 @@ def summary_json(part: RunPart) -> str:
         **part.facts("domain", "rig", "trained_on"),
         **part.facts("suite_version", "suite"),
         "suite_deviations": deviations(part.suite),
-        **part.facts("execute", "latency", "overtime", "look", "shift", "versions"),
+        **part.facts("execute", "latency", "look", "shift", "versions"),
         **part.facts("first_episode", "expected_episodes"),
         "tasks": {
             one.task.id: {

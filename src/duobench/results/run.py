@@ -364,7 +364,6 @@ class Run:
             "look": suite.look,
             "actions executed of a chunk": suite.execution.execute or "all",
             "latency": suite.execution.latency,
-            "overtime": suite.overtime,
             **_fields("time limit", self.limits),
             "domain": self.domain,
             "rig": self.rig,

@@ -66,8 +66,6 @@ class Score:
     episodes: int
     successes: int
     errors: int
-    late_successes: int
-    """How many more did after their horizon, where they were played on."""
     mean_final_progress: float | None
     """Mean of last stage over the task's number of stages; None without episodes."""
     repeated: int = 0
@@ -92,15 +90,6 @@ class Score:
         return self.successes / self.episodes if self.episodes else None
 
     @property
-    def late_rate(self) -> float | None:
-        """Share of episodes that succeeded, late ones included: no score. None without episodes."""
-        return (
-            (self.successes + self.late_successes) / self.episodes
-            if self.episodes
-            else None
-        )
-
-    @property
     def interval(self) -> tuple[float, float]:
         """95 % Wilson interval of the success rate."""
         return wilson_interval(self.successes, self.episodes)
@@ -114,7 +103,6 @@ class Score:
             "wilson_95": list(self.interval),
             "mean_final_progress": self.mean_final_progress,
             "errors": self.errors,
-            "late_successes": self.late_successes,
             "begun_more_than_once": self.repeated,
             "worst_case_success_rate": self.worst_rate,
         }
@@ -160,7 +148,6 @@ def score(label: str, records: Sequence[EpisodeRecord]) -> Score:
         episodes=len(records),
         successes=sum(record.success for record in records),
         errors=sum(record.error is not None for record in records),
-        late_successes=sum(record.late_success is not None for record in records),
         repeated=sum(record.attempt > 1 for record in records),
         repeated_successes=sum(
             record.success for record in records if record.attempt > 1
@@ -303,7 +290,6 @@ class RunPart:
             "suite": suite.label,
             "execute": suite.execution.execute,
             "latency": suite.execution.latency,
-            "overtime": suite.overtime,
             "look": self.condition.look,
             "shift": self.condition.shift.name,
             "versions": self.run.versions,

@@ -5,7 +5,6 @@ when anything that it fixes changes. What an episode of a task is belongs to the
 `duobench.core.randomness.SUITE_VERSION`.
 """
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -105,9 +104,6 @@ class Suite:
     """What is executed of the chunks of a policy, and when."""
     shifts: tuple[Shift, ...] = (NO_SHIFT,)
     """What differs from the usual episodes, condition by condition; each has all episodes."""
-    overtime: float = 1.0
-    """Horizons after which an episode without success ends. What happens after the first one is no
-    part of its result; 1 plays none of it."""
 
     def __post_init__(self) -> None:
         if (
@@ -117,11 +113,6 @@ class Suite:
             raise EvaluationError(
                 f"A suite has at least one episode, counted from 0, and ends before {MAX_EPISODES};"
                 f" got {self.episodes} from {self.first_episode}."
-            )
-        if not 1.0 <= self.overtime < math.inf:
-            raise EvaluationError(
-                "Overtime is a number of horizons, 1 (none) or more, such as 1.5; got "
-                f"{self.overtime}."
             )
         if not self.tasks:
             raise EvaluationError("A suite has at least one task, got none.")
@@ -249,9 +240,6 @@ class SuiteChoice:
     latency, all."""
     levels: tuple[int, ...] = ()
     """Of the suite robust, these levels alone, 1 to 5; no shift is always played."""
-    overtime: float = 1.0
-    """Play an episode without success on after its horizon, until it has had so many horizons in
-    all, such as 1.5. Scores and records end at the horizon."""
 
     def make(self, execution: ChunkExecution = WHOLE_CHUNKS) -> Suite:
         """The suite, its chunks executed as told; without a number of actions as the name says.
@@ -272,7 +260,6 @@ class SuiteChoice:
             first_episode=self.first_episode,
             look=self.look,
             shifts=self._shifts(named.shifts),
-            overtime=self.overtime,
             name=named.name,
             revision=named.revision,
             execution=execution,

@@ -16,10 +16,8 @@ from tests.results.samples import (
 )
 
 
-def printed(
-    run_records: list, expected: int, width: int = 130, policy: str = "mine", overtime: float = 1.0
-) -> list[str]:
-    out, run = io.StringIO(), sample_run(episodes=expected, policy=policy, overtime=overtime)
+def printed(run_records: list, expected: int, width: int = 130, policy: str = "mine") -> list[str]:
+    out, run = io.StringIO(), sample_run(episodes=expected, policy=policy)
     Console(file=out, width=width, soft_wrap=True).print(results_table(part_of(run, run_records)))
     return [re.sub(r"\s{2,}", "|", line.strip()) for line in out.getvalue().splitlines()]
 
@@ -35,15 +33,6 @@ def test_row_has_rate_interval_progress_and_distribution() -> None:
     assert any(
         "2:5 says that five episodes came to stage 2 and no further" in line for line in lines
     )
-
-
-def test_late_successes_have_a_column_where_episodes_were_played_on() -> None:
-    records = [sample_record(SORT, episode, (1, 2, 3)) for episode in range(2)]
-    records += [sample_record(SORT, 2, (5,), late_success=100), sample_record(SORT, 3, (5,))]
-    lines = printed(records, expected=4, overtime=1.5)
-    assert "sort|4|50.0|15.0–85.0|0.667|75.0|0:0|1:2|2:0|3:2" in lines
-    assert "Within 1.5 horizons is no score: scores end at the horizon." in lines
-    assert not any("ithin" in line for line in printed(records, expected=4))
 
 
 def test_a_sentence_says_that_targets_look_like_degrees() -> None:

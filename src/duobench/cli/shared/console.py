@@ -97,15 +97,12 @@ def results_table(part: RunPart) -> Table:
     """
     results, expected = part.results, part.suite.episodes
     errors = ("Errors",) if results.overall.errors else ()
-    overtime = part.suite.overtime
-    late = (f"Within {overtime:g}\nhorizons %",) if overtime > 1 else ()
     headings = (
         "Episodes",
         *errors,
         "Success\n%",
         "95 %\ninterval",
         "Final\nprogress",
-        *late,
     )
     rows = table(
         whole("Task"),
@@ -119,10 +116,6 @@ def results_table(part: RunPart) -> Table:
     notes = [
         note for note in (part.excess, part.repeats, part.repeatability, legend) if note
     ]
-    if late:
-        notes.append(
-            f"Within {overtime:g} horizons is no score: scores end at the horizon."
-        )
     rows.caption = "\n".join(notes)
 
     def cells(name: str, score: Score, wanted: int) -> list[str]:
@@ -134,7 +127,6 @@ def results_table(part: RunPart) -> Table:
         )
         broken = [str(score.errors)] if errors else []
         rate = rate_text(score)
-        later = [percent(score.late_rate)] if late else []
         return [
             name,
             episodes,
@@ -142,7 +134,6 @@ def results_table(part: RunPart) -> Table:
             rate,
             interval_percent(score),
             progress_text(score),
-            *later,
         ]
 
     for category in results.categories:

@@ -16,8 +16,6 @@ _NO_MATTER = (
     "workers",
     "retry_broken",
     "wait",
-    "watch",
-    "watch_port",
     "executor",
     "address",
     "policy_gpus",

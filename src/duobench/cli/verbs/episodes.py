@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing, nullcontext
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -22,7 +22,6 @@ from duobench.cli.shared.advice import (
 )
 from duobench.cli.shared.console import counted, results_table, say
 from duobench.cli.shared.options import command_line
-from duobench.cli.shared.page import followed
 from duobench.cli.shared.process import load_engine, raising
 from duobench.cli.shared.progress import EpisodesKept, EpisodesPlayed, display
 from duobench.cli.verbs.data import opened
@@ -328,8 +327,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     retry_broken: bool = False,
     fresh: bool = False,
     unplayed_count_as_failures: bool = False,
-    watch: bool = False,
-    watch_port: int = 0,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
@@ -359,8 +356,6 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             which every finished episode failed with an error gives way to a changed policy too.
         unplayed_count_as_failures: Count episodes in which a process dies each of three times as
             failures; without this they stay unplayed, and the exit code is 1.
-        watch: Follow the run on a page in the browser, as duobench view --follow does.
-        watch_port: Port of that page; 0 takes a free one.
     """
     command = command_line("eval", evaluate, locals())
     load_engine()
@@ -380,10 +375,8 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
             f"Connecting to the policy's server; waiting up to {choice.server.wait_s:g} s for it."
         )
     folder = RunFolder(out)
-    watched = followed(folder, watch_port) if watch else nullcontext()
     with (
         advising(for_evaluation(folder, policy.policy)),
-        watched,
         raising(out),
         display("episode") as shown,
     ):

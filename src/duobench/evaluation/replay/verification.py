@@ -196,8 +196,7 @@ def _parts(
         for record, verdict in each
         if verdict is not Verdict.CONTRADICTED
     ]
-    shown = replace(run, suite=replace(run.suite, overtime=1.0))
-    return tuple(group_by_condition(shown, records))
+    return tuple(group_by_condition(run, records))
 
 
 def _finding(key: Key, verdict: Verdict, reason: str = "") -> Finding:

@@ -135,8 +135,6 @@ class LocalExecutor:
     ) -> EpisodeResult | None:
         """Result of an episode after a fault; None if it is played again, or not any more."""
         record, how = self._progress, end_of(fault)
-        if how == POLICY and record is not None and record.end is not None:
-            return EpisodeResult(record=record)  # it was played on after its horizon
         if how == POLICY and log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS:
             record = record or EpisodeRecorder(episode).record(
                 self._runner.run, self._runner.versions
@@ -187,7 +185,6 @@ class ProcessExecutor:
         self._ready: Ready | None = None
         self._rehearsing: Worker | None = None
         self._first_answer: FirstAnswer | None = None
-        self._at_horizon: dict[Episode, EpisodeRecord] = {}
         self._isolated: Episode | None = None
         """The episode that was begun last, if nothing is played beside it."""
         self._log = AttemptLog()
@@ -235,9 +232,6 @@ class ProcessExecutor:
         while self._schedule.left or self._pool.playing:
             self._dispatch()
             yield from self._poll()
-        for episode in self._at_horizon.keys() & self.unplayed.keys():
-            del self.unplayed[episode]
-            yield EpisodeResult(record=self._at_horizon.pop(episode))
 
     def failures(self) -> Iterator[EpisodeResult]:
         """Unplayed episodes as failures with an error, but not those whose task failed."""
@@ -325,14 +319,12 @@ class ProcessExecutor:
                 _log.warning("A message that nobody asked for was dropped.")
 
     def _note_progress(self, worker: Worker, record: EpisodeRecord) -> None:
-        """Note how far the episode of a worker is, and the end of one that is played on."""
+        """Note how far the episode of a worker is."""
         if (
             worker.episode
             and self._prepared.run.objection(record, worker.episode) is None
         ):
             worker.progress = record
-            if record.end is not None:
-                self._at_horizon.setdefault(worker.episode, record)
 
     def _check_same(self, run: Run) -> None:
         """Workers may differ in processor and renderer, as records say, and in nothing else."""
@@ -355,12 +347,7 @@ class ProcessExecutor:
             worker.episode, self._prepared.run, self._job.recording
         )
         if objection is None:
-            kept = self._at_horizon.pop(worker.episode, None)
             worker.episode = None
-            if kept and kept != replace(result.record, late_success=None):
-                result = EpisodeResult(
-                    record=kept
-                )  # a second attempt cannot improve on it
             yield result
         else:
             yield from self._lose(worker, f"its result was dropped: {objection}")
@@ -453,11 +440,8 @@ class ProcessExecutor:
     def _end(
         self, worker: Worker, episode: Episode, fault: str, what: str = _ENDED
     ) -> Iterator[EpisodeResult]:
-        """Fail an episode whose policy has ended by itself again, or after its horizon."""
-        if (
-            self._log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS
-            or episode in self._at_horizon
-        ):
+        """Fail an episode whose policy has ended by itself again."""
+        if self._log.policy_ends(episode) + 1 >= MOST_POLICY_ENDS:
             yield self._failed(worker, episode, ended_twice(what, fault))
         else:
             self._log.lose(episode, POLICY)
@@ -509,9 +493,6 @@ class ProcessExecutor:
     def _failed(
         self, worker: Worker, episode: Episode, error: PolicyError
     ) -> EpisodeResult:
-        record = self._at_horizon.pop(episode, None)
-        if record:
-            return EpisodeResult(record=record)
         record = worker.progress or self._unknown(episode)
         # The clock is shared memory, and nonsense in it must not end the run.
         steps = min(max(worker.process.clock().steps, record.steps), record.horizon)

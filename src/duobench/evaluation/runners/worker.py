@@ -49,7 +49,7 @@ class Rehearsed(msgspec.Struct, tag=True, frozen=True):
 
 
 class EpisodeProgress(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the episode has begun, reached a new stage, or is played on."""
+    """From a worker: the episode has begun, or reached a new stage."""
 
     record: EpisodeRecord
 
