@@ -131,7 +131,7 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ),
         ("data split demos --out a b", "--fraction 0.8, or all of some tasks, such as --tasks"),
         ("data chek demos", "Did you mean `duobench data check`?"),
-        ("export demos", "Did you mean `duobench export lerobot`?"),
+        ("export demos", "Did you mean `duobench export lerobot demos`?"),
         ("serve --policy hold --host 0.0.0.0", "could be used by anybody"),
         ("serve --policy hodl --port 0", "Did you mean 'hold'"),
         ("serve --policy hold --max-batch 0", "at least one observation"),

@@ -25,10 +25,11 @@ OPTIONS = {
 
 def meant_command(word: str, program: str, known: Collection[str]) -> str:
     """Return a hint where `program`, such as "duobench data", has no command of a name."""
-    only = known if len(known) == 1 else ()
-    for name in [COMMANDS.get(word, ""), *get_close_matches(word, known, n=1), *only]:
+    for name in [COMMANDS.get(word, ""), *get_close_matches(word, known, n=1)]:
         if name in known or name.startswith("--"):
             return f"Did you mean `{program} {name}`?"
+    if len(known) == 1:
+        return f"Did you mean `{program} {next(iter(known))} {word}`?"
     return f"There are: {', '.join(known)}."
 
 
