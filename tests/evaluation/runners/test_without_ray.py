@@ -61,7 +61,7 @@ def test_missing_ray_names_the_extra(monkeypatch, tmp_path):
 
 def test_nothing_loads_ray_that_does_not_need_it():
     runners = "duobench.evaluation.runners"
-    modules = f"duobench.cli.verbs.episodes, {runners}.evaluations, {runners}.ray_cluster"
+    modules = f"duobench.cli.eval, {runners}.evaluations, {runners}.ray_cluster"
     code = f"import sys, {modules}; sys.exit('ray' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
