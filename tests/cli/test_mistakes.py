@@ -66,9 +66,15 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --policy :x --out OUT", "is no `module:attribute`"),
         ("eval --policy mine.py --out OUT", "mine:MyPolicy for MyPolicy in mine.py"),
         ("eval --policy mine.Mine --out OUT", "mine:Mine for Mine in mine.py"),
-        ("eval --policy openpi --out OUT", "--policy openpi and --server URL go together"),
+        (
+            "eval --policy openpi --out OUT",
+            "openpi or vla-eval and --server URL go together",
+        ),
         ("eval --policy hold --out OUT --server ws://x:1", "openpi or vla-eval and --server"),
-        ("eval --policy vla-eval --out OUT", "--policy vla-eval and --server URL go together"),
+        (
+            "eval --policy vla-eval --out OUT",
+            "openpi or vla-eval and --server URL go together",
+        ),
         ("eval --policy vla-eval --out OUT --server http://x:1", "ws://HOST:PORT"),
         ("eval --policy vla-eval --out OUT --server ws://x:1 --batch fixed", "up to the server"),
         ("eval --policy vla_eval --out OUT", "Did you mean 'vla-eval'"),

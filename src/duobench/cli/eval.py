@@ -22,7 +22,7 @@ from duobench.policy.serving.access import read_key
 from duobench.policy.serving.address import SERVED, RemoteServer
 from duobench.policy.serving.message_format import read_format
 from duobench.results.folder import RunFolder
-from duobench.results.run import WHOLE, Shard, TimeLimits
+from duobench.results.run import WHOLE, Resuming, Shard, TimeLimits
 from duobench.results.scores import Results
 from duobench.results.suite import PAPER_EXECUTE, SuiteChoice
 
@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 
 
 _LIMITS = TimeLimits()
-_SUITE, _EXECUTION, _CLUSTER = SuiteChoice(), ChunkExecution(), Cluster()
+_RESUMING = Resuming()
+_SUITE = SuiteChoice()
+_EXECUTION = ChunkExecution()
+_CLUSTER = Cluster()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -66,12 +69,7 @@ class PolicyOptions:
             size = MAX_BATCH if self.max_batch is None else self.max_batch
             batching = Batching(mode=self.batch or "fixed", size=size)
         if (self.policy in SERVED) != (self.server is not None):
-            *others, last = SERVED
-            names = (
-                self.policy
-                if self.policy in SERVED
-                else f"{', '.join(others)} or {last}"
-            )
+            names = " or ".join(SERVED)
             raise PolicyError(f"--policy {names} and --server URL go together.")
         if self.server is None:
             if self.format is not None:
@@ -98,9 +96,8 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     executor: Literal["processes", "ray"] = "processes",
     cluster: tyro.conf.OmitArgPrefixes[Cluster] = _CLUSTER,
     videos: int | None = None,
-    retry_broken: bool = False,
-    fresh: bool = False,
-    unplayed_count_as_failures: bool = False,
+    observer: tyro.conf.UseAppendAction[tuple[str, ...]] = (),
+    resuming: tyro.conf.OmitArgPrefixes[Resuming] = _RESUMING,
 ) -> None:
     """Roll a policy out on tasks, and leave records, a table and a report.
 
@@ -125,20 +122,20 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
         cluster: The Ray cluster.
         videos: How many episodes of each task have a video: 1, and 0 under each shift of the suite
             robust, unless another number is given.
-        retry_broken: Play the episodes again that failed with an error in an earlier call.
-        fresh: Remove the run that is in the folder, whatever it was, and begin anew. A run of
-            which every finished episode failed with an error gives way to a changed policy too.
-        unplayed_count_as_failures: Count episodes in which a process dies each of three times as
-            failures; without this they stay unplayed, and the exit code is 1.
+        observer: module:NAME of an observer, or of a class or function that makes one; it is told
+            of every finished episode, such as to log it. Give it once for each.
+        resuming: What is done with a run that is there.
     """
     command = command_line("eval", run, locals())
     load_engine()
+    from duobench.evaluation.observers import load_observer
     from duobench.evaluation.runners.evaluations import evaluate as play
 
     if executor != "ray" and cluster != _CLUSTER:
         raise EvaluationError("--address and --policy-gpus are for --executor ray.")
     played = suite.make(execution)
     choice = policy.choose(played.execution.execute or PAPER_EXECUTE)
+    observers = [load_observer(path) for path in observer]
     part = WHOLE if shard is None else Shard.parse(shard)
     if workers == 0 and not choice.is_scripted and choice.server is None:
         say(
@@ -161,10 +158,8 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
             videos=int(len(played.shifts) == 1) if videos is None else videos,
             limits=limits,
             workers=workers,
-            observers=[EpisodesPlayed(shown, part)],
-            retry_broken=retry_broken,
-            fresh=fresh,
-            unplayed_count_as_failures=unplayed_count_as_failures,
+            observers=[EpisodesPlayed(shown, part), *observers],
+            resuming=resuming,
             command=command,
             shard=part,
             cluster=cluster if executor == "ray" else None,
