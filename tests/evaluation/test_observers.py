@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from duobench.cli import main
 from duobench.core.errors import ImportPathError, UnknownNameError
 from duobench.evaluation.observers import ObserverError, load_observer
 from duobench.results.folder import RunFolder
 from tests.cli.conftest import refusal
+from tests.docs.markdown import blocks, page_of
 from tests.evaluation import toy_tasks
 
 MODULE = """
@@ -90,8 +92,6 @@ def words(*observers: str, workers: int = 0) -> list[str]:
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_command_tells_several_observers(workers: int) -> None:
-    from duobench.cli import main
-
     main(words("Counts", "make", workers=workers))
     said = Path("told.txt").read_text().splitlines()
     assert said[:2] == ["start hold 0"] * 2
@@ -112,3 +112,12 @@ def test_observer_that_crashes_is_named_and_loses_nothing() -> None:
 def test_bad_observer_is_told_before_anything_is_written() -> None:
     assert "Did you mean 'Counts'" in refusal(*words("Conts"))
     assert not Path("run").exists()
+
+
+def test_observer_of_the_page_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = blocks(page_of("evaluation"), "python")
+    Path("observers.py").write_text(code)
+    main([*words(), "--observer", "observers:Prints"])
+    said = capsys.readouterr().out.splitlines()
+    assert "hold 0 finished before" in said
+    assert "wave 1 False 0" in said
