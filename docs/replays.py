@@ -14,7 +14,7 @@ from duobench.cli.shared.console import console
 from duobench.core.files import write
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.replay.trajectory import SceneCache, TrajectoryRecorder
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.results.suite import Episode, find_tasks
 from duobench.tasks import catalog
 from duobench.web.page import EpisodeReplay, replay_page

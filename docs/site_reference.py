@@ -18,7 +18,7 @@ import tyro
 from sphinx.pycode import ModuleAnalyzer
 from tables import table
 
-from duobench.cli.program import GROUPS, VERBS
+from duobench.cli.program import COMMANDS, function_of
 from duobench.data.lerobot.options import ExportOptions
 from duobench.data.schema import COLUMNS, EpisodeInfo
 from duobench.envs.config import EnvConfig
@@ -76,35 +76,23 @@ LONGEST = 60
 
 
 def command_line() -> str:
-    """Every verb, with what its parser takes."""
+    """Return every command, with what its parser takes."""
     lines = [
         "# The command line",
         "",
-        "From the parsers: what `duobench VERB --help` says.",
+        "From the parsers: what `duobench COMMAND --help` says.",
         "",
     ]
-    for words, verb in verbs(VERBS):
-        parser = parser_of(verb, words)
+    for words in COMMANDS:
+        parser = parser_of(function_of(words), words)
         lines += [f"## duobench {words}", "", plain(parser.description or ""), ""]
         taken = [action for action in parser._actions if action.dest != "help"]
         lines += [*map(option, taken), ""]
     return "\n".join(lines) + "\n"
 
 
-def verbs(
-    of: Mapping[str, Callable[..., None]], before: str = ""
-) -> Iterator[tuple[str, Callable[..., None]]]:
-    """Give all verbs with their words; those that have verbs of their own are not verbs."""
-    for name, verb in of.items():
-        words = f"{before} {name}".strip()
-        if words in GROUPS:
-            yield from verbs(GROUPS[words], words)
-        else:
-            yield words, verb
-
-
 def parser_of(verb: Callable[..., None], words: str) -> argparse.ArgumentParser:
-    """Return the parser that reads a verb's arguments."""
+    """Return the parser that reads a command's arguments."""
     with warnings.catch_warnings():
         warnings.simplefilter(
             "ignore", DeprecationWarning

@@ -20,7 +20,6 @@ from duobench.core.randomness import Choice, Uniform, around
 from duobench.core.spatial import SE3
 from duobench.core.types import Side
 from duobench.data import ExportOptions
-from duobench.envs import EnvConfig
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import make as make_policy
 from duobench.real.rig import Rig
@@ -173,7 +172,6 @@ TRIGGERS: Mapping[str, Trigger] = {
     "environment: horizon": lambda: env(horizon=0),
     "environment: chunk": lambda: env(chunk=0),
     "environment: split": lambda: env(split="test"),
-    "environment: rate": lambda: EnvConfig(control_rate_hz=20.0),
     "environment: step before reset": lambda: env().step(np.zeros(16, np.float32)),
     "action: shape": lambda: step(np.zeros(14, np.float32)),
     "action: not finite": lambda: step(np.full(16, np.nan, np.float32)),

@@ -1,7 +1,9 @@
 """The public surface: what may be imported from where, and what a policy's server needs."""
 
+import ast
 import importlib
 import inspect
+import pkgutil
 import re
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 from tests.children import printed
 
 ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "duobench"
 SURFACE = {
     "duobench": "DuoBenchError __version__ make make_vec register task_ids",
     "duobench.data": """
@@ -105,22 +108,34 @@ def test_an_unknown_name_is_an_attribute_error() -> None:
         importlib.import_module("duobench.tasks").Tsak  # noqa: B018 - looking is the point
 
 
-@pytest.mark.parametrize("name", ["duobench.tasks", "duobench.world.looks"])
-def test_a_package_that_is_called_says_what_lists_its_names(name: str) -> None:
-    package = importlib.import_module(name)
-    with pytest.raises(TypeError, match=rf"a package; {name}\.names\(\)"):
-        package()
-    assert package.names()
+def test_a_name_stays_what_it_is_when_every_module_is_imported() -> None:
+    """No module of a package is called as a public function or class of it."""
+    for package in SURFACE:
+        module = importlib.import_module(package)
+        modules = {found.name for found in pkgutil.iter_modules(module.__path__)}
+        assert not modules & {*module.__all__}, package
 
 
-def test_a_module_does_not_hide_the_function_of_its_name() -> None:
-    code = (
-        "import duobench.evaluation.rollout, duobench.evaluation.runners.evaluate\n"
-        "from duobench.evaluation import rollout\n"
-        "from duobench.evaluation.runners import evaluate\n"
-        "print(callable(evaluate), callable(rollout))"
-    )
-    assert printed(code) == "True True\n"
+@pytest.mark.parametrize(
+    "path", sorted(SOURCE.rglob("__init__.py")), ids=lambda path: path.parent.name
+)
+def test_type_checkers_see_the_names_that_a_package_has(path: Path) -> None:
+    package = ".".join(path.parent.relative_to(SOURCE.parent).parts)
+    blocks = [one for one in ast.parse(path.read_text()).body if isinstance(one, ast.If)]
+    seen = {
+        (alias.asname, node.module)
+        for block in blocks
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    module = importlib.import_module(package)
+    if not hasattr(module, "__getattr__"):
+        assert not seen
+        return
+    assert {name for name, _ in seen} == {*module.__all__}
+    for name, origin in seen:
+        assert getattr(module, name) is getattr(importlib.import_module(origin), name)
 
 
 def test_a_policy_needs_numpy_only() -> None:

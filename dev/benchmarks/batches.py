@@ -25,7 +25,7 @@ from dev.benchmarks.measure import Measurement, Work, seconds
 from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.tasks.stages.progress import Progress
 from duobench.world.sim.simulation import Simulation
 

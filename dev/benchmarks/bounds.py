@@ -23,7 +23,7 @@ from dev.benchmarks.steps import Steps
 from duobench.core.randomness import SUITE_VERSION, episode_seed
 from duobench.envs.execution import ChunkExecution
 from duobench.evaluation import policies
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.tasks import catalog
 from duobench.tasks.shifts import levels
 from duobench.tasks.shifts.levels import latency_steps

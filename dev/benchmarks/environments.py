@@ -17,7 +17,7 @@ from dev.benchmarks.measure import Measurement, Work, seconds
 from dev.benchmarks.steps import Steps
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.world.sim.duo import ramp
 from duobench.world.sim.simulation import STATE
 

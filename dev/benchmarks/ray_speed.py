@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dev.benchmarks.ray_cluster import LocalCluster, local_cluster
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.evaluation.runners.ray_process import Cluster
 from duobench.results.folder import RunFolder
 from duobench.results.records import Record

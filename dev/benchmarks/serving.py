@@ -14,7 +14,7 @@ import numpy as np
 
 from dev.benchmarks.measure import Measurement, Work, seconds
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.policy import Batching, PolicyMetadata, Session, SessionPolicy
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy

@@ -2,7 +2,7 @@
 
 import gymnasium as gym
 
-from duobench.evaluation.rollout import Info, Observation, Step
+from duobench.evaluation.rollouts import Info, Observation, Step
 
 
 class Steps(list[Step]):

@@ -33,7 +33,7 @@ from dev.benchmarks.steps import Steps
 from duobench.core.randomness import EVAL, SPLITS
 from duobench.core.types import OPENING_SLOTS
 from duobench.evaluation import policies
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.policy import BASELINES, HoldPolicy
 from duobench.tasks import catalog
 from duobench.tasks.experts.variety import VARIETIES

@@ -44,7 +44,6 @@ class DuoBench(StepBenchmark):
         *,
         task_ids: Sequence[str] | None = None,
         seed: int = 0,
-        frequency: int = 30,
         max_steps: int | None = None,
         send_state: bool = True,
         send_wrist_image: bool = True,
@@ -76,7 +75,6 @@ class DuoBench(StepBenchmark):
             self._format,
             horizon=max_steps,
             binary_gripper=binary_gripper,
-            control_rate_hz=frequency,
             look=look,
         )
 

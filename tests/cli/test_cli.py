@@ -1,5 +1,6 @@
 import ast
 import html
+import inspect
 import io
 import json
 import os
@@ -10,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -22,12 +23,10 @@ from PIL import Image
 from rich.console import Console
 
 from duobench import __version__
-from duobench.cli import main
-from duobench.cli.program import GROUPS, VERBS
+from duobench.cli import main, program
+from duobench.cli.program import COMMANDS, function_of, parsed
 from duobench.cli.shared.console import console
 from duobench.cli.shared.options import command_line, options_of
-from duobench.cli.shared.spelling import check_spelling
-from duobench.cli.verbs.episodes import evaluate as eval_verb
 from duobench.core.files import decode, encode, locked
 from duobench.data import DataSet
 from duobench.results.folder import RunFolder
@@ -43,6 +42,7 @@ from tests.results.outcomes import play
 from tests.results.samples import key, without_times
 
 ROOT = Path(__file__).parents[2]
+EVAL = function_of("eval")
 PATH = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
 
 
@@ -150,7 +150,7 @@ def test_command_of_the_report_makes_the_same_report(tmp_path: Path, evaluate: T
 
 
 def test_command_has_every_option_that_a_result_may_depend_on() -> None:
-    options = list(options_of(eval_verb))
+    options = list(options_of(EVAL))
     given: dict[str, object] = {}
     for option in options:
         value = f"my {option.name}"
@@ -158,7 +158,7 @@ def test_command_has_every_option_that_a_result_may_depend_on() -> None:
             setattr(given.setdefault(option.argument, SimpleNamespace()), option.name, value)
         else:
             given[option.name] = value
-    command = command_line("eval", eval_verb, given)
+    command = command_line("eval", EVAL, given)
     for option in options:
         elsewhere = {"out": "DIR", "server": "URL", "key_file": "FILE"}
         value = elsewhere.get(option.name, f"'my {option.name}'")
@@ -167,12 +167,18 @@ def test_command_has_every_option_that_a_result_may_depend_on() -> None:
         assert (f"{option.flag} {value}" in command) == (option.name not in no_matter), option.name
 
 
-@pytest.mark.parametrize(
-    "verb", [*VERBS.values(), *(verb for group in GROUPS.values() for verb in group.values())]
-)
-def test_no_group_of_options_is_longer_than_ten(verb: Callable[..., None]) -> None:
+def test_each_command_has_a_file_of_its_name() -> None:
+    folder = Path(program.__file__).parent
+    inside = [path.relative_to(folder).with_suffix("") for path in folder.rglob("*.py")]
+    names = {" ".join(path.parts) for path in inside if path.stem != "__init__"}
+    assert {name for name in names if not name.startswith("shared ")} == {"program", *COMMANDS}
+    assert all(inspect.isfunction(function_of(name)) for name in COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_group_of_options_is_longer_than_ten(command: str) -> None:
     groups: dict[str, list[str]] = {}
-    for option in options_of(verb):
+    for option in options_of(function_of(command)):
         if "Positional" not in str(option.kind):
             groups.setdefault(option.argument if option.is_nested else "", []).append(option.flag)
     assert {name: flags for name, flags in groups.items() if len(flags) > 10} == {}
@@ -242,7 +248,7 @@ def test_doctor_tells_versions_and_graphics(told: Told) -> None:
         assert word in out
     assert " ms at 224x224" in out
     said = out.splitlines()[-1].removeprefix("All is well. Next: duobench ")
-    check_spelling(said.split(), VERBS, "duobench")
+    assert parsed(said.split())
 
 
 def found_by_doctor(done: subprocess.CompletedProcess[str]) -> dict[str, str]:
@@ -492,7 +498,7 @@ def test_table_of_a_folder_that_cannot_be_written_is_shown(
 def test_narrow_list_still_shows_every_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     out = io.StringIO()
-    monkeypatch.setattr("duobench.cli.verbs.tasks.console", lambda: Console(file=out, width=60))
+    monkeypatch.setattr("duobench.cli.list.console", lambda: Console(file=out, width=60))
     main(["list"])
     words = set(out.getvalue().split())
     for name in catalog.names():
@@ -617,7 +623,6 @@ def test_nothing_is_said_to_be_kept_where_nothing_is(
     ("module", "heavy"),
     [
         ("duobench.cli", "tyro rich matplotlib jinja2 av PIL duobench.evaluation"),
-        ("duobench.cli.program", "mujoco scipy matplotlib jinja2 av pyarrow"),
         ("duobench.results.report", "scipy"),
     ],
 )
@@ -625,6 +630,13 @@ def test_importing_a_module_loads_nothing_heavy(module: str, heavy: str) -> None
     loaded = set(printed(f"import sys, {module}; print(*sorted(sys.modules))").split())
     assert module in loaded
     assert loaded & set(heavy.split()) == set()
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = "import sys; from duobench.cli.program import *; [function_of(one) for one in COMMANDS]"
+    loaded = {*printed(f"{code}; print(*sys.modules)").split()}
+    assert "duobench.cli.real.eval" in loaded
+    assert not loaded & {"mujoco", "scipy", "matplotlib", "jinja2", "av", "pyarrow"}
 
 
 def test_only_the_command_line_names_its_flags() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -65,9 +66,15 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("eval --policy :x --out OUT", "is no `module:attribute`"),
         ("eval --policy mine.py --out OUT", "mine:MyPolicy for MyPolicy in mine.py"),
         ("eval --policy mine.Mine --out OUT", "mine:Mine for Mine in mine.py"),
-        ("eval --policy openpi --out OUT", "--policy openpi and --server URL go together"),
+        (
+            "eval --policy openpi --out OUT",
+            "openpi or vla-eval and --server URL go together",
+        ),
         ("eval --policy hold --out OUT --server ws://x:1", "openpi or vla-eval and --server"),
-        ("eval --policy vla-eval --out OUT", "--policy vla-eval and --server URL go together"),
+        (
+            "eval --policy vla-eval --out OUT",
+            "openpi or vla-eval and --server URL go together",
+        ),
         ("eval --policy vla-eval --out OUT --server http://x:1", "ws://HOST:PORT"),
         ("eval --policy vla-eval --out OUT --server ws://x:1 --batch fixed", "up to the server"),
         ("eval --policy vla_eval --out OUT", "Did you mean 'vla-eval'"),
@@ -77,17 +84,14 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             "eval --policy openpi --out OUT --server ws://x:1 --format alhoa",
             "Did you mean 'aloha'",
         ),
-        ("eval --task bin_sort", "duobench eval has no option --task. Did you mean --tasks?"),
-        ("eval --retry_brocken", "Did you mean --retry-broken?"),
-        ("eval --episodes ten", "--episodes takes a whole number, not 'ten'"),
-        ("eval --act-timeout=long", "--act-timeout takes a number, not 'long'"),
-        ("evaluate", "no verb 'evaluate'. Did you mean `duobench eval`?"),
+        ("evaluate", "no command 'evaluate'. Did you mean `duobench eval`?"),
         ("walk", "There are: eval, report, "),
         # Names that stand for something else.
         (
             "eval --policy act --out OUT",
-            "A trained act is lerobot:PATH; duobench train act trains one",
+            "Unknown policy 'act'. Known: blind, expert, hold, lerobot:",
         ),
+        ("eval --policy hold --tasks --out OUT", "--tasks needs a task"),
         ("eval --policy trained/last --out OUT", "is lerobot:trained/last, not 'trained/last'"),
         ("eval --policy mistaken --out OUT", "is a module; name a class in it, such as mistaken:"),
         ("eval --policy ./mistaken:X --out OUT", "found by its name: mistaken:X"),
@@ -109,32 +113,6 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             "eval --policy hold --out OUT ONE --shard 0/4",
             "Shards count from 1: of 4 there are 1 to 4",
         ),
-        # Options that other programs have, and words that follow none.
-        ("eval --camera head", "Cameras are named by the policy: PolicyMetadata(cameras="),
-        ("eval --gpu 0", "A policy chooses its device itself"),
-        ("eval --seed 3", "Seeds follow from task and episode"),
-        ("eval --model trained/last", "--policy lerobot:PATH"),
-        ("eval --render", "duobench view shows tasks and runs"),
-        ("eval --max_steps 9", "The task fixes its horizon"),
-        ("eval --resume", "The same command in the same folder goes on"),
-        ("eval --env bin_sort", "--tasks bin_sort"),
-        ("eval --policy hold bin_sort --out OUT", "Did you mean --tasks bin_sort?"),
-        ("eval mine:Mine --out OUT", "Did you mean --policy mine:Mine?"),
-        ("eval --policy hold --num-envs 4 --out OUT", "side by side by --workers 4"),
-        ("eval --policy hold --out", "--out is followed by what it takes, such as --out NAME"),
-        ("eval --policy --out OUT", "--policy is followed by what it takes"),
-        ("eval --policy hold --tasks --out OUT", "--tasks is followed by what it takes"),
-        ("record bin_sort --out OUT", "Did you mean --tasks bin_sort?"),
-        ("record --out OUT --format lerobot", "duobench export lerobot writes LeRobot's format"),
-        ("train act --data demos --out OUT --batch_size 8", "-- --batch_size=8"),
-        ("list bin_sort", "duobench list takes no 'bin_sort' without an option"),
-        ("eval --workers auto", "--workers takes a whole number, not 'auto'"),
-        ("eval --videos all", "--videos takes a whole number, not 'all'"),
-        # What is missing.
-        ("eval --policy hold", "needs --out; see: duobench eval --policy expert --out runs/expert"),
-        ("eval", "needs --policy and --out; see: duobench eval --policy expert --out"),
-        ("view", "needs WHAT; see: duobench view bin_sort"),
-        ("compare runs/x", "needs --out; see: duobench compare runs/expert runs/mine --out"),
         ("help", "Did you mean `duobench --help`?"),
         ("run", "Did you mean `duobench eval`?"),
         ("train diffusion --data demos --out OUT", "--per-task --cameras none --object-state"),
@@ -146,12 +124,10 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("data split demos --out a demos/b --fraction 0.5", "demos/b is in "),
         ("compare runs/x runs/x --out runs/x/compared", "runs/x/compared is in runs/x"),
         ("bundle runs/x --out runs/x/x.zip", "runs/x/x.zip is in "),
-        ("record --epsiodes=3", "Did you mean --episodes?"),
         ("render nothing", "Unknown task 'nothing'"),
         ("render misspelt:TASK", "'white_bwol'. Did you mean 'white_bowl'"),
         ("render bin_sort --seed -1", "from 0 on, got -1"),
         ("render bin_sort --out /proc/run", "/proc/run cannot be the folder"),
-        ("train pi0", "takes act, diffusion, groot, pi05, smolvla or xvla as policy, not 'pi0'"),
         ("report runs/y", "There is no folder runs/y. Beside it there are: runs/x."),
         ("report demos", "demos is a data set, not an evaluation. Try: duobench data info demos"),
         ("replay demoz", "There is no folder demoz. Beside it there are: demos"),
@@ -180,7 +156,6 @@ def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("view carry_pot --look drak", "Did you mean 'dark'"),
         ("view carry_pot --port 70000", "Cannot listen at 127.0.0.1:70000"),
         ("view carry_pot --lan", "pip install '.[teleop]'"),
-        ("view --prot 3", "Did you mean --port"),
         ("verify nowhere", "There is no folder"),
         ("bundle nowhere", "There is no folder"),
         ("report nowhere --out out", "There is no folder"),
@@ -213,6 +188,43 @@ def test_mistake_is_told_in_a_line_without_traceback(words: str, message: str) -
     assert "\n" not in refused
     # Before anything begins; to import a module leaves its cache.
     assert [path for path in sorted(Path().rglob("*")) if "__pycache__" not in str(path)] == before
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("eval --policy hold --task bin_sort --out OUT", "Perhaps you meant: --tasks"),
+        ("eval --policy hold --retry_brocken --out OUT", "Perhaps you meant: --retry-broken"),
+        ("record --epsiodes=3 --out OUT", "Perhaps you meant: --episodes"),
+        ("view carry_pot --prot 3", "Perhaps you meant: --port"),
+        ("eval --policy hold --episodes ten --out OUT", "Error parsing --episodes:"),
+        ("eval --policy hold --wait=long --out OUT", "could not convert string to float: 'long'"),
+        ("eval --policy hold --out", "Missing value for argument '--out'"),
+        ("eval --policy hold", "Missing from duobench eval: --out PATH Folder of the run."),
+        ("eval --policy hold bin_sort --out OUT", "Unrecognized options: bin_sort"),
+        ("train pi0", "invalid choice 'pi0' for argument 'policy'. Expected one of ('act',"),
+        ("data", "Expected one of {info, check,"),
+        # Options that other programs have.
+        ("eval --policy hold --camera head --out OUT", "PolicyMetadata(cameras="),
+        ("eval --policy hold --gpu 0 --out OUT", "A policy chooses its device itself"),
+        ("eval --policy hold --seed 3 --out OUT", "Seeds follow from task and episode"),
+        ("eval --policy hold --max_steps=9 --out OUT", "The task fixes its horizon"),
+        ("train act --data demos --out OUT --batch_size 8", "-- --batch_size=8"),
+    ],
+)
+def test_mistake_in_options_is_told_by_tyro(
+    words: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert refusal(*words.replace("OUT", "out").split()) == "2"
+    told = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().err).split())
+    assert message in told
+    assert "Traceback" not in told
+    assert not Path("out").exists()
+
+
+def test_no_advice_about_an_option_that_a_command_has(capsys: pytest.CaptureFixture[str]) -> None:
+    refusal("render", "bin_sort", "--seed", "one", "--", "--resume")
+    assert "Seeds follow" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("policy", SERVED)

@@ -150,8 +150,8 @@ BOTH = (Recording.read, Recording.read_info)
     ("change", "message", "readers"),
     [
         (lambda _: pa.table({"a": [1, 2]}), "no recording of DuoBench", BOTH),
-        (changed(b'"schema": 5', b'"schema": 4'), "Schema 4; this version reads 5", BOTH),
-        (changed(b'"schema": 5', b'"schema": 6'), "Schema 6; this version reads 5", BOTH),
+        (changed(b'"schema": 6', b'"schema": 5'), "Schema 5; this version reads 6", BOTH),
+        (changed(b'"schema": 6', b'"schema": 7'), "Schema 7; this version reads 6", BOTH),
         (
             changed(b'"look": "default"', b'"look": "neon"'),
             r"x\.parquet.*Unknown look 'neon'",

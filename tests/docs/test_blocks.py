@@ -25,6 +25,7 @@ RUN_BY = {
     "verification: sh python",
     "tests/ecosystem/test_pages.py": "environments: python; reinforcement_learning: python",
     "tests/evaluation/interop/test_vla_eval.py": "serving: yaml",
+    "tests/evaluation/test_observers.py": "evaluation: python",
     "tests/examples/test_object_states.py": "baselines: sh",
     "tests/lerobot/test_pages.py": "lerobot: sh python; parquet: python",
     "tests/lerobot/test_teleoperation.py": "lerobot_teleoperation: sh",

@@ -34,4 +34,4 @@ def test_programs_have_names() -> None:
 
 def test_options_are_those_of_an_environment() -> None:
     named = {row["option"] for row in table(PAGES[0], "option")}
-    assert named | {"control_rate_hz"} == set(EnvConfig.__dataclass_fields__)
+    assert named == set(EnvConfig.__dataclass_fields__)

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from duobench.cli.program import GROUPS, VERBS
+from duobench.cli.program import COMMANDS, function_of
 from duobench.cli.shared.options import options_of
 from duobench.core.sheets import Paper
 from duobench.core.types import CONTROL_HZ
 from duobench.envs.config import IMAGE_SIZE
 from duobench.evaluation.replay.sources import LAYOUTS
-from duobench.evaluation.replay.verify import Verdict
+from duobench.evaluation.replay.verification import Verdict
 from duobench.evaluation.replay.viewer import MAX_ITEMS
 from duobench.printing import jig, recipe
 from duobench.printing.formats import BED_STEP
@@ -175,13 +175,8 @@ def commands() -> Iterator[tuple[str, str]]:
 
 
 def found(words: Sequence[str]) -> Callable[..., None]:
-    verbs = VERBS
-    for number, word in enumerate(words):
-        verb, name = verbs[word], " ".join(words[: number + 1])
-        if name not in GROUPS:
-            return verb
-        verbs = GROUPS[name]
-    raise AssertionError(f"{words} needs a verb")
+    (name,) = (name for name in COMMANDS if words[: len(name.split())] == name.split())
+    return function_of(name)
 
 
 def flags(verb: Callable[..., None]) -> set[str]:
@@ -204,7 +199,7 @@ def test_every_command_of_a_page_has_a_verb_and_options_that_exist(page: str, li
 )
 def test_options_that_sentences_name_exist(page: Path) -> None:
     verbs = ("eval", "record", "replay", "report", "train", "view")
-    known = {flag for verb in verbs for flag in flags(VERBS[verb])}
+    known = {flag for verb in verbs for flag in flags(function_of(verb))}
     named = set(re.findall(r"`(--[a-z-]+)", text_of(page)))
     assert named
     assert named <= known

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from duobench.cli import main
-from duobench.cli.real.rigs import KeyTerminal
+from duobench.cli.shared.rigs import KeyTerminal
 from duobench.data import DataSet
 from duobench.real.calibration.views import ViewFolder
 from duobench.real.rig import ArmConfig, Rig

@@ -20,7 +20,7 @@ from duobench.envs import (
 )
 from duobench.envs.config import EnvConfig
 from duobench.envs.duo_env import TRUNCATION_REASON, DuoEnv, ResetNeededError
-from duobench.evaluation.rollout import Step, rollout
+from duobench.evaluation.rollouts import Step, rollout
 from duobench.policy.baselines import HoldPolicy
 from duobench.tasks import catalog
 from duobench.world.robot.joints import HOME_JOINTS

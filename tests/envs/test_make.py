@@ -119,7 +119,6 @@ def test_cameras_may_be_any_iterable(task: str | Task) -> None:
         ({"binary_gripper": np.array([1, 2])}, OptionError, "binary_gripper is True or False"),
         ({"cameras": (3,)}, UnknownNameError, "camera 3"),
         ({"action_mode": ["joint"]}, UnknownNameError, r"action mode \['joint'\]"),
-        ({"control_rate_hz": 10}, OptionError, "control rate is 30 Hz, got 10"),
         ({"render_mode": "human"}, UnknownNameError, "render mode 'human'.*rgb_array"),
         ({"image_size": 721}, OptionError, "image_size.*720.*721"),
         ({"image_size": (224, 224, 3)}, OptionError, "height, width"),

@@ -9,7 +9,7 @@ import pytest
 
 from dev.benchmarks.kills import begun_once
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from duobench.cli import main
-from duobench.evaluation.replay.verify import Verdict, verify
+from duobench.evaluation.replay.verification import Verdict, verify
 from duobench.results.bundle import open_source, write_bundle
-from duobench.results.compare import compare, write_comparison
+from duobench.results.comparison import compare, write_comparison
 from duobench.results.folder import RunFolder
 from duobench.results.records import Record
-from duobench.results.run import TimeLimits
+from duobench.results.run import Resuming, TimeLimits
 from tests.evaluation.conftest import Play
 
 Toss = Callable[[Play], RunFolder]
@@ -27,7 +27,7 @@ def dies(play: Play) -> RunFolder:
 
 def raises(play: Play) -> RunFolder:
     play("BreaksOnce", episodes=2)
-    return play("BreaksOnce", episodes=2, retry_broken=True)[0]
+    return play("BreaksOnce", episodes=2, resuming=Resuming(retry_broken=True))[0]
 
 
 def deletes(play: Play) -> RunFolder:
@@ -75,7 +75,7 @@ def test_a_run_of_errors_that_gives_way_takes_no_attempt_back(play: Play) -> Non
 
     assert played() == {()}
     assert played(limits=TimeLimits(act_timeout=11.0)) == {("error",)}
-    assert played(limits=TimeLimits(act_timeout=12.0), fresh=True) == {()}
+    assert played(limits=TimeLimits(act_timeout=12.0), resuming=Resuming(fresh=True)) == {()}
 
 
 @pytest.mark.slow

@@ -13,10 +13,10 @@ from duobench.core.errors import (
     PolicyError,
     UnknownNameError,
 )
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.journal import PARTS, Begun, Ended
-from duobench.results.run import TimeLimits
+from duobench.results.run import Resuming, TimeLimits
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import assert_same_episodes, compared, small_suite, without_policy
@@ -114,7 +114,6 @@ def test_faults_of_a_policy_cost_only_its_episodes_the_same_in_any_process(play)
 @pytest.mark.parametrize(
     ("policy", "error", "message"),
     [
-        ("IsSlow", DuoBenchError, "control rate is 30 Hz, got 10"),
         ("SeesNowhere", UnknownNameError, "camera 'haed'. Did you mean 'head'"),
         ("no_such_policy_module:make", PolicyError, "no module named 'no_such_policy_module'"),
         (
@@ -138,7 +137,7 @@ def test_broken_episodes_are_played_again_if_that_is_asked_for(play, reference):
     good = {folder.record(r.key) for one in results.tasks for r in one.records if not r.error}
     kept = {path: time for path, time in written(folder).items() if path in good}
     assert play("BreaksOnce")[1].overall.errors == 4
-    assert play("BreaksOnce", retry_broken=True)[1].overall.errors == 0
+    assert play("BreaksOnce", resuming=Resuming(retry_broken=True))[1].overall.errors == 0
     assert kept.items() <= written(folder).items()
     assert_same_episodes(folder, reference, 8)
 

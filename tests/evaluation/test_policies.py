@@ -7,7 +7,7 @@ from dev.benchmarks.steps import Steps
 from duobench.core.errors import PolicyError, UnknownNameError
 from duobench.evaluation.episode import EpisodeRunner, Job
 from duobench.evaluation.policies import BlindPolicy, PolicyChoice, PolicySource, source
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.policy import HoldPolicy
 from duobench.results.suite import Episode, Suite, find_tasks
 from tests.tasks.experts.baseline_episodes import make

@@ -11,7 +11,7 @@ import pytest
 from duobench.core.randomness import TRAIN, policy_seed
 from duobench.data import DataSet, Recording
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.runners.evaluate import evaluate, record as record_demonstrations
+from duobench.evaluation.runners.evaluations import evaluate, record as record_demonstrations
 from duobench.policy import HoldPolicy, Session
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import VLLM_PATH

@@ -16,7 +16,7 @@ from duobench.envs.config import EnvConfig
 from duobench.envs.registration import make as make_env
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.recorder import EpisodeRecorder
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.policy import PolicyMetadata, RandomPolicy, make
 from duobench.results.records import RECORD_SCHEMA, Record, StateHashes
 from duobench.results.run import Candidate, Run, TimeLimits

@@ -15,7 +15,7 @@ from duobench.policy import Batching, HoldPolicy, PolicyMetadata
 from duobench.policy.batch import ONE_BY_ONE, PolicyPool
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.host import make_served
-from duobench.results.compare import compare, write_comparison
+from duobench.results.comparison import compare, write_comparison
 from duobench.results.folder import RunFolder
 from duobench.results.records import NOT_REPEATABLE, Record
 from duobench.results.report import read_parts

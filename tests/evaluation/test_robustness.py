@@ -5,8 +5,8 @@ import pytest
 
 from duobench.cli import main
 from duobench.core.errors import OtherRunError
-from duobench.evaluation.replay.verify import Verdict, verify
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.replay.verification import Verdict, verify
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.report import read_parts
 from duobench.tasks.shifts.shift import NO_SHIFT, SINGLE_AXES, Shift

@@ -11,8 +11,8 @@ from duobench.core.errors import OptionError, OtherRunError, PolicyError
 from duobench.core.randomness import SPLITS, episode_seed, policy_seed
 from duobench.envs import action_modes
 from duobench.envs.execution import MAX_LATENCY, ChunkExecution, Step
-from duobench.evaluation.replay.verify import Verdict, verify
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.replay.verification import Verdict, verify
+from duobench.evaluation.rollouts import rollout
 from duobench.policy import HoldPolicy, make
 from tests.evaluation import toy_tasks
 from tests.evaluation.forging import redescribed, rewritten
@@ -289,7 +289,7 @@ class Nan(HoldPolicy):
     ("policy", "error", "message", "heard"),
     [
         (Refuses, asyncio.CancelledError, None, ["end: CancelledError"]),
-        (toy_tasks.IsSlow, PolicyError, "acts 10 times a second", []),
+        (toy_tasks.SeesNowhere, PolicyError, "it sees camera 'haed'", []),
         (Nan, PolicyError, "nan in action 0", ["start", "end: PolicyError"]),
     ],
 )

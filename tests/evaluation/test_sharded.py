@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 
 from duobench.core.errors import EvaluationError, LockedError, OtherRunError
-from duobench.evaluation.replay.verify import verify
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.replay.verification import verify
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.policy import PolicyMetadata
 from duobench.results.bundle import open_source, read_source, write_bundle
-from duobench.results.compare import compare
+from duobench.results.comparison import compare
 from duobench.results.folder import RunFolder
 from duobench.results.report import write_report
-from duobench.results.run import WHOLE, Run, Shard
+from duobench.results.run import WHOLE, Resuming, Run, Shard
 from duobench.tasks.shifts.shift import every_shift
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import compared, small_suite
@@ -132,7 +132,7 @@ import sys
 from pathlib import Path
 from duobench.results.folder import RunFolder
 from duobench.results.run import Shard
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from tests.evaluation.conftest import small_suite
 
 evaluate("random", small_suite(), RunFolder(Path(sys.argv[1])), workers=1,
@@ -257,10 +257,13 @@ def test_fresh_and_retry_work_in_shards(tmp_path, monkeypatch):
     first = [written(folder, shard, policy) for shard in QUARTERS]
     assert sum(each.overall.errors for each in first) == 4
     kept = {key: folder.record(key).stat().st_mtime_ns for key in folder.read_run().episode_keys()}
-    again = [written(folder, shard, policy, retry_broken=True) for shard in QUARTERS[::-1]]
+    again = [
+        written(folder, shard, policy, resuming=Resuming(retry_broken=True))
+        for shard in QUARTERS[::-1]
+    ]
     assert sum(each.overall.errors for each in again) == 0
     new = [key for key, time in kept.items() if folder.record(key).stat().st_mtime_ns != time]
     assert len(new) == 4
-    written(folder, QUARTERS[0], policy, fresh=True)
+    written(folder, QUARTERS[0], policy, resuming=Resuming(fresh=True))
     attempts = [entry for entry in folder.entries() if getattr(entry, "attempt", 0) > 1]
     assert {entry.key for entry in attempts} <= set(new)

@@ -112,7 +112,7 @@ def test_everything_that_an_environment_imports_decides() -> None:
     """What is left out computes nothing of an episode: words, files, loading by name."""
     script = (
         "import sys; sys.path.insert(0, 'SRC'); import duobench.envs.registration as r;"
-        "import duobench.evaluation.rollout, duobench.evaluation.recorder;"
+        "import duobench.evaluation.rollouts, duobench.evaluation.recorder;"
         "r.make('bin_sort', cameras=()).reset(seed=0);"
         "print('\\n'.join(name for name in sys.modules if name.startswith('duobench.')))"
     ).replace("SRC", str(PACKAGE.parent))

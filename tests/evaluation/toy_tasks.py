@@ -384,10 +384,6 @@ class SeesNowhere(HoldPolicy):
     metadata = PolicyMetadata(name="sees_nowhere", cameras=("haed",))
 
 
-class IsSlow(HoldPolicy):
-    metadata = PolicyMetadata(name="is_slow", cameras=(), control_rate_hz=10.0)
-
-
 class IsTooWide(HoldPolicy):
     """Gives actions of 17 numbers."""
 

@@ -25,7 +25,7 @@ from duobench.core.errors import (
     UnknownNameError,
 )
 from duobench.data import DataSet, Recording
-from duobench.evaluation.rollout import rollout
+from duobench.evaluation.rollouts import rollout
 from duobench.results.folder import RunFolder
 from duobench.results.scores import wilson_interval
 from duobench.results.suite import Suite

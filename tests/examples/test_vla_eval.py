@@ -11,7 +11,7 @@ import pytest
 from duobench.core.errors import OptionError, PolicyError, UnknownNameError
 from duobench.core.randomness import SUITE_VERSION
 from duobench.envs.duo_env import ResetNeededError
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.policy import PolicyMetadata
 from duobench.policy.serving.message_format import MessageFormat, read_format
 from duobench.results.folder import RunFolder
@@ -133,9 +133,7 @@ def test_hold_action_keeps_the_arms_where_they_are(tmp_path: Path, mode: str) ->
         np.testing.assert_array_equal(held[:-2], 0 if mode.endswith("relative") else last[:-2])
 
 
-@pytest.mark.parametrize(
-    "options", [{"control_rate_hz": 10}, {"horizon": 0}, {"binary_gripper": "yes"}]
-)
+@pytest.mark.parametrize("options", [{"horizon": 0}, {"binary_gripper": "yes"}])
 def test_environment_that_does_not_exist_is_refused_at_once(options: dict[str, Any]) -> None:
     with pytest.raises(OptionError):
         Episodes(BLIND, **options)

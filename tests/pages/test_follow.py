@@ -6,7 +6,7 @@ from threading import Thread
 
 from duobench.evaluation.replay.sources import FollowedRun
 from duobench.evaluation.replay.viewer import Viewer
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.results.folder import RunFolder
 from duobench.results.suite import Suite, find_tasks
 from duobench.web.page import assets

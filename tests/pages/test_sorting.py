@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from dev.tools.pages import PHONE, View
 from duobench.policy import PolicyMetadata
-from duobench.results.compare import compare, write_comparison
+from duobench.results.comparison import compare, write_comparison
 from duobench.results.folder import RunFolder
 from duobench.results.records import Record
 from duobench.results.report import write_report

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from dev.tools.pages import PHONE, VIEWS, View, measure, violations
-from duobench.results.compare import compare, write_comparison
+from duobench.results.comparison import compare, write_comparison
 from tests.results.outcomes import play
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from duobench.core.randomness import SUITE_VERSION
-from duobench.results.compare import compare
+from duobench.results.comparison import compare
 from duobench.results.entrants import RowKind
 from duobench.results.pairs import Pair, RunComparison
 from duobench.results.statistics import (

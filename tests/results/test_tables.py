@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from duobench.results import tables
-from duobench.results.compare import compare
+from duobench.results.comparison import compare
 from duobench.results.pairs import Pair
 from tests.results.outcomes import play
 

@@ -1,4 +1,4 @@
-"""The command line, `duobench <verb>`: thin, one file a verb, loaded when it is needed."""
+"""The command line: thin, one file a command, named as the command, loaded when it is needed."""
 
 import io
 import logging
@@ -10,7 +10,6 @@ from importlib import import_module
 from pathlib import Path
 
 from duobench.cli.shared.process import leave, leaving_at_once
-from duobench.cli.shared.spelling import check_names
 from duobench.core.errors import DuoBenchError, escaped
 from duobench.core.machine import fill_streams
 
@@ -18,7 +17,7 @@ VERBOSE = "--verbose"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run a verb and leave with its exit code: 0, or 1 after an error that is told in words.
+    """Run a command and leave with its exit code: 0, or 1 after an error that is told in words.
 
     Args:
         arguments: What stands after `duobench`; the process's own if not given.
@@ -32,12 +31,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     os.environ["MPLBACKEND"] = "agg"
     with leaving_at_once():
         try:
-            words = sys.argv[1:] if arguments is None else list(arguments)
+            words = (
+                sys.argv[1:] if arguments is None else [*arguments]
+            )  # `list` is a command, a module of this package
             if VERBOSE in words:
                 words.remove(VERBOSE)
                 logging.basicConfig(format="%(message)s")
                 logging.getLogger("duobench").setLevel(logging.INFO)
-            check_names(words)
             import_module("duobench.cli.program").run(words)
             sys.stdout.flush()
         except DuoBenchError as error:

@@ -49,7 +49,7 @@ def unsupported(system: str = sys.platform, architecture: str | None = None) -> 
 
 
 def install_extra(extra: str) -> str:
-    """The sentence that says how to install an extra, such as "serve", in this Python."""
+    """The sentence that says how to install an extra, such as "ray", in this Python."""
     first, command = FIRST_PYTHON.get(extra, (0, 0)), f"pip install '{SOURCE}[{extra}]'"
     if sys.version_info[:2] < first:
         running = f"{sys.version_info.major}.{sys.version_info.minor}"

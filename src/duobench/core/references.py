@@ -1,12 +1,11 @@
 """From an import path `module:attribute` to what it names, and public names loaded on first use."""
 
-import ast
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
-from types import FunctionType, ModuleType
-from typing import Any, NoReturn
+from types import FunctionType
+from typing import Any, NamedTuple
 
 from duobench.core.errors import ImportPathError, UnknownNameError, traceback_text
 
@@ -88,48 +87,38 @@ def _is_foreign(value: object, module_name: str) -> bool:
     return isinstance(value, (type, FunctionType)) and value.__module__ != module_name
 
 
-class _LazyPackage(ModuleType):
-    """A package that imports its public names on first use."""
+class Lazy(NamedTuple):
+    """What a package defines to import its public names on first use (PEP 562)."""
 
-    origins: Mapping[str, str]
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in self.origins:
-            raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-        value = getattr(import_module(self.origins[name]), name)
-        setattr(self, name, value)
-        return value
-
-    def __call__(self, *_: Any, **__: Any) -> NoReturn:
-        hint = (
-            f"; {self.__name__}.names() lists them" if "names" in self.origins else ""
-        )
-        raise TypeError(f"{self.__name__} is a package{hint}.")
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (isinstance(value, ModuleType) and name in self.origins):
-            super().__setattr__(name, value)
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *self.origins})
+    get: Callable[[str], object]
+    """`__getattr__` of the package."""
+    directory: Callable[[], list[str]]
+    """`__dir__` of the package."""
+    names: list[str]
+    """`__all__` of the package."""
 
 
-def lazy(package: str) -> None:
+def lazy(package: str, origins: Mapping[str, Sequence[str]]) -> Lazy:
     """Let a package import its public names on first use.
 
-    The names are those that its `__init__`, which calls this at its end, imports from modules under
-    `if TYPE_CHECKING`: what type checkers see is what there is. `import NAME as NAME` tells them
-    that it is public.
+    Python looks for a name here only if the package has no attribute of it, as an imported module
+    is: no module of the package may be called as one of the names.
+
+    Args:
+        package: `__name__` of the package.
+        origins: Names by the module that defines them. Type checkers see the same imports below
+            `if TYPE_CHECKING`, as `NAME as NAME`.
     """
-    module = sys.modules[package]
-    source = Path(str(module.__file__)).read_text(encoding="utf-8")
-    origins = {
-        alias.name: node.module
-        for block in ast.parse(source).body
-        if isinstance(block, ast.If)
-        for node in block.body
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-    vars(module).update(origins=origins, __all__=list(origins))
-    module.__class__ = _LazyPackage
+    modules = {name: module for module, names in origins.items() for name in names}
+
+    def get(name: str) -> object:
+        if name not in modules:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(import_module(modules[name]), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    def directory() -> list[str]:
+        return sorted({*vars(sys.modules[package]), *modules})
+
+    return Lazy(get, directory, list(modules))

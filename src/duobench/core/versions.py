@@ -38,7 +38,7 @@ SOURCES = (
     "tasks/stages",
     "tasks/shifts",
     "envs",
-    "evaluation/rollout.py",
+    "evaluation/rollouts.py",
     "evaluation/recorder.py",
 )
 """Parts of the package that decide what an episode is, and what a record says of it. A folder that

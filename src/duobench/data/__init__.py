@@ -28,5 +28,24 @@ if TYPE_CHECKING:
         Outcome as Outcome,
     )
     from duobench.data.summary import Summary as Summary, summarize as summarize
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.data.arrange": ["merge", "split"],
+            "duobench.data.check": ["Problem", "find_problems"],
+            "duobench.data.dataset": ["DataSet"],
+            "duobench.data.images": ["ImageSource"],
+            "duobench.data.lerobot.export": ["Exported", "export_lerobot"],
+            "duobench.data.lerobot.options": [
+                "ActionSource",
+                "ExportOptions",
+                "Pairing",
+            ],
+            "duobench.data.page": ["write_page"],
+            "duobench.data.recorder": ["Recorder"],
+            "duobench.data.recording": ["Recording"],
+            "duobench.data.schema": ["Actor", "ActorKind", "EpisodeInfo", "Outcome"],
+            "duobench.data.summary": ["Summary", "summarize"],
+        },
+    )

@@ -21,7 +21,7 @@ from duobench.envs.action_modes import JOINT, ActionMode
 from duobench.envs.config import EnvConfig
 from duobench.envs.spaces import JOINT_NAMES
 
-SCHEMA = 5
+SCHEMA = 6
 """Version of the columns and of `EpisodeInfo`; raised when one is removed or changes, or is added
 without a default."""
 INFO_KEY = b"duobench.episode"
@@ -203,8 +203,6 @@ class EpisodeInfo:
     """Hash of the `EpisodeState` of the first row; None on real arms."""
     last_hash: str | None = None
     """Hash of the `EpisodeState` of the last row; None on real arms."""
-    control_rate_hz: float = CONTROL_HZ
-    """Rows a second."""
     observation_names: tuple[str, ...] = JOINT_NAMES
     """Names of the numbers of `agent_pos` and `sent`."""
     action_names: tuple[str, ...] = JOINT_NAMES

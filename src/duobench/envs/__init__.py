@@ -43,5 +43,40 @@ if TYPE_CHECKING:
         register as register,
     )
     from duobench.envs.sim_env import SimEnv as SimEnv, sim_of as sim_of
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.envs.action_modes": ["ACTION_MODES"],
+            "duobench.envs.action_wrappers": [
+                "ActionChunks",
+                "BinaryGripper",
+                "CartesianActions",
+                "RelativeCartesianActions",
+                "RelativeJointActions",
+            ],
+            "duobench.envs.batch_env": ["BatchEnv"],
+            "duobench.envs.config": ["EnvConfig"],
+            "duobench.envs.duo_env": [
+                "ClosedEnvError",
+                "DuoEnv",
+                "DuoWrapper",
+                "ResetNeededError",
+                "base_of",
+            ],
+            "duobench.envs.episode_state": ["EpisodeState", "StateError"],
+            "duobench.envs.episode_wrappers": [
+                "RandomizedReset",
+                "TaskStages",
+                "TimeLimit",
+            ],
+            "duobench.envs.observation_wrappers": [
+                "Cameras",
+                "FlatObservations",
+                "ObjectStates",
+            ],
+            "duobench.envs.protocol": ["make_env"],
+            "duobench.envs.registration": ["env_id", "make", "register"],
+            "duobench.envs.sim_env": ["SimEnv", "sim_of"],
+        },
+    )

@@ -12,7 +12,7 @@ from duobench.core.errors import (
     escaped,
 )
 from duobench.core.randomness import EVAL, SPLITS
-from duobench.core.types import CONTROL_HZ, as_count, as_several, as_size, as_whole
+from duobench.core.types import as_count, as_several, as_size, as_whole
 from duobench.envs import action_modes
 from duobench.envs.rewards import REWARDS, STAGE
 from duobench.tasks.shifts.shift import NO_SHIFT, Shift
@@ -78,8 +78,6 @@ class EnvConfig:
     """Part of the joints' speed limits that simulated arms use: below 1, they keep the slower
     limits of real arms, of which a rig's file says the fraction, and 0.05 rad of distance from the
     ends of the joints' ranges. Actions and spaces stay as they are; targets beyond are clipped."""
-    control_rate_hz: float = CONTROL_HZ
-    """Control steps a second; there is one rate."""
     render_mode: str | None = None
     """ "rgb_array", for `render`."""
     render_size: tuple[int, int] = RENDER_SIZE
@@ -107,10 +105,6 @@ class EnvConfig:
                 f"speed_fraction is a number, got {self.speed_fraction!r}."
             )
         check_speed_fraction(self.speed_fraction)
-        if self.control_rate_hz != CONTROL_HZ:
-            raise OptionError(
-                f"The control rate is {CONTROL_HZ:g} Hz, got {self.control_rate_hz}."
-            )
         if not isinstance(self.cameras, tuple):
             raise OptionError(
                 "cameras is True, False, the name of a camera, or a list of names; their images "

@@ -42,7 +42,6 @@ class EnvOptions(TypedDict, total=False):
     reward: str
     split: str
     speed_fraction: float
-    control_rate_hz: float
     render_mode: str | None
     render_size: int | Sequence[int]
     look: str | Look | Mapping[str, Any]
@@ -106,7 +105,6 @@ def make(task: Task | str, **options: Unpack[EnvOptions]) -> gym.Env:
               "dense": to it and to how near the next stage is.
             - `split` ("eval"): layouts; "train" for demonstrations.
             - `speed_fraction` (1.0): part of the joints' speed limits that the arms use.
-            - `control_rate_hz` (30.0): control steps a second; there is one rate.
             - `render_mode` (None): "rgb_array", for `render`.
             - `render_size` (480, 640): height and width of its image, in pixels.
             - `look` ("default"): how images look; `duobench.world.looks.names()` lists them.

@@ -17,11 +17,25 @@ if TYPE_CHECKING:
         PolicySource as PolicySource,
         source as source,
     )
-    from duobench.evaluation.rollout import (
+    from duobench.evaluation.rollouts import (
         Observer as Observer,
         Watcher as Watcher,
         rollout as rollout,
     )
     from duobench.evaluation.video import VideoRecorder as VideoRecorder
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.envs.execution": ["Step"],
+            "duobench.evaluation.episode": ["Job"],
+            "duobench.evaluation.policies": [
+                "ExpertPolicy",
+                "PolicyChoice",
+                "PolicySource",
+                "source",
+            ],
+            "duobench.evaluation.rollouts": ["Observer", "Watcher", "rollout"],
+            "duobench.evaluation.video": ["VideoRecorder"],
+        },
+    )

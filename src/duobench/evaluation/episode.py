@@ -31,7 +31,7 @@ from duobench.evaluation.blame import Asking, before_policy
 from duobench.evaluation.clock import EpisodeClock, Stopwatch
 from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
-from duobench.evaluation.rollout import Watcher, rollout
+from duobench.evaluation.rollouts import Watcher, rollout
 from duobench.evaluation.video import Overview, Picture, VideoRecorder
 from duobench.policy import Policy
 from duobench.policy.policy import as_chunk, check_fits

@@ -11,7 +11,7 @@ from duobench.core.types import Array
 from duobench.envs.duo_env import base_of
 from duobench.envs.episode_state import EpisodeState
 from duobench.envs.execution import Step
-from duobench.evaluation.rollout import Info, Observation
+from duobench.evaluation.rollouts import Info, Observation
 from duobench.results.excess import Excess
 from duobench.results.records import Record, StateHashes, pack_targets
 from duobench.results.run import Run

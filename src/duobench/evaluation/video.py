@@ -16,7 +16,7 @@ from duobench.core.video import VP9, VideoWriter
 from duobench.envs.execution import Step
 from duobench.envs.observation_wrappers import PIXELS
 from duobench.envs.sim_env import sim_of
-from duobench.evaluation.rollout import Info, Observation
+from duobench.evaluation.rollouts import Info, Observation
 from duobench.results.suite import TaskInfo
 from duobench.world.robot.cameras import OVERVIEW
 from duobench.world.sim.rendering import Renderer

@@ -27,5 +27,24 @@ if TYPE_CHECKING:
         check_fits as check_fits,
     )
     from duobench.policy.registry import BASELINES as BASELINES, make as make
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.policy.baselines": ["HoldPolicy", "RandomPolicy", "ZeroPolicy"],
+            "duobench.policy.batch": [
+                "Batching",
+                "BatchPolicy",
+                "Session",
+                "SessionPolicy",
+                "noise",
+            ],
+            "duobench.policy.policy": [
+                "Policy",
+                "PolicyMetadata",
+                "as_chunk",
+                "check_fits",
+            ],
+            "duobench.policy.registry": ["BASELINES", "make"],
+        },
+    )

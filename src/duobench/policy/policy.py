@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from duobench.core.errors import PolicyError, escaped
 from duobench.core.types import (
-    CONTROL_HZ,
     FLAT_SIZE,
     as_count,
     as_several,
@@ -48,8 +47,6 @@ class PolicyMetadata:
     environment's default."""
     action_mode: str = "joint"
     """The environment's action mode that the actions are meant for."""
-    control_rate_hz: float = CONTROL_HZ
-    """Actions a second that the policy was made for."""
     version: str | None = None
     """Version that changes when the policy does, such as the hash of its checkpoint; a run goes on
     only with the version it began with. An evaluation takes the hash of the module's source for
@@ -71,10 +68,6 @@ class PolicyMetadata:
                 raise PolicyError(
                     f"The {name} of a policy cannot be {getattr(self, name)!r}: {error}."
                 ) from error
-        if not self.control_rate_hz > 0:
-            raise PolicyError(
-                f"A control rate is positive, got {self.control_rate_hz} Hz."
-            )
         for name in ("name", "action_mode", "version", "dtype", "device"):
             kinds = str if name in {"name", "action_mode"} else str | None
             value = getattr(self, name)
@@ -117,7 +110,6 @@ _CONVERSIONS: Mapping[str, Callable[[Any], object]] = {
     "image_size": _or_none(
         as_size, "it is (height, width) in pixels, or one number for a square"
     ),
-    "control_rate_hz": float,
     "horizon": _or_none(as_count, "it is at least 1 action"),
     "object_state": bool,
     "batch_invariant": bool,
@@ -255,10 +247,5 @@ def _differences(metadata: PolicyMetadata, config: EnvConfig) -> Iterator[str]:
         yield "it reads nested observations, the environment's are flat (flat_obs)"
     if metadata.action_mode != config.action_mode:
         yield f"its actions are {metadata.action_mode!r}, the environment's {config.action_mode!r}"
-    if metadata.control_rate_hz != config.control_rate_hz:
-        yield (
-            f"it acts {metadata.control_rate_hz:g} times a second, the environment "
-            f"{config.control_rate_hz:g}"
-        )
     if config.chunk is not None:
         yield "it gives chunks of any length, the environment takes chunks of one length"

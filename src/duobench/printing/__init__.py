@@ -31,5 +31,27 @@ if TYPE_CHECKING:
         neutral_layout as neutral_layout,
         outlines_of as outlines_of,
     )
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.core.sheets": ["Paper"],
+            "duobench.printing.coupon": ["fit_coupon"],
+            "duobench.printing.folder": ["PrintChoice", "write_prints"],
+            "duobench.printing.formats": ["stl_bytes", "threemf_bytes"],
+            "duobench.printing.jig": ["Foot", "placing_jig"],
+            "duobench.printing.parts": [
+                "PrintedPart",
+                "PrintJob",
+                "Spot",
+                "job_of",
+                "lay_out",
+            ],
+            "duobench.printing.recipe": ["Recipe", "recipe_of"],
+            "duobench.printing.sheet": [
+                "layout_sheet",
+                "neutral_layout",
+                "outlines_of",
+            ],
+        },
+    )

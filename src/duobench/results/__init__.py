@@ -12,7 +12,7 @@ if TYPE_CHECKING:
         open_source as open_source,
         write_bundle as write_bundle,
     )
-    from duobench.results.compare import (
+    from duobench.results.comparison import (
         compare as compare,
         write_comparison as write_comparison,
     )
@@ -36,5 +36,23 @@ if TYPE_CHECKING:
         TaskInfo as TaskInfo,
         find_tasks as find_tasks,
     )
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.results.bundle": ["open_source", "write_bundle"],
+            "duobench.results.comparison": ["compare", "write_comparison"],
+            "duobench.results.folder": ["RunFolder"],
+            "duobench.results.records": ["Record"],
+            "duobench.results.report": ["read_results", "write_report"],
+            "duobench.results.run": ["Run", "TimeLimits"],
+            "duobench.results.scores": [
+                "Results",
+                "Score",
+                "TaskResult",
+                "summarize",
+                "wilson_interval",
+            ],
+            "duobench.results.suite": ["Episode", "Suite", "TaskInfo", "find_tasks"],
+        },
+    )

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from duobench.core.errors import EvaluationError
 from duobench.results import tables
-from duobench.results.compare import compare_entrants
+from duobench.results.comparison import compare_entrants
 from duobench.results.entrants import (
     Cell,
     Entrant,

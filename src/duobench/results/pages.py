@@ -54,7 +54,7 @@ def page(template: str, svgs: Mapping[str, str], **values: Any) -> str:
         svgs={name: Markup(figures.for_page(svg)) for name, svg in svgs.items()},
         figures=figures,
         scores=scores,
-        control_rate_hz=CONTROL_HZ,
+        rate_hz=CONTROL_HZ,
         software=software(),
         suite_text=suite_text,
         execute_text=execute_text,

@@ -27,7 +27,6 @@ _CONDITIONS = (
     "instructions",
     "split",
     "speed_fraction",
-    "control_rate_hz",
 )
 """What of a configuration is not the policy's choice."""
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from duobench.core.errors import OtherRunError
 from duobench.core.files import remove
 from duobench.results import figures, scores
-from duobench.results.compare import compare_parts, comparison_files
+from duobench.results.comparison import compare_parts, comparison_files
 from duobench.results.folder import CONDITIONS, RunFolder, RunReader
 from duobench.results.journal import duration, run_times, side_by_side
 from duobench.results.pages import (

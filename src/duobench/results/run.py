@@ -126,6 +126,21 @@ class TimeLimits:
         return min(self.act_timeout, MAX_S)
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Resuming:
+    """What is done with a run that is there, and with episodes that cannot be played."""
+
+    retry_broken: bool = False
+    """Play the episodes again that failed with an error in an earlier call."""
+    fresh: bool = False
+    """Remove the run that is in the folder, whatever it was, and begin anew; of the same run, what
+    this shard has left. A run of which every finished episode failed with an error gives way to a
+    changed policy too."""
+    unplayed_count_as_failures: bool = False
+    """Count episodes in which a process dies each of three times as failures, but never where
+    their task fails; without this they stay unplayed, which is an error."""
+
+
 RUN_SCHEMA = 11
 _SHOWN = 8  # characters of a hash in a sentence
 TRAININGS = (SIM, REAL, MIXED)
@@ -138,7 +153,6 @@ def needed_options(policy: PolicyMetadata) -> dict[str, Any]:
         "cameras": policy.cameras,
         "object_state": policy.object_state,
         "action_mode": policy.action_mode,
-        "control_rate_hz": policy.control_rate_hz,
         "image_size": policy.image_size or IMAGE_SIZE,
     }
 

@@ -79,5 +79,57 @@ if TYPE_CHECKING:
     from duobench.world.robot.cameras import View as View
     from duobench.world.scene.naming import TABLE as TABLE
     from duobench.world.sim.layout import Layout as Layout
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.core.randomness": ["ANY_YAW", "Choice", "Uniform", "around"],
+            "duobench.core.spatial": ["SE3"],
+            "duobench.core.types": ["SIDES", "Side"],
+            "duobench.tasks.catalog": ["get", "names"],
+            "duobench.tasks.stages.coordination": ["Carriage", "carriage"],
+            "duobench.tasks.stages.handover": ["Handover", "handover"],
+            "duobench.tasks.stages.insertion": ["Port", "inserted"],
+            "duobench.tasks.stages.joining": ["Joining", "joining"],
+            "duobench.tasks.stages.logic": [
+                "Predicate",
+                "StateView",
+                "all_of",
+                "any_of",
+                "held_for",
+                "since",
+            ],
+            "duobench.tasks.stages.passage": ["Hole", "Passage", "passage"],
+            "duobench.tasks.stages.placing": ["low_over", "placed", "put"],
+            "duobench.tasks.stages.pouring": ["Pouring", "pouring"],
+            "duobench.tasks.stages.predicates": [
+                "BoxRegion",
+                "CylinderRegion",
+                "Region",
+                "arm_touches",
+                "at_least",
+                "grasped",
+                "grasped_apart",
+                "hinge_open",
+                "inside",
+                "lifted",
+                "lifted_by_any",
+                "off_table",
+                "raised",
+                "released",
+                "rests_on",
+                "still",
+                "touches",
+                "touching",
+                "upright",
+                "variant",
+            ],
+            "duobench.tasks.stages.progress": ["Stage"],
+            "duobench.tasks.stages.rolling": ["Rolling", "rolling"],
+            "duobench.tasks.stages.support": ["Support", "support"],
+            "duobench.tasks.task": ["Category", "Placement", "Task"],
+            "duobench.world.robot.cameras": ["View"],
+            "duobench.world.scene.naming": ["TABLE"],
+            "duobench.world.sim.layout": ["Layout"],
+        },
+    )

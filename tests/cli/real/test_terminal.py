@@ -18,8 +18,8 @@ from pathlib import Path
 
 import pytest
 
-from duobench.cli.real import rigs
-from duobench.cli.real.rigs import KeyTerminal
+from duobench.cli.shared import rigs
+from duobench.cli.shared.rigs import KeyTerminal
 from duobench.data import DataSet
 from duobench.real.sessions.operator import QUIT
 from tests.cli.test_cli import ROOT

@@ -14,7 +14,7 @@ import pytest
 import duobench
 from duobench.core.randomness import episode_seed
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.policy.serving.address import RemoteServer
 from duobench.results.folder import RunFolder
 from duobench.results.scores import Results

@@ -19,9 +19,7 @@ STEPS = 3
 
 async def main() -> dict[str, Any]:
     kind = resolve_import_string(NAME)
-    benchmark = kind(
-        task_ids=["bin_sort"], seed=1, max_steps=STEPS, camera_resolution=[24, 32], frequency=30
-    )
+    benchmark = kind(task_ids=["bin_sort"], seed=1, max_steps=STEPS, camera_resolution=[24, 32])
     (task,) = benchmark.get_tasks()
     probe = benchmark.get_hold_action(None)["actions"]
     await benchmark.start_episode({**task, "episode_idx": 1})

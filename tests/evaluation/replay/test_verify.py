@@ -12,8 +12,8 @@ import pytest
 
 from duobench.core.errors import DuoBenchError, FileError, OtherRunError
 from duobench.core.randomness import episode_seed, policy_seed
-from duobench.evaluation.replay.verify import Verdict, Verification, verify
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.replay.verification import Verdict, Verification, verify
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.results.bundle import read_source
 from duobench.results.folder import RunFolder
 from duobench.results.journal import Journal

@@ -17,7 +17,7 @@ import pytest
 
 from duobench.core.errors import MachineryError, OtherRunError, PolicyError, ServingError
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.policy import Batching
 from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy

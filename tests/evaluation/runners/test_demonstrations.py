@@ -24,7 +24,7 @@ from duobench.data.attempts import ATTEMPTS, RUN
 from duobench.data.check import find_problems
 from duobench.data.stream import INTERRUPTED
 from duobench.data.summary import summarize
-from duobench.evaluation.runners.evaluate import record
+from duobench.evaluation.runners.evaluations import record
 from duobench.policy import HoldPolicy, PolicyMetadata
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog

@@ -23,7 +23,7 @@ from duobench.evaluation.runners.process import Channel
 from duobench.evaluation.runners.worker import EpisodeError, Report, Request
 from duobench.policy import Batching
 from duobench.results.journal import Ended
-from duobench.results.run import TimeLimits
+from duobench.results.run import Resuming, TimeLimits
 from duobench.results.suite import find_tasks
 from tests.evaluation import toy_batches, toy_tasks
 from tests.evaluation.conftest import assert_same_episodes, compared
@@ -66,7 +66,9 @@ def test_episode_that_always_kills_its_simulator_is_set_aside_and_all_others_are
         *(f"wave/0000{k}.json" for k in (0, 1, 2)),
     ]
     assert (tmp_path / "run" / "index.html").exists()
-    _, results = play("hold", workers=2, episodes=3, unplayed_count_as_failures=True)
+    _, results = play(
+        "hold", workers=2, episodes=3, resuming=Resuming(unplayed_count_as_failures=True)
+    )
     records = results.tasks[1].records
     assert [bool(record.reason) for record in records] == [False, True, False]
     assert "It was not played: in each of 3 attempts" in records[1].reason
@@ -270,7 +272,7 @@ def test_run_with_one_good_episode_is_kept_unless_it_is_begun_anew(play, referen
     stranger.write_text("mine")
     with pytest.raises(OtherRunError, match="another evaluation"):
         play("random")
-    again, _ = play("random", fresh=True)
+    again, _ = play("random", resuming=Resuming(fresh=True))
     assert stranger.read_text() == "mine"
     stranger.unlink()
     assert compared(again) == reference
@@ -281,7 +283,7 @@ def test_nothing_is_removed_where_there_is_no_run(play, tmp_path):
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
     with pytest.raises(OtherRunError, match="holds no evaluation"):
-        play("random", fresh=True)
+        play("random", resuming=Resuming(fresh=True))
     assert mine.read_text() == "mine"
 
 

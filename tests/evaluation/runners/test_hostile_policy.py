@@ -36,7 +36,7 @@ import resource, sys
 from pathlib import Path
 from duobench.core.errors import DuoBenchError
 from duobench.results.folder import RunFolder
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import small_suite
 

@@ -27,7 +27,7 @@ from duobench.results.folder import RunFolder
 from duobench.cli.shared.console import results_table
 from duobench.results.report import read_parts
 from duobench.results.run import TimeLimits
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from tests.evaluation.conftest import small_suite
 
 folder, workers, policy = RunFolder(Path(sys.argv[1])), int(sys.argv[2]), sys.argv[3]

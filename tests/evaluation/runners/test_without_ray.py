@@ -14,7 +14,7 @@ from duobench.cli.shared.options import command_line
 from duobench.core.errors import EvaluationError
 from duobench.core.versions import __version__
 from duobench.evaluation.runners import ray_cluster as cluster, ray_process as host
-from duobench.evaluation.runners.evaluate import evaluate
+from duobench.evaluation.runners.evaluations import evaluate
 from duobench.evaluation.runners.ray_cluster import check_environment
 from duobench.evaluation.runners.ray_process import AUTH_MODE, Cluster
 from duobench.evaluation.runners.worker import EpisodeProgress, Rehearsed
@@ -61,7 +61,7 @@ def test_missing_ray_names_the_extra(monkeypatch, tmp_path):
 
 def test_nothing_loads_ray_that_does_not_need_it():
     runners = "duobench.evaluation.runners"
-    modules = f"duobench.cli.verbs.episodes, {runners}.evaluate, {runners}.ray_cluster"
+    modules = f"duobench.cli.eval, {runners}.evaluations, {runners}.ray_cluster"
     code = f"import sys, {modules}; sys.exit('ray' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 

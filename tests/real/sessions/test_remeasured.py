@@ -8,12 +8,12 @@ import pytest
 
 from duobench.core.errors import OtherRunError
 from duobench.core.types import Side
-from duobench.evaluation.replay.verify import Verdict, verify
+from duobench.evaluation.replay.verification import Verdict, verify
 from duobench.real.cell import Obstacle
 from duobench.real.rig import CameraCalibration, CameraConfig, CameraDriver, GripperConfig, Rig
 from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.bundle import open_source, read_source, write_bundle
-from duobench.results.compare import compare
+from duobench.results.comparison import compare
 from duobench.world.robot.cameras import HEAD
 from tests.real.sessions.operator import POLICIES, Operator, Stand, played, records
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from duobench.core.errors import EvaluationError
-from duobench.evaluation.replay.verify import Verdict, verify
+from duobench.evaluation.replay.verification import Verdict, verify
 from duobench.real.sessions.trials_folder import LogKind, TrialsFolder
 from duobench.real.sessions.trials_report import TrialsReport, write_trials_report
 from duobench.results.bundle import open_source, read_source, write_bundle

@@ -1,1 +1,1 @@
-"""`duobench real`: real arms, or the simulated drivers in their place."""
+"""Lead, record and evaluate on real arms; not yet tried on an arm."""

@@ -184,3 +184,7 @@ def _stages(result: TaskResult) -> Text:
         text.append(f"{stage}:{count}  ", style=style)
     text.rstrip()
     return text
+
+
+CHECK_STYLES = {"ok": "green", "note": "yellow", "failed": "bold red", "skipped": "dim"}
+"""Style of what a doctor says, by outcome."""

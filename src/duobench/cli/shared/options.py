@@ -14,6 +14,7 @@ _ELSEWHERE: Mapping[str, str] = {
 """What stands for a value that another machine has elsewhere, or that is nobody's business."""
 _NO_MATTER = (
     "workers",
+    "observer",
     "retry_broken",
     "wait",
     "executor",

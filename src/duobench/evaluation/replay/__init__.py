@@ -9,11 +9,22 @@ if TYPE_CHECKING:
         Divergence as Divergence,
         replay as replay,
     )
-    from duobench.evaluation.replay.verify import (
+    from duobench.evaluation.replay.verification import (
         Finding as Finding,
         Verdict as Verdict,
         Verification as Verification,
         verify as verify,
     )
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.evaluation.replay.player": ["Divergence", "replay"],
+            "duobench.evaluation.replay.verification": [
+                "Finding",
+                "Verdict",
+                "Verification",
+                "verify",
+            ],
+        },
+    )

@@ -20,8 +20,8 @@ from duobench.core.randomness import SUITE_VERSION
 from duobench.evaluation.episode import Latest
 from duobench.evaluation.replay.player import RecordPlayer, why_not
 from duobench.evaluation.replay.trajectory import SceneCache, TrajectoryRecorder
-from duobench.evaluation.replay.verify import disagreements
-from duobench.evaluation.rollout import Watcher
+from duobench.evaluation.replay.verification import disagreements
+from duobench.evaluation.rollouts import Watcher
 from duobench.evaluation.video import FRAME_EVERY, Overview, Picture, VideoRecorder
 from duobench.results.folder import RunFolder
 from duobench.results.records import Key, Record

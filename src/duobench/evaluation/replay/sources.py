@@ -18,7 +18,7 @@ from duobench.evaluation.replay.trajectory import (
     Trajectory,
     TrajectoryRecorder,
 )
-from duobench.evaluation.replay.verify import disagreements
+from duobench.evaluation.replay.verification import disagreements
 from duobench.results.attempts import ERROR, FAILURE, SUCCESS
 from duobench.results.bundle import open_source
 from duobench.results.folder import DESCRIPTION as RUN, RunFolder, RunReader

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from duobench.envs.execution import Step
 from duobench.envs.sim_env import sim_of
-from duobench.evaluation.rollout import Info, Observation, Watcher
+from duobench.evaluation.rollouts import Info, Observation, Watcher
 from duobench.tasks.task import Task
 from duobench.web import track
 from duobench.web.geometry import Geometry

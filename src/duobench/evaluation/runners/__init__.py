@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from duobench.core.references import lazy
 
 if TYPE_CHECKING:
-    from duobench.evaluation.runners.evaluate import (
+    from duobench.evaluation.runners.evaluations import (
         Attempt as Attempt,
         evaluate as evaluate,
         record as record,
@@ -15,5 +15,19 @@ if TYPE_CHECKING:
         LocalExecutor as LocalExecutor,
         ProcessExecutor as ProcessExecutor,
     )
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.evaluation.runners.evaluations": [
+                "Attempt",
+                "evaluate",
+                "record",
+            ],
+            "duobench.evaluation.runners.executor": [
+                "Executor",
+                "LocalExecutor",
+                "ProcessExecutor",
+            ],
+        },
+    )

@@ -19,7 +19,7 @@ from duobench.core.backend import Image
 from duobench.core.errors import BackendError, RenderingError, VideoError
 from duobench.core.types import CONTROL_HZ
 from duobench.core.video import VP9, VideoWriter, jpeg
-from duobench.evaluation.rollout import Info, Observation, Step
+from duobench.evaluation.rollouts import Info, Observation, Step
 from duobench.real.canonical import NATIVE
 from duobench.real.clock import SystemClock
 from duobench.real.devices import Frame, image_ages

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from duobench.core.errors import PolicyTimeoutError
-from duobench.evaluation.rollout import Observation
+from duobench.evaluation.rollouts import Observation
 from duobench.policy import Policy
 
 PATIENCE_S = 5.0

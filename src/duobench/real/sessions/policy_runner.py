@@ -19,7 +19,7 @@ from duobench.envs.duo_env import (
     base_of,
 )
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
-from duobench.evaluation.rollout import Step, Watcher, rollout
+from duobench.evaluation.rollouts import Step, Watcher, rollout
 from duobench.policy.registry import PolicyKind, PolicyName
 from duobench.policy.serving.address import RemoteServer
 from duobench.real.clock import VirtualClock

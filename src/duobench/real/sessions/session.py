@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import gymnasium as gym
 
 from duobench.core.errors import BackendError, MessageError
-from duobench.evaluation.rollout import Info, Observation, Step, Watcher
+from duobench.evaluation.rollouts import Info, Observation, Step, Watcher
 from duobench.real.duo import FrankaDuo
 from duobench.real.judge import HumanJudge
 from duobench.real.sessions import messages

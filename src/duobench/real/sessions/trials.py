@@ -22,7 +22,7 @@ from duobench.data import Actor, ActorKind, DataSet
 from duobench.envs.config import LAYOUT, EnvConfig
 from duobench.evaluation.policies import PolicySource
 from duobench.evaluation.recorder import EpisodeRecorder
-from duobench.evaluation.rollout import Step
+from duobench.evaluation.rollouts import Step
 from duobench.printing.sheet import layout_sheet
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env

@@ -11,7 +11,7 @@ from duobench.real.rig import Rig
 from duobench.real.sessions.trials_folder import TrialsFolder, TrialsProgress
 from duobench.real.sessions.trials_plan import TrialsPlan
 from duobench.results import scores, tables
-from duobench.results.compare import compare_parts
+from duobench.results.comparison import compare_parts
 from duobench.results.folder import CONDITIONS
 from duobench.results.pages import counts_text, rig_text
 from duobench.results.pairs import Pair

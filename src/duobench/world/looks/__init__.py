@@ -6,5 +6,10 @@ from duobench.core.references import lazy
 
 if TYPE_CHECKING:
     from duobench.world.looks.catalog import names as names
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.world.looks.catalog": ["names"],
+        },
+    )

@@ -53,5 +53,48 @@ if TYPE_CHECKING:
         pieces_of as pieces_of,
         printable as printable,
     )
-
-lazy(__name__)
+else:
+    __getattr__, __dir__, __all__ = lazy(
+        __name__,
+        {
+            "duobench.world.objects.blocks": [
+                "BLACK",
+                "CHARCOAL",
+                "CUBE_EDGE",
+                "LONG_BLOCK",
+                "PALE",
+                "RED",
+                "WHITE",
+                "WOOD",
+                "YELLOW",
+                "block",
+                "cube",
+                "long_block",
+            ],
+            "duobench.world.objects.prop": ["Hinge", "Part", "Prop", "Variant"],
+            "duobench.world.objects.shapes": [
+                "Colour",
+                "Shape",
+                "box",
+                "circle",
+                "cylinder",
+                "hull",
+                "prism",
+                "ring_wall",
+                "sphere",
+            ],
+            "duobench.world.objects.solid": [
+                "Image",
+                "MassProperties",
+                "Mesh",
+                "Piece",
+                "Solid",
+                "corner_points",
+                "images_of",
+                "mass_properties",
+                "mesh_of",
+                "pieces_of",
+                "printable",
+            ],
+        },
+    )

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from duobench.cli.shared.advice import AdvisedError
-from duobench.cli.shared.process import AT_LEAVING
+from duobench.cli.shared.console import say
+from duobench.cli.shared.process import AT_LEAVING, stopping
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
 from duobench.real.opening import COMPUTED, open_rig
@@ -76,6 +77,26 @@ def hold_and_say(duo: FrankaDuo) -> None:
             sys.stderr.fileno(),
             b"\nThe arms are held. q ends; Ctrl-C again leaves at once.\n",
         )
+
+
+def activate_grippers(duo: FrankaDuo) -> None:
+    """Activate grippers that are not active or well, once the operator has said so."""
+    asleep = duo.hands.to_activate
+    if asleep:
+        which = " and ".join(asleep)
+        confirm(
+            f"To be activated: {which}. Is nothing between the fingers? They move.",
+            "activate",
+        )
+        with stopping(lambda: duo.hold("Ctrl-C.")):
+            duo.hands.activate()
+
+
+def confirm(question: str, word: str) -> None:
+    """Go on only if the operator types a word."""
+    say(f"{question}\nType {word} and Enter; anything else ends this.")
+    if sys.stdin.readline().strip() != word:
+        raise AdvisedError("Nothing was moved.")
 
 
 class KeyTerminal:

@@ -1,4 +1,4 @@
-"""`duobench doctor` and `duobench real doctor`: whether a machine and a rig are fit."""
+"""`duobench doctor`: whether a machine is fit for a run."""
 
 from __future__ import annotations
 
@@ -8,36 +8,22 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
 from pathlib import Path
 from statistics import median
 from timeit import repeat
-from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image as Pictures
-from rich.text import Text
 
-from duobench.cli.real.rigs import known_rig
-from duobench.cli.shared.advice import AdvisedError
-from duobench.cli.shared.console import counted, say, table
+from duobench.cli.shared.console import CHECK_STYLES, counted, say
 from duobench.cli.shared.process import load_engine
 from duobench.core import files
-from duobench.core.backend import Image
-from duobench.core.errors import BackendError
 from duobench.core.machine import DEVICE, unsupported
 from duobench.core.randomness import SUITE_VERSION
 from duobench.core.versions import other_engine, record_versions
 from duobench.envs.config import IMAGE_SIZE
-from duobench.real.canonical import NATIVE
-from duobench.real.clock import SystemClock, VirtualClock
-from duobench.real.doctor.checks import Check, Outcome, write_checks
+from duobench.real.doctor.checks import Check, Outcome
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import HEAD, POLICY_CAMERAS
-
-if TYPE_CHECKING:
-    from duobench.real.duo import FrankaDuo
-
 
 FIRST_COMMAND = (
     "duobench eval --policy expert --tasks bin_sort --episodes 1 --out runs/first"
@@ -70,7 +56,7 @@ _NAMED = (
 """The same, of which the value is private; connections to policies take no proxy."""
 
 
-def doctor(out: Path | None = None) -> None:
+def run(out: Path | None = None) -> None:
     """Try what a run needs, one line a check; the exit code is 1 if one fails.
 
     Scripts of jobs call it first.
@@ -87,7 +73,10 @@ def doctor(out: Path | None = None) -> None:
         failed += check.outcome is Outcome.FAILED
         told = filter(None, (check.value.removesuffix("."), check.advice))
         words = " ".join(". ".join(told).split())
-        say(f"{check.outcome:<8}{check.name:<17}{words}", style=_STYLES[check.outcome])
+        say(
+            f"{check.outcome:<8}{check.name:<17}{words}",
+            style=CHECK_STYLES[check.outcome],
+        )
     if failed:
         say(f"{counted(failed, 'check')} failed.", style="bold red")
         sys.exit(1)
@@ -243,91 +232,3 @@ def _milliseconds(work: Callable[[], object]) -> float:
     """Median time of a call, after a first one that does not count."""
     work()
     return 1000 * median(repeat(work, number=1, repeat=FRAMES))
-
-
-_STYLES = {"ok": "green", "note": "yellow", "failed": "bold red", "skipped": "dim"}
-
-
-def examine_rig(
-    rig: str,
-    out: Path,
-    seconds: float = 10.0,
-    hold: bool = True,
-    store_reference: bool = False,
-) -> None:
-    """Look at computer, arms, grippers and cameras of a rig; exit code 1 if a check fails.
-
-    Arms hold where they are for a while, once you have said that they may. Not yet tried on an arm.
-
-    Args:
-        rig: The rig's file, simulated, or rehearsal.
-        out: Folder of the run, into which doctor.json is written.
-        seconds: How long the arms hold, while cameras and commands are counted.
-        hold: Let the arms hold; without it nothing is told about control commands.
-        store_reference: Store the image of the head camera beside the rig's file: later, doctors
-            compare with it whether the camera was moved. Clear the table and bring the arms home
-            before.
-    """
-    if seconds <= 0.0:
-        raise AdvisedError("--seconds is more than 0.")
-    from duobench.real.doctor.examine import examine
-    from duobench.real.opening import COMPUTED, open_rig
-
-    known = known_rig(rig)
-    reference = None if rig in COMPUTED else Path(rig).with_suffix(".head.png")
-    if store_reference and reference is None:
-        raise AdvisedError(
-            f"The rig {rig} has no file beside which a reference could be kept."
-        )
-    # Where nothing is hardware, time is computed as well: nobody has to wait.
-    clock = VirtualClock() if known.is_computed else SystemClock()
-    with closing(open_rig(known, clock, guard=False)) as duo:
-        if hold:
-            _ask(duo, is_simulated=known.is_computed)
-        if store_reference and reference is not None:
-            duo.start()
-            Pictures.fromarray(duo.images([HEAD], NATIVE)[HEAD]).save(reference)
-            say(f"Reference: {reference}")
-        checks = examine(duo, seconds=seconds, reference=_read(reference))
-    written = write_checks(out, duo.rig.name, duo.rig.hash, checks)
-    _show(checks)
-    say(f"Written to {written}")
-    failed = sum(check.outcome == "failed" for check in checks)
-    if failed:
-        say(f"{counted(failed, 'check')} failed.", style="bold red")
-        sys.exit(1)
-
-
-def _ask(duo: FrankaDuo, *, is_simulated: bool) -> None:
-    """Have the operator allow that the arms hold; errors of connecting are found again later."""
-    try:
-        duo.start()
-    except BackendError:
-        return
-    if not is_simulated:
-        say(
-            "Both arms will be held where they are. Nobody within reach, a hand on the emergency "
-            "stop. Press Enter to go on, or Ctrl-C to leave."
-        )
-        if not sys.stdin.readline():
-            return
-    duo.supervisor.confirm()
-
-
-def _read(path: Path | None) -> Image | None:
-    if path is None or not path.exists():
-        return None
-    with Pictures.open(path) as picture:
-        return np.array(picture.convert("RGB"))
-
-
-def _show(checks: tuple[Check, ...]) -> None:
-    rows = table("Check", "", "Found")
-    for check in checks:
-        found = Text(check.value)
-        if check.advice:
-            found.append(f"\n{check.advice}", style="italic")
-        rows.add_row(
-            check.name, Text(check.outcome, style=_STYLES[check.outcome]), found
-        )
-    say(rows)

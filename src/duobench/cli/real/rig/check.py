@@ -7,20 +7,16 @@ from collections.abc import Iterable
 import numpy as np
 import tyro
 
-from duobench.cli.real.rigs import known_rig
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
+from duobench.cli.shared.rigs import known_rig
 from duobench.core.types import ARM_JOINTS, Side
 from duobench.real.guard import Guard
 from duobench.real.rig import ArmConfig, CameraConfig, GripperConfig, Rig
 from duobench.world.robot.joints import HOME_JOINTS, VELOCITY_LIMITS
 
 
-def rig() -> None:
-    """Read a rig's file; nothing is connected."""
-
-
-def check(file: tyro.conf.Positional[str]) -> None:
+def run(file: tyro.conf.Positional[str]) -> None:
     """Say what will hold on a rig, or what is wrong with its file, which ends with exit code 1.
 
     Args:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from duobench.core.errors import OtherRunError
-from duobench.results.compare import compare, write_comparison
+from duobench.results.comparison import compare, write_comparison
 from duobench.results.tables import CSV_HEADER
 from tests.results.outcomes import play
 from tests.results.test_report import Page
@@ -52,7 +52,7 @@ def test_same_runs_give_the_same_bytes_in_any_process(
 ) -> None:
     code = (
         "import sys\nfrom pathlib import Path\n"
-        "from duobench.results.compare import compare, write_comparison\n"
+        "from duobench.results.comparison import compare, write_comparison\n"
         "write_comparison(compare(sys.argv[2:]), Path(sys.argv[1]))"
     )
     subprocess.run(

@@ -36,7 +36,7 @@ from duobench.data.schema import AFTER_SUCCESS_S, steps_after_success
 from duobench.envs.config import FIXED
 from duobench.evaluation.episode import EpisodeResult, Job, RecordingPlan
 from duobench.evaluation.policies import PolicyChoice
-from duobench.evaluation.rollout import Observer
+from duobench.evaluation.rollouts import Observer
 from duobench.evaluation.runners.executor import Executor, executor_for
 from duobench.evaluation.runners.ray_process import Cluster
 from duobench.evaluation.runners.schedule import AttemptLog, check_played
@@ -45,9 +45,11 @@ from duobench.results.folder import RunFolder
 from duobench.results.journal import Journal
 from duobench.results.records import FirstAnswer, Key, Record
 from duobench.results.report import write_report
-from duobench.results.run import RUN_SCHEMA, WHOLE, Run, Shard, TimeLimits
+from duobench.results.run import RUN_SCHEMA, WHOLE, Resuming, Run, Shard, TimeLimits
 from duobench.results.scores import Results, summarize
 from duobench.results.suite import Episode, Suite, TaskInfo
+
+_RESUMING = Resuming()
 
 
 def evaluate(  # noqa: PLR0913
@@ -59,9 +61,7 @@ def evaluate(  # noqa: PLR0913
     limits: TimeLimits | None = None,
     workers: int = 1,
     observers: Sequence[Observer[Record]] = (),
-    retry_broken: bool = False,
-    fresh: bool = False,
-    unplayed_count_as_failures: bool = False,
+    resuming: Resuming = _RESUMING,
     command: str = "",
     shard: Shard = WHOLE,
     cluster: Cluster | None = None,
@@ -81,12 +81,7 @@ def evaluate(  # noqa: PLR0913
         workers: Processes that play side by side. With 0 this process plays: fine for a debugger,
             but it cannot stop a policy that hangs or outlive one that ends its process.
         observers: Called about the progress, in this process.
-        retry_broken: Also play the episodes again whose records hold an error.
-        fresh: Remove what a run has left in the folder, whatever it was, and play everything; of
-            the same run, what this shard has left. A run of which every finished episode failed
-            with an error gives way to another one anyway; attempts at its episodes stay on record.
-        unplayed_count_as_failures: Write records with an error for episodes that cannot be played
-            because a process dies in them each time; never where their task fails.
+        resuming: What is done with a run that is there.
         command: The command that starts it, for the report.
         shard: Which part of the episodes is played. All parts may be played into one folder, or
             into several that are copied into one. What finishes the run writes the report.
@@ -111,7 +106,7 @@ def evaluate(  # noqa: PLR0913
     executor = executor_for(job, workers, cluster)
     with folder.writer(shard) as journal, closing(executor):
         run = executor.prepare()
-        if fresh:
+        if resuming.fresh:
             folder.clear(run, shard)
             journal.clear()
         elif folder.gives_way(run):
@@ -122,7 +117,7 @@ def evaluate(  # noqa: PLR0913
         first_answer = ask() if episodes and not folder.has_records else None
         folder.begin(run, shard)
         journal.start(command, workers)
-        finished = _finished(folder, run, shard, retry_broken=retry_broken)
+        finished = _finished(folder, run, shard, retry_broken=resuming.retry_broken)
         records = {record.key: record for record in finished}
         missing = [each for each in episodes if run.key(each) not in records]
         if missing and first_answer is None:
@@ -130,7 +125,7 @@ def evaluate(  # noqa: PLR0913
         for observer in observers:
             observer.on_run_start(run, finished)
         results = executor.play(missing, _NotedAttempts(run, journal))
-        if unplayed_count_as_failures:
+        if resuming.unplayed_count_as_failures:
             results = chain(results, executor.failures())
         for result in results:
             earlier = journal.earlier(result.record.key)

@@ -1,0 +1,97 @@
+"""`duobench data info`: what a data set adds up to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+from rich.table import Table
+
+from duobench.cli.shared.advice import FOREIGN, advising
+from duobench.cli.shared.console import numeric, say, table, whole
+from duobench.cli.shared.folders import AS_NOTED, open_data
+
+if TYPE_CHECKING:
+    from duobench.data.summary import Summary, TaskSummary
+
+
+def run(
+    data: tyro.conf.Positional[Path], images: bool = True, import_tasks: bool = False
+) -> None:
+    """Show what a data set adds up to, and write a page about it into its folder.
+
+    Args:
+        data: Folder of the data set.
+        images: Show images of each task on the page, which takes a moment.
+        import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
+            that the data set names.
+    """
+    source = open_data(data, import_tasks=import_tasks)
+    from duobench.data import summarize, write_page
+
+    with advising(FOREIGN):
+        summary = summarize(source)
+    columns = numeric("Episodes", "Successes", "Frames", "Median", "99 %", "Horizon")
+    rows = table(whole("Task"), *columns)
+    for task in summary.tasks:
+        middle, long = f"{task.median_length:g}", f"{task.long_length:.0f}"
+        numbers = (
+            task.episodes,
+            task.successes,
+            task.frames,
+            middle,
+            long,
+            task.horizon,
+        )
+        rows.add_row(task.task, *map(str, numbers))
+    rows.add_section()
+    overall = (summary.episodes, summary.successes, summary.frames)
+    rows.add_row("All tasks", *map(str, overall), style="bold")
+    rows.caption = (
+        "Frames: all control steps, 30 a second. Median, 99 %: steps until success."
+    )
+    say(rows)
+    say(_smoothness(summary))
+    say(f"Episodes: {summary.domains}")
+    if summary.left_out:
+        say(f"Frames missing in videos, left out by a late encoder: {summary.left_out}")
+    for line in _actors(summary):
+        say(line)
+    for task, words in summary.differences.items():
+        say(f"{task}, {AS_NOTED}: {words}")
+    say(f"Page: {write_page(source, summary, images=images)}")
+
+
+def _actors(summary: Summary) -> Iterator[str]:
+    """Who acted, with the tasks where it was not the same in all."""
+    actors: dict[str, list[TaskSummary]] = {}
+    for task in summary.tasks:
+        for actor in task.actors:
+            actors.setdefault(actor, []).append(task)
+    for actor, tasks in actors.items():
+        where = (
+            ""
+            if len(tasks) == len(summary.tasks)
+            else f" ({', '.join(t.task for t in tasks)})"
+        )
+        yield f"Recorded by {actor}{where}"
+    for task in summary.tasks:
+        if task.attempted:
+            yield f"{task.task}: {task.attempted}"
+        if task.led is not None:
+            yield f"{task.task}: a hand led an arm in {task.led:.0%} of the steps"
+
+
+def _smoothness(summary: Summary) -> Table:
+    """What joint targets do that is hard to learn, task by task."""
+    columns = numeric(
+        "Steps at a\njoint limit", "Reversals\nan episode", "Steps with\na jump"
+    )
+    rows = table(whole("Task"), *columns)
+    for task in summary.tasks:
+        found = task.smoothness
+        shares = f"{found.at_limit:.1%}", f"{found.reversals:.1f}", f"{found.jumps:.1%}"
+        rows.add_row(task.task, *shares)
+    return rows

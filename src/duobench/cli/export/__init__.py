@@ -1,0 +1,1 @@
+"""Write data sets in the formats that policies are trained on."""

@@ -1,0 +1,86 @@
+"""`duobench export lerobot`: data sets in the format of LeRobot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import tyro
+
+from duobench.cli.shared.advice import FOREIGN, Advice, AdvisedError, advising
+from duobench.cli.shared.console import counted, say
+from duobench.cli.shared.folders import open_data
+from duobench.cli.shared.process import raising
+from duobench.cli.shared.progress import display
+from duobench.core.errors import SeveralTasksError
+from duobench.core.files import taken_back
+from duobench.data.lerobot.options import EpisodeChoice, ExportForm, ExportOptions
+
+_EPISODES, _FORM = EpisodeChoice(), ExportForm()
+_ADVICE: Advice = {
+    SeveralTasksError: "With --per-task one command does that.",
+    **FOREIGN,
+}
+
+
+def run(
+    data: tyro.conf.Positional[tuple[Path, ...]],
+    out: Path,
+    episodes: tyro.conf.OmitArgPrefixes[EpisodeChoice] = _EPISODES,
+    export: tyro.conf.OmitArgPrefixes[ExportForm] = _FORM,
+    per_task: bool = False,
+    workers: int = 1,
+    import_tasks: bool = False,
+) -> None:
+    """Export data sets to LeRobot's format; images are rendered from the recorded states.
+
+    Images of real episodes are those that were recorded. The same command in the same folder goes
+    on where it was stopped.
+
+    Args:
+        data: Folder of the data set, or of several, simulated and real ones too.
+        out: Folder of the export.
+        episodes: Which episodes are exported.
+        export: What is exported of them, and how.
+        per_task: Write one data set a task, each in a folder of its name; object states of several
+            tasks need it.
+        workers: Processes that render and encode side by side.
+        import_tasks: Import tasks that are not of the benchmark, which runs the code of the modules
+            that the data sets name.
+    """
+    if not data:
+        raise AdvisedError(
+            "Name the folder of a data set, such as duobench record makes."
+        )
+    sources = [
+        open_data(each, episodes.tasks, import_tasks=import_tasks) for each in data
+    ]
+    from duobench.data import export_lerobot
+    from duobench.real.canonical import view_of
+
+    new = taken_back(out, "duobench.json")
+    with raising(out), new, advising(_ADVICE), display("frame") as shown:
+        done = export_lerobot(
+            sources,
+            out,
+            ExportOptions(**vars(episodes), **vars(export)),
+            per_task=per_task,
+            workers=workers,
+            progress=shown.tell,
+            view_of=view_of,
+        )
+    megabytes = (
+        sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
+    )
+    say(
+        f"{counted(done.episodes, 'episode')}, {counted(done.frames, 'frame')}, "
+        f"{megabytes:.1f} MB in {out}",
+    )
+    if done.left_out:
+        say(
+            f"Left out: {counted(done.left_out, 'episode')}, discarded, not wanted or there twice."
+        )
+    if done.eval_layouts:
+        of_eval = counted(done.eval_layouts, "episode")
+        say(f"{of_eval} with layouts that policies are evaluated on: train on others.")
+    if done.residual is not None:
+        say(f"Tool poses are missed by inverse kinematics: {done.residual}.")

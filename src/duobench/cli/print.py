@@ -1,0 +1,80 @@
+"""`duobench print`: files to print the objects of a task with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from duobench.cli.shared.advice import OTHER_OUT, advising
+from duobench.cli.shared.console import say
+from duobench.cli.shared.resets import reset_env
+from duobench.core.files import taken_back
+from duobench.core.sheets import Paper
+from duobench.results.suite import find_tasks
+from duobench.tasks import catalog
+
+if TYPE_CHECKING:
+    from duobench.printing import Recipe
+
+
+ALL = "all"
+"""In the place of a task: every one of the benchmark."""
+JIG = "jig"
+"""In the place of a task: none, but the jig."""
+
+
+def run(
+    task: tyro.conf.Positional[str],
+    out: Path = Path("prints"),
+    variants: tuple[str, ...] = (),
+    seed: int | None = None,
+    paper: Paper = Paper.A4,
+    foot: tuple[float, float] | None = None,
+) -> None:
+    """Write what is needed to print a task's objects: STL, 3MF, recipes, layout sheet.
+
+    The same command in the same folder writes the same files again.
+
+    Args:
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE; all for every task; jig for
+            the jig alone from which objects are placed.
+        out: Folder of the files: a new one, or that of the same command.
+        variants: Which variants of objects that have some, such as numbers of mazes; all for all
+            of them. By default those of the seed's layout, or the first ones.
+        seed: Seed of the layout on the sheets; without one, everything is in the middle of where
+            it may be.
+        paper: Size of the sheets.
+        foot: Front edge and width in mm of the foot of your mount, and the jig for it is written
+            too; see the page real_setup. By default that of the simulated mount.
+    """
+    from duobench.printing import Foot, write_prints
+
+    of = Foot() if task == JIG and foot is None else None
+    if foot is not None:
+        of = Foot(front=foot[0] / 1000, width=foot[1] / 1000)
+    infos = [] if task == JIG else find_tasks(() if task == ALL else (task,))
+    tasks = [catalog.get(info.reference) for info in infos]
+    layouts = (
+        None
+        if seed is None
+        else {each.id: reset_env(each, seed).layout for each in tasks}
+    )
+
+    def tell(recipe: Recipe) -> None:
+        parts = sum(part.count for part in recipe.parts)
+        say(f"{out / recipe.id}: {f'{parts} parts' if parts else 'nothing is printed'}")
+
+    with advising(OTHER_OUT), taken_back(out):
+        write_prints(
+            out,
+            tasks,
+            variants=variants,
+            layouts=layouts,
+            seed=seed,
+            paper=paper,
+            foot=of,
+            progress=tell,
+        )
+    say(f"Begin with {out / 'README.md'}.")

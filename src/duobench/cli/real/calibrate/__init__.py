@@ -1,0 +1,1 @@
+"""Measure lenses and places of cameras with a printed board; not yet tried on a camera."""

@@ -1,0 +1,1 @@
+"""Read a rig's file; nothing is connected."""

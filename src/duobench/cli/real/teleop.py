@@ -1,0 +1,82 @@
+"""`duobench real teleop`: both arms of a rig, led by a person and recorded."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, closing, suppress
+from functools import partial
+from pathlib import Path
+
+import tyro
+
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import counted, say
+from duobench.cli.shared.leading import LeadingOptions, lead
+from duobench.cli.shared.page import PageOptions
+from duobench.cli.shared.process import load_engine, stopping
+from duobench.cli.shared.rigs import KeyTerminal, RigOptions, hold_and_say
+from duobench.core.files import taken_back
+
+_LEADING, _PAGE = LeadingOptions(), PageOptions()
+
+
+def run(
+    task: tyro.conf.Positional[str],
+    rig: tyro.conf.OmitArgPrefixes[RigOptions],
+    out: Path,
+    episodes: int = 10,
+    leading: tyro.conf.OmitArgPrefixes[LeadingOptions] = _LEADING,
+    page: tyro.conf.OmitArgPrefixes[PageOptions] = _PAGE,
+) -> None:
+    """Record episodes that somebody leads on real arms, until Ctrl-C.
+
+    As duobench teleop, on a rig: the page also shows what its cameras see, this terminal asks
+    before the arms go home, and the space bar here holds them. Keeping an episode while it runs
+    says that the task is solved. Not yet tried on an arm.
+
+    Args:
+        task: Id of a task (see: duobench list) or module:ATTRIBUTE.
+        rig: The rig, and how it is driven.
+        out: Folder of the data set.
+        episodes: How many episodes of the task to keep, those that are there counted.
+        leading: Who leads the arms, and with what.
+        page: Where the page is served.
+    """
+    if leading.lockstep and not rig.fast:
+        raise AdvisedError(
+            "Real arms do not wait for messages: --lockstep goes with --fast alone."
+        )
+    load_engine()
+    from duobench.data.dataset import DESCRIPTION
+    from duobench.real.sessions.cameras import CameraFeed
+    from duobench.real.sessions.operator import hold_by_key
+    from duobench.real.sessions.rig_teleoperation import (
+        EndedError,
+        RigTeleoperation,
+        RigTeleopPage,
+        make_real_recorder,
+    )
+
+    with taken_back(out, DESCRIPTION), ExitStack() as ending:
+        led_by, actor = leading.open(ending)
+        duo = rig.open()
+        terminal = ending.enter_context(closing(KeyTerminal()))
+        terminal.listen(partial(hold_by_key, duo))
+        recorder = make_real_recorder(
+            duo, task, out, actor, action_mode=led_by.action_mode
+        )
+        ending.callback(recorder.close)
+        with suppress(EndedError):
+            with stopping(partial(hold_and_say, duo)):
+                session = RigTeleoperation(
+                    recorder, led_by, terminal, episodes=episodes, **leading.asked()
+                )
+            ending.enter_context(session)
+            server = page.serve()
+            ending.callback(server.close)
+            ending.callback(CameraFeed(duo, server).close)
+            note = "Ctrl-C ends the session; the space bar holds."
+            times = lead(RigTeleopPage(session, server), server, note, terminal.leave)
+            say(times.removeprefix("; "))
+        data = recorder.data
+        kept = 0 if data is None else data.kept(recorder.task)
+        say(f"{counted(kept, 'episode')} of {task} in {out}")

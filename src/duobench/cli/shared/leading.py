@@ -1,0 +1,99 @@
+"""A person who leads both arms from a page, in simulation or on a rig."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from duobench.cli.shared.advice import AdvisedError
+from duobench.cli.shared.console import say
+from duobench.cli.shared.process import stopping
+
+if TYPE_CHECKING:
+    from duobench.data import Actor
+    from duobench.teleop.intent import Device
+    from duobench.teleop.leaders.device import JointSource
+    from duobench.teleop.teleop_page import TeleopPage
+    from duobench.web.server import PageServer
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LeadingOptions:
+    """Who leads the arms, and with what."""
+
+    operator: str = ""
+    """Pseudonym of who leads; it is recorded."""
+    leader: str | None = None
+    """Leader arms in place of the page's hands: gello:FILE, a configuration of two GELLO arms, or
+    lerobot:KIND, a teleoperator of LeRobot with our 16 numbers."""
+    instruction: str = ""
+    """What the operator says that the arms will do; the task's own if not given. Both are
+    recorded."""
+    scripted: bool = False
+    """A program leads through the page, which is recorded as such and never as a person."""
+    lockstep: bool = False
+    """One control step for each message of the page, and none without: for machines that are too
+    slow for real time, and on a rig for drivers without hardware."""
+
+    def open(self, ending: ExitStack) -> tuple[Device, Actor]:
+        """What the operator leads with, which `ending` lets go of, and who is recorded."""
+        from duobench.data import Actor, ActorKind
+        from duobench.teleop.hands import HandDevice
+        from duobench.teleop.leaders.device import LeaderDevice
+
+        if self.leader is None:
+            led_by = HandDevice(lockstep=self.lockstep)
+        else:
+            source = _joint_source(self.leader)
+            source.connect()
+            ending.callback(source.close)
+            led_by = LeaderDevice(source)
+        kind = ActorKind.SCRIPTED_OPERATOR if self.scripted else ActorKind.PERSON
+        return led_by, Actor(
+            kind=kind, name=self.operator, device=led_by.led_by or None
+        )
+
+    def asked(self) -> dict[str, Any]:
+        """What a session takes of them."""
+        return {"instruction": self.instruction, "lockstep": self.lockstep}
+
+
+def _joint_source(leader: str) -> JointSource:
+    """The leader arms that an option names."""
+    kind, _, what = leader.partition(":")
+    if kind == "gello" and what:
+        from duobench.teleop.leaders.gello import GelloConfig, GelloSource
+
+        return GelloSource(GelloConfig.read(Path(what)))
+    if kind == "lerobot" and what:
+        from duobench.teleop.leaders.lerobot_source import LeRobotSource
+
+        return LeRobotSource.make(what)
+    raise AdvisedError(f"--leader is gello:FILE or lerobot:KIND, got {leader!r}.")
+
+
+def lead(
+    live: TeleopPage,
+    server: PageServer,
+    note: str,
+    on_stop: Callable[[], None] = lambda: None,
+) -> str:
+    """Run a session on its page; what its times were, in a few words."""
+    say(f"Open {server.url}\n{note}")
+
+    def stop() -> None:
+        live.stop()
+        on_stop()
+
+    with stopping(stop):
+        summary = live.run().summary()
+    if "latency_ms" not in summary:
+        return ""
+    period, latency = summary["period_ms"], summary["latency_ms"]
+    return (
+        f"; a control step every {period['p50']:.0f} ms (99 %: {period['p99']:.0f}), executed "
+        f"{latency['p50']:.0f} ms after the hands' sample arrived"
+    )

@@ -1,0 +1,24 @@
+"""Environments that are reset, as commands show them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from duobench.envs.config import checked_seed
+from duobench.tasks.task import Task
+from duobench.world.looks.catalog import DEFAULT
+
+if TYPE_CHECKING:
+    from duobench.envs.sim_env import SimEnv
+
+
+def reset_env(task: Task, seed: int, look: str = DEFAULT) -> SimEnv:
+    """An environment with the layout that a seed gives, tried on the simulated objects."""
+    from duobench.envs import RandomizedReset
+    from duobench.envs.sim_env import SimEnv
+
+    checked_seed(seed)
+    env = SimEnv(task, look=look)
+    env.make_judge()  # an error where a stage names what is not there
+    RandomizedReset(env).reset(seed=seed)
+    return env
