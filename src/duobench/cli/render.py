@@ -10,10 +10,9 @@ from duobench.cli.shared.console import say
 from duobench.cli.shared.process import load_engine
 from duobench.cli.shared.resets import reset_env
 from duobench.core.files import make_folder, taken_back, writing
-from duobench.core.types import POLICY_CAMERAS
 from duobench.results.suite import find_tasks
 from duobench.tasks import catalog
-from duobench.world.robot.cameras import OVERVIEW
+from duobench.world.robot.cameras import OVERVIEW, POLICY_CAMERAS
 
 SAMPLES = 16
 """Images averaged into the one for people; what policies see has one."""

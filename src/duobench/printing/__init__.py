@@ -36,7 +36,6 @@ else:
         __name__,
         {
             "duobench.core.sheets": ["Paper"],
-            "duobench.printing.coupon": ["fit_coupon"],
             "duobench.printing.folder": ["PrintChoice", "write_prints"],
             "duobench.printing.formats": ["stl_bytes", "threemf_bytes"],
             "duobench.printing.jig": ["Foot", "placing_jig"],

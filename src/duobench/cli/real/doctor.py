@@ -16,10 +16,10 @@ from duobench.cli.shared.console import CHECK_STYLES, counted, say, table
 from duobench.cli.shared.rigs import known_rig
 from duobench.core.backend import Image
 from duobench.core.errors import BackendError
-from duobench.core.types import HEAD
 from duobench.real.canonical import NATIVE
 from duobench.real.clock import SystemClock, VirtualClock
 from duobench.real.doctor.checks import Check, write_checks
+from duobench.world.robot.cameras import HEAD
 
 if TYPE_CHECKING:
     from duobench.real.duo import FrankaDuo

@@ -14,8 +14,8 @@ from duobench.cli.shared.calibration import (
 from duobench.cli.shared.rigs import rig_file
 from duobench.core.sheets import Paper
 from duobench.core.spatial import SE3
-from duobench.core.types import HEAD
 from duobench.real.rig import Rig
+from duobench.world.robot.cameras import HEAD
 
 
 def run(

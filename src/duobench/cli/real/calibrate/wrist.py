@@ -15,8 +15,9 @@ from duobench.cli.shared.calibration import (
 )
 from duobench.cli.shared.rigs import rig_file
 from duobench.core.sheets import Paper
-from duobench.core.types import Side, wrist_name
+from duobench.core.types import Side
 from duobench.real.rig import Rig
+from duobench.world.robot.cameras import wrist_name
 
 
 def run(
