@@ -10,8 +10,6 @@ from unittest.mock import patch
 import gymnasium as gym
 import mujoco
 import numpy as np
-from duobench.sim.simulation import Simulation
-from duobench.stages.progress import Progress
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
@@ -28,6 +26,8 @@ from duobench.envs.batch_env import BatchEnv
 from duobench.envs.sim_env import sim_of
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.evaluation.rollout import rollout
+from duobench.tasks.stages.progress import Progress
+from duobench.world.sim.simulation import Simulation
 
 JUDGED = 1024
 """Episodes that are judged at once."""
