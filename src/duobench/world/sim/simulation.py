@@ -151,7 +151,7 @@ class Simulation(Questions):
         self.contacts = Contacts(self.model, self.data)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
-        self._rows: dict[tuple[str, ...], tuple[Any, Any]] = {}
+        self._rows: dict[tuple[str, ...], tuple[Array, Array | None]] = {}
         self._few = {
             name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS
         }
@@ -415,7 +415,7 @@ class Simulation(Questions):
     def relative_speeds(
         self, props: tuple[str, ...], frame: str, positions: Iterable[Point]
     ) -> list[float]:
-        """`relative_speed` of many free props, with the same bits, in a fraction of the time.
+        """`relative_speed` of many props, with the same bits, in a fraction of the time.
 
         Args:
             props: Their names.
@@ -423,7 +423,10 @@ class Simulation(Questions):
             positions: Where they are in it, as `relative_position` gives it.
         """
         _, starts = self._rows_of(props)
-        velocities = self._qvel.take(starts).tolist()
+        if starts is None:
+            velocities = [self._velocity(name)[:3] for name in props]
+        else:
+            velocities = self._qvel.take(starts).tolist()
         ox, oy, oz, wx, wy, wz = self._velocity(frame)
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(frame)
         found: list[float] = []
@@ -438,14 +441,16 @@ class Simulation(Questions):
             )
         return found
 
-    def _rows_of(self, props: tuple[str, ...]) -> tuple[Any, Any]:
-        """Rows of bodies (n,), and places of linear velocities (n, 3)."""
+    def _rows_of(self, props: tuple[str, ...]) -> tuple[Array, Array | None]:
+        """Rows of bodies (n,), and places of linear velocities (n, 3) if all are free."""
         found = self._rows.get(props)
         if found is None:
-            rows = [self.body_id(name) for name in props]
-            starts = [self._dofs[name] for name in props]
-            places = np.array(starts)[:, None] + np.arange(3)
-            found = self._rows[props] = np.array(rows), places
+            bodies = np.array([self.body_id(name) for name in props])
+            places = None
+            if not any(self.props[name].fixed for name in props):
+                starts = np.array([self._dofs[name] for name in props])
+                places = starts[:, None] + np.arange(3)
+            found = self._rows[props] = bodies, places
         return found
 
     def height_bound(self, prop: str, limit: float) -> float | None:
