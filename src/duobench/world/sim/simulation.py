@@ -157,6 +157,7 @@ class Simulation(Questions):
         }
         self._boxes = {
             name: (
+                self._bodies[name],
                 ((c.max(axis=1) + c.min(axis=1)) / 2).tolist(),
                 ((c.max(axis=1) - c.min(axis=1)) / 2).tolist(),
                 c[:, c[2].argmin()].tolist(),
@@ -164,8 +165,8 @@ class Simulation(Questions):
             for name, c in corners
             if name not in self._few
         }
-        """Middle and half size of the box around the corners of each other prop, and the corner
-        that is lowest while it stands."""
+        """Of each other prop its body, middle and half size of the box around its corners, and the
+        corner that is lowest while it stands."""
         self._state_size = mujoco.mj_stateSize(self.model, STATE)
         # Degrees of freedom of the props, hinges included, and what counts as rest for each.
         roots = [self._bodies[name] for name in self.props]
@@ -457,9 +458,9 @@ class Simulation(Questions):
         """As `Questions`; known of props with many corners, far from the limit, at low cost."""
         if prop not in self._boxes:
             return None
-        (cx, cy, cz), (half_x, half_y, half_z), (a, b, c) = self._boxes[prop]
-        x, y, z = self.axes(self.props[prop].name)[6:]
-        origin = self.origin(prop)[2]
+        row, (cx, cy, cz), (half_x, half_y, half_z), (a, b, c) = self._boxes[prop]
+        x, y, z = self._xmat[row, 6:].tolist()
+        origin = self._xpos.item(row, 2)
         highest = origin + a * x + b * y + c * z
         if highest < limit - CLEARLY:
             return highest
