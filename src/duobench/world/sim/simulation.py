@@ -6,6 +6,7 @@ from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.core.errors import DuoBenchError, LayoutError, SimulationError
 from duobench.core.spatial import SE3
@@ -99,6 +100,7 @@ MAX_SETTLE_STEPS = 45
 
 FEW_CORNERS = 24
 """Up to so many points a loop over floats finds the lowest one faster than arrays do."""
+Rows = NDArray[np.int_]
 Point = tuple[float, float, float]
 OUTSIDE: Point = (math.nan, math.nan, math.nan)
 CLEARLY = 1e-9
@@ -151,7 +153,7 @@ class Simulation(Questions):
         self.contacts = Contacts(self.model, self.data)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
-        self._rows: dict[tuple[str, ...], tuple[Array, Array | None]] = {}
+        self._rows: dict[tuple[str, ...], tuple[Rows, Rows | None]] = {}
         self._few = {
             name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS
         }
@@ -442,7 +444,7 @@ class Simulation(Questions):
             )
         return found
 
-    def _rows_of(self, props: tuple[str, ...]) -> tuple[Array, Array | None]:
+    def _rows_of(self, props: tuple[str, ...]) -> tuple[Rows, Rows | None]:
         """Rows of bodies (n,), and places of linear velocities (n, 3) if all are free."""
         found = self._rows.get(props)
         if found is None:
