@@ -44,19 +44,19 @@ class Page:
 
 
 ANY = 180.0
-CUBE = {"objects.blocks.CUBE_EDGE": 0.032}
-LONG_BLOCK = CUBE | {"objects.blocks.LONG_BLOCK": 0.096}
+CUBE = {"world.objects.blocks.CUBE_EDGE": 0.032}
+LONG_BLOCK = CUBE | {"world.objects.blocks.LONG_BLOCK": 0.096}
 SUPPORT = {
-    "stages.support.UNSUPPORTED_SECONDS": 0.6,
-    "stages.support.RELIEVED_SECONDS": 1.0,
-    "stages.support.NEAR": 0.015,
-    "stages.support.SHUT_SECONDS": 0.5,
-    "stages.predicates.SHUTTING_MOMENT": 2.0,
-    "sim.contacts.MIN_LEVER": 0.020,
+    "tasks.stages.support.UNSUPPORTED_SECONDS": 0.6,
+    "tasks.stages.support.RELIEVED_SECONDS": 1.0,
+    "tasks.stages.support.NEAR": 0.015,
+    "tasks.stages.support.SHUT_SECONDS": 0.5,
+    "tasks.stages.predicates.SHUTTING_MOMENT": 2.0,
+    "world.sim.contacts.MIN_LEVER": 0.020,
     "tasks.hinge_chest.BACKING": 0.060,
     "tasks.hinge_chest.HIGHEST_DROP": 0.080,
 }
-BOWL = {"objects.bowl.RADIUS": 0.085, "objects.bowl.RIM_HEIGHT": 0.030}
+BOWL = {"world.objects.bowl.RADIUS": 0.085, "world.objects.bowl.RIM_HEIGHT": 0.030}
 
 PAGES = {
     "hinge_chest": Page(
@@ -65,9 +65,9 @@ PAGES = {
         numbers=CUBE
         | SUPPORT
         | {
-            "objects.chest.CAVITY": (0.130, 0.230, 0.060),
-            "objects.chest.WALL": 0.006,
-            "objects.chest.LID_LIMITS": (0.0, math.radians(80)),
+            "world.objects.chest.CAVITY": (0.130, 0.230, 0.060),
+            "world.objects.chest.WALL": 0.006,
+            "world.objects.chest.LID_LIMITS": (0.0, math.radians(80)),
             "tasks.hinge_chest.OPEN_ANGLE": 0.8,
         },
         layout={
@@ -82,12 +82,12 @@ PAGES = {
         numbers=CUBE
         | SUPPORT
         | {
-            "objects.microwave.WIDTH": 0.55,
-            "objects.microwave.DEPTH": 0.32,
-            "objects.microwave.HEIGHT": 0.30,
-            "objects.microwave.CAVITY": (0.26, 0.33, 0.24),
-            "objects.microwave.DOOR_LIMITS": (0.0, 2.09),
-            "objects.microwave.DOOR_STIFFNESS": 4.0,
+            "world.objects.microwave.WIDTH": 0.55,
+            "world.objects.microwave.DEPTH": 0.32,
+            "world.objects.microwave.HEIGHT": 0.30,
+            "world.objects.microwave.CAVITY": (0.26, 0.33, 0.24),
+            "world.objects.microwave.DOOR_LIMITS": (0.0, 2.09),
+            "world.objects.microwave.DOOR_STIFFNESS": 4.0,
             "tasks.spring_door.OPEN_ANGLE": 0.8,
         },
         layout={
@@ -100,14 +100,14 @@ PAGES = {
         stages=6,
         horizon=442,
         numbers={
-            "objects.cup.INNER_RADIUS": 0.030,
-            "objects.cup.WALL": 0.004,
-            "objects.cup.HEIGHT": 0.075,
-            "objects.cup.MARBLE_RADIUS": 0.005,
+            "world.objects.cup.INNER_RADIUS": 0.030,
+            "world.objects.cup.WALL": 0.004,
+            "world.objects.cup.HEIGHT": 0.075,
+            "world.objects.cup.MARBLE_RADIUS": 0.005,
             "tasks.pour_marbles.RAISE": 0.020,
             "tasks.pour_marbles.HALF_SQUARE": 0.05,
-            "stages.pouring.LYING_SPEED": 0.25,
-            "stages.pouring.TILT_TO_POUR_DEGREES": 45,
+            "tasks.stages.pouring.LYING_SPEED": 0.25,
+            "tasks.stages.pouring.TILT_TO_POUR_DEGREES": 45,
         },
         layout={
             "left_cup": Place(at=(0.5, 0.3), within=(0.05, 0.05)),
@@ -121,16 +121,16 @@ PAGES = {
         stages=4,
         horizon=350,
         numbers={
-            "objects.maze_board.EDGE": 0.22,
-            "objects.maze_board.PITCH": 0.040,
-            "objects.maze_board.WALL_HEIGHT": 0.015,
-            "objects.maze_board.BALL_RADIUS": 0.010,
-            "objects.mazes.CELLS": 5,
+            "world.objects.maze_board.EDGE": 0.22,
+            "world.objects.maze_board.PITCH": 0.040,
+            "world.objects.maze_board.WALL_HEIGHT": 0.015,
+            "world.objects.maze_board.BALL_RADIUS": 0.010,
+            "world.objects.mazes.CELLS": 5,
             "tasks.ball_maze.LEFT_START": 0.020,
             "tasks.ball_maze.AT_GOAL": 0.015,
             "tasks.ball_maze.RAISE": 0.010,
-            "stages.rolling.MIN_SPEED": 0.02,
-            "stages.rolling.SLIP_SECONDS": 0.1,
+            "tasks.stages.rolling.MIN_SPEED": 0.02,
+            "tasks.stages.rolling.SLIP_SECONDS": 0.1,
         },
         layout={"board": Place(at=(0.5, 0.0), within=(0.1, 0.1), yaw_deg=ANY)},
     ),
@@ -138,10 +138,10 @@ PAGES = {
         stages=3,
         horizon=450,
         numbers={
-            "objects.pot.RADIUS": 0.11,
-            "objects.pot.HEIGHT": 0.11,
-            "objects.pot.MASS": 2.5,
-            "objects.pot.PLATE": (0.35, 0.28, 0.02),
+            "world.objects.pot.RADIUS": 0.11,
+            "world.objects.pot.HEIGHT": 0.11,
+            "world.objects.pot.MASS": 2.5,
+            "world.objects.pot.PLATE": (0.35, 0.28, 0.02),
             "tasks.carry_pot.LIFT": 0.030,
             "tasks.carry_pot.OFF_CENTRE": (0.10, 0.08),
             "tasks.carry_pot.TILT_DEGREES": 10,
@@ -173,14 +173,14 @@ PAGES = {
         stages=3,
         horizon=829,
         numbers={
-            "objects.joint_blocks.BAR": (0.075, 0.030, 0.025),
-            "objects.joint_blocks.PEG_WIDTH": 0.014,
-            "objects.joint_blocks.PEG_LENGTH": 0.024,
-            "objects.joint_blocks.CLEARANCE": 0.0003,
-            "objects.joint_blocks.PEG_HEIGHT": 0.060,
+            "world.objects.joint_blocks.BAR": (0.075, 0.030, 0.025),
+            "world.objects.joint_blocks.PEG_WIDTH": 0.014,
+            "world.objects.joint_blocks.PEG_LENGTH": 0.024,
+            "world.objects.joint_blocks.CLEARANCE": 0.0003,
+            "world.objects.joint_blocks.PEG_HEIGHT": 0.060,
             "tasks.join_blocks.DEPTH": 0.010,
-            "stages.joining.KEPT_DEPTH": 0.003,
-            "stages.joining.LOST_SECONDS": 0.2,
+            "tasks.stages.joining.KEPT_DEPTH": 0.003,
+            "tasks.stages.joining.LOST_SECONDS": 0.2,
         },
         layout={
             "light_block": Place(at=(0.5, 0.2), within=(0.05, 0.075), yaw_deg=15),
@@ -216,11 +216,11 @@ PAGES = {
         horizon=523,
         numbers=LONG_BLOCK
         | {
-            "objects.gate.SIDES_OF_RING": 8,
-            "objects.gate.RING_RADIUS": 0.115,
-            "objects.gate.RING_HEIGHT": 0.375,
-            "objects.gate.MAT_EDGE": 0.228,
-            "objects.gate.MAT_THICKNESS": 0.01,
+            "world.objects.gate.SIDES_OF_RING": 8,
+            "world.objects.gate.RING_RADIUS": 0.115,
+            "world.objects.gate.RING_HEIGHT": 0.375,
+            "world.objects.gate.MAT_EDGE": 0.228,
+            "world.objects.gate.MAT_THICKNESS": 0.01,
             "tasks.transfer_gate.CROSSING_RADIUS": 0.10,
         },
         layout={
@@ -239,9 +239,9 @@ PAGES = {
         stages=4,
         horizon=505,
         numbers={
-            "objects.hexagon_peg.ACROSS_FLATS": 0.034,
-            "objects.hexagon_peg.PEG_LENGTH": 0.100,
-            "objects.hexagon_peg.CLEARANCE": 0.001,
+            "world.objects.hexagon_peg.ACROSS_FLATS": 0.034,
+            "world.objects.hexagon_peg.PEG_LENGTH": 0.100,
+            "world.objects.hexagon_peg.CLEARANCE": 0.001,
             "tasks.transfer_reorient.DEPTH": 0.015,
         },
         layout={
@@ -272,22 +272,22 @@ PAGES = {
 }
 
 SHARED = {
-    "stages.placing.PUT_HEIGHT": 0.012,
-    "stages.placing.DROP_HEIGHT": 0.060,
-    "stages.coordination.TOGETHER_SECONDS": 1.5,
-    "stages.coordination.AWAY_SECONDS": 1.0,
-    "stages.rolling.REGRASP_SECONDS": 0.4,
-    "stages.rolling.MOST_MOVED": 0.005,
+    "tasks.stages.placing.PUT_HEIGHT": 0.012,
+    "tasks.stages.placing.DROP_HEIGHT": 0.060,
+    "tasks.stages.coordination.TOGETHER_SECONDS": 1.5,
+    "tasks.stages.coordination.AWAY_SECONDS": 1.0,
+    "tasks.stages.rolling.REGRASP_SECONDS": 0.4,
+    "tasks.stages.rolling.MOST_MOVED": 0.005,
     "tasks.pour_marbles.SHOVE": 0.03,
-    "stages.placing.REST_SECONDS": 0.5,
-    "stages.predicates.LIFTED_HEIGHT": 0.010,
-    "stages.predicates.STILL_SPEED": 0.05,
-    "stages.predicates.STILL_ANGULAR_SPEED": 0.5,
-    "stages.predicates.FLICKER_SECONDS": 0.1,
-    "stages.vessels.STANDING_TILT_DEGREES": 20,
-    "stages.insertion.MAX_OFFSET": 0.004,
-    "stages.insertion.MAX_ANGLE_DEGREES": 10,
-    "objects.solid.PLA_DENSITY": 1240.0,
+    "tasks.stages.placing.REST_SECONDS": 0.5,
+    "tasks.stages.predicates.LIFTED_HEIGHT": 0.010,
+    "tasks.stages.predicates.STILL_SPEED": 0.05,
+    "tasks.stages.predicates.STILL_ANGULAR_SPEED": 0.5,
+    "tasks.stages.predicates.FLICKER_SECONDS": 0.1,
+    "tasks.stages.vessels.STANDING_TILT_DEGREES": 20,
+    "tasks.stages.insertion.MAX_OFFSET": 0.004,
+    "tasks.stages.insertion.MAX_ANGLE_DEGREES": 10,
+    "world.objects.solid.PLA_DENSITY": 1240.0,
 }
 
 

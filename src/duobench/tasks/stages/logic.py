@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R", bound="Predicate")
+Found = TypeVar("Found")
 
 Words = tuple[str, ...]
 """Statements, one constraint each."""
@@ -80,7 +81,7 @@ class StateView:
     """Why something is not remembered, where an earlier step tells; for explanations alone."""
     answers: dict[Predicate, bool] = field(default_factory=dict)
     """Answers so far: a predicate is pure, so it is tested once a control step."""
-    _found: dict[str | tuple[str, str], Any] = field(default_factory=dict)
+    _found: dict[object, Any] = field(default_factory=dict)
     """What was computed of poses so far."""
 
     def relative_position(self, body: str, frame: str) -> tuple[float, float, float]:
@@ -92,12 +93,27 @@ class StateView:
             )
         return found
 
+    def once(self, key: object, question: Callable[[Simulation], Found]) -> Found:
+        """Answer of the simulation to a question that has a key, asked once."""
+        found = self._found.get(key)
+        if found is None:
+            found = self._found[key] = question(self.simulation)
+        return found
+
     def min_height(self, prop: str) -> float:
         """Height of a prop's lowest point above the table top, in metres, computed once."""
         found = self._found.get(prop)
         if found is None:
             found = self._found[prop] = self.simulation.min_height(prop)
         return found
+
+    def height_near(self, prop: str, limit: float) -> float:
+        """`min_height`, or a bound of it that is clearly on the same side of a limit."""
+        if prop not in self._found:
+            bound = self.simulation.height_bound(prop, limit)
+            if bound is not None:
+                return bound
+        return self.min_height(prop)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -52,16 +52,22 @@ def low_over(prop: str, body: str, top: float, height: float = PUT_HEIGHT) -> Pr
     """
     check_metres("A height of `low_over`", top, height)
 
-    def gap(state: StateView) -> float:
+    def level(state: StateView) -> float:
         sim = state.simulation
         x, y, _ = state.relative_position(prop, body)
         up_x, up_y, up_z = sim.axes(body)[6:]
-        level = sim.origin(body)[2] + up_x * x + up_y * y + up_z * top
-        return state.min_height(prop) - level
+        return sim.origin(body)[2] + up_x * x + up_y * y + up_z * top
+
+    def gap(state: StateView) -> float:
+        return state.min_height(prop) - level(state)
+
+    def test(state: StateView) -> bool:
+        lowest = level(state)
+        return state.height_near(prop, lowest + height) - lowest <= height
 
     return leaf(
         f"{prop} is at most {height * 1000:.0f} mm above {body}",
-        lambda state: gap(state) <= height,
+        test,
         otherwise=lambda state: (
             f"{prop} is {mm(gap(state))} above {body}, not at most {mm(height)}"
         ),

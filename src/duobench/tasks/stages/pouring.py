@@ -1,8 +1,9 @@
 """Pouring into a vessel in the air: what counts as poured, and as kept until it is put down."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 from duobench.tasks.stages.logic import (
     Predicate,
@@ -12,7 +13,13 @@ from duobench.tasks.stages.logic import (
     leaf,
     since,
 )
-from duobench.tasks.stages.predicates import CylinderRegion, inside, touching, upright
+from duobench.tasks.stages.predicates import (
+    CylinderRegion,
+    Point,
+    inside,
+    touching,
+    upright,
+)
 from duobench.world.scene.naming import TABLE
 
 LYING_SPEED = 0.25
@@ -54,19 +61,53 @@ def pouring(
     radius, floor, rim = room
     hollow = CylinderRegion(body=vessel, radius=radius, low=floor, high=rim)
     lower = replace(hollow, high=(floor + rim) / 2)
+    things = tuple(things)
     within = [inside(thing, hollow) for thing in things]
-    lying = [inside(thing, lower) & _slow(thing, vessel) for thing in things]
+    slow = [_slow(thing, vessel) for thing in things]
+    low = [inside(thing, lower) for thing in things]
+    lying = [part & other for part, other in zip(low, slow, strict=True)]
+
+    def positions(state: StateView) -> list[Point]:
+        return state.once(
+            positions,
+            lambda sim: sim.positions_inside(
+                things, vessel, radius=radius, low=floor, high=rim
+            ),
+        )
+
+    def are_within(state: StateView) -> list[bool]:
+        return [height <= rim for _, _, height in positions(state)]
+
+    def are_low(state: StateView) -> list[bool]:
+        return [height <= lower.high for _, _, height in positions(state)]
+
+    def any_within(state: StateView) -> bool:
+        return within[0].test(state) or any(are_within(state))
+
+    def each_within(state: StateView) -> bool:
+        return within[0].test(state) and all(are_within(state))
+
+    def any_lies(state: StateView) -> bool:
+        return any(part.test(state) for part in compress(slow, are_low(state)))
+
+    def each_lies(state: StateView) -> bool:
+        if not low[0].test(state) or not all(are_low(state)):
+            return False
+        speeds = state.simulation.relative_speeds(things, vessel, positions(state))
+        return max(speeds) < LYING_SPEED
 
     def count(state: StateView) -> str:
-        lie = sum(thing.ask(state) for thing in lying)
-        return f"{lie} of {len(lying)} lie in {vessel}"
+        return (
+            f"{sum(part.ask(state) for part in lying)} of {len(things)} lie in {vessel}"
+        )
 
-    some, all_within = (
-        any_of(*within),
-        all_of(*within).called(f"all are in {vessel}", count),
-    )
-    some_lie = any_of(*lying).called(f"something lies in {vessel}", count)
-    all_lie = all_of(*lying).called(f"all lie in {vessel}", count)
+    some = _at_once(any_of(*within), any_within)
+    all_within = _at_once(all_of(*within), each_within)
+    some_lie = _at_once(any_of(*lying), any_lies)
+    all_lie = _at_once(all_of(*lying), each_lies)
+    all_within = all_within.called(f"all are in {vessel}", count)
+    some_lie = some_lie.called(f"something lies in {vessel}", count)
+    all_lie = all_lie.called(f"all lie in {vessel}", count)
     # What was in it on the table does not count, until it is empty again.
     stood = since(touching(vessel, TABLE) & some, reset=~some).called(
         f"{vessel} has stood on the table with something in it"
@@ -78,6 +119,11 @@ def pouring(
         all=all_poured,
         kept=since(all_poured, reset=~all_within) & all_lie,
     )
+
+
+def _at_once(whole: Predicate, test: Callable[[StateView], bool]) -> Predicate:
+    """The same, where `test` answers it for one simulation without asking all of its parts."""
+    return replace(whole, test=test, looks=True)
 
 
 def _slow(thing: str, vessel: str) -> Predicate:

@@ -188,9 +188,13 @@ def raised(prop: str, height: float) -> Predicate:
     def so_far(state: StateView) -> float:
         return state.min_height(prop) - state.start_heights[prop]
 
+    def test(state: StateView) -> bool:
+        limit = state.start_heights[prop] + height
+        return state.height_near(prop, limit) >= limit
+
     return leaf(
         f"{prop} is raised by {height * 1000:.0f} mm",
-        lambda state: state.min_height(prop) >= state.start_heights[prop] + height,
+        test,
         otherwise=lambda state: (
             f"{prop} is raised by {mm(so_far(state))}, not by {mm(height)}"
         ),

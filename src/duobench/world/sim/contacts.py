@@ -318,22 +318,31 @@ class Contacts(ContactOwners):
 
     def _grasps(self, side: Side, row: int) -> bool:
         one, other, _, _ = self._limbs[side]
-        left, right = (
-            self._pad_centres[body].tolist() for body in self._pad_bodies[side]
-        )
-        x, y, z = (b - a for a, b in zip(left, right, strict=True))
+        left, right = self._pad_bodies[side]
+        left_x, left_y, left_z = self._pad_centres[left].tolist()
+        right_x, right_y, right_z = self._pad_centres[right].tolist()
+        x, y, z = right_x - left_x, right_y - left_y, right_z - left_z
         far = math.sqrt(x * x + y * y + z * z)
         x, y, z = x / far, y / far, z / far
         if self._frames is None:
             self._frames = self._data.contact.frame
-        for finger, inwards in ((one, 1.0), (other, -1.0)):
-            for number, sign in self._normals([finger], row):
+        return self._presses(one, row, x, y, z) and self._presses(
+            other, row, -x, -y, -z
+        )
+
+    def _presses(self, finger: int, row: int, x: float, y: float, z: float) -> bool:
+        """Whether a contact of a finger with an owner pushes it along a unit vector."""
+        pair = self._single[finger] | self._single[row]
+        for number, touching in enumerate(self._touching):
+            if touching == pair:
                 a, b, c = self._frames[number, :3].tolist()
-                if inwards * sign * (a * x + b * y + c * z) > MIN_PRESS_COSINE:
-                    break
-            else:
-                return False
-        return True
+                push = a * x + b * y + c * z
+                # The engine's normal points from the first geom to the second.
+                if self._owners[self._pairs[number][1]] != row:
+                    push = -push
+                if push > MIN_PRESS_COSINE:
+                    return True
+        return False
 
     def deepest(self, limit: float) -> list[tuple[str, str, float]]:
         """Contacts between different owners that penetrate by more than `limit` metres."""

@@ -161,3 +161,7 @@ class Questions(ABC):
             6:
         ]  # the vertical in the prop's frame
         return self._lowest(prop, x, y, z) + self.origin(prop)[2]
+
+    def height_bound(self, prop: str, limit: float) -> float | None:  # noqa: ARG002
+        """A number that is clearly on the same side of a limit as `min_height`, if known."""
+        return None

@@ -1,10 +1,12 @@
 """One compiled model and its state: stepping, saving, restoring, placing, and asking."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NoReturn
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from duobench.core.errors import DuoBenchError, LayoutError, SimulationError
 from duobench.core.spatial import SE3
@@ -98,6 +100,11 @@ MAX_SETTLE_STEPS = 45
 
 FEW_CORNERS = 24
 """Up to so many points a loop over floats finds the lowest one faster than arrays do."""
+Rows = NDArray[np.int_]
+Point = tuple[float, float, float]
+OUTSIDE: Point = (math.nan, math.nan, math.nan)
+CLEARLY = 1e-9
+"""Difference of two heights in metres that no rounding makes up for."""
 SOLVED = 0.1
 """Forces (N, N m) that may be missing in a step that counts as solved. Of 670,000 steps of cups in
 shaking hands 21 missed more than 0.4, and all others less than 0.01."""
@@ -146,9 +153,22 @@ class Simulation(Questions):
         self.contacts = Contacts(self.model, self.data)
         super().__init__({prop.name: prop for prop in props}, self.model, self.data)
         corners = self._corners.items()
+        self._rows: dict[tuple[str, ...], tuple[Rows, Rows | None]] = {}
         self._few = {
             name: c.T.tolist() for name, c in corners if c.shape[1] <= FEW_CORNERS
         }
+        self._boxes = {
+            name: (
+                self._bodies[name],
+                ((c.max(axis=1) + c.min(axis=1)) / 2).tolist(),
+                ((c.max(axis=1) - c.min(axis=1)) / 2).tolist(),
+                c[:, c[2].argmin()].tolist(),
+            )
+            for name, c in corners
+            if name not in self._few
+        }
+        """Of each other prop its body, middle and half size of the box around its corners, and the
+        corner that is lowest while it stands."""
         self._state_size = mujoco.mj_stateSize(self.model, STATE)
         # Degrees of freedom of the props, hinges included, and what counts as rest for each.
         roots = [self._bodies[name] for name in self.props]
@@ -359,6 +379,96 @@ class Simulation(Questions):
     ) -> Sequence[float]:
         """The row of numbers that belongs to what the layout chose."""
         return rows[self.variants[choice]]
+
+    def positions_inside(
+        self,
+        props: tuple[str, ...],
+        vessel: str,
+        *,
+        radius: float,
+        low: float,
+        high: float,
+    ) -> list[Point]:
+        """`relative_position` of many props, with the same bits, in a fraction of the time.
+
+        Args:
+            props: Their names.
+            vessel: The body in whose frame they are.
+            radius: Radius in metres of an upright cylinder about that frame's z axis. What is
+                outside it is just `OUTSIDE`.
+            low: Bottom of the cylinder, in metres.
+            high: Top of the cylinder, in metres.
+        """
+        rows, _ = self._rows_of(props)
+        ox, oy, oz = self.origin(vessel)
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(vessel)
+        found: list[Point] = []
+        for px, py, pz in self._xpos.take(rows, axis=0).tolist():
+            x, y, z = px - ox, py - oy, pz - oz
+            up = xz * x + yz * y + zz * z
+            if low <= up <= high:
+                along = xx * x + yx * y + zx * z
+                across = xy * x + yy * y + zy * z
+                if math.hypot(along, across) <= radius:
+                    found.append((along, across, up))
+                    continue
+            found.append(OUTSIDE)
+        return found
+
+    def relative_speeds(
+        self, props: tuple[str, ...], frame: str, positions: Iterable[Point]
+    ) -> list[float]:
+        """`relative_speed` of many props, with the same bits, in a fraction of the time.
+
+        Args:
+            props: Their names.
+            frame: The prop in whose frame they move.
+            positions: Where they are in it, as `relative_position` gives it.
+        """
+        _, starts = self._rows_of(props)
+        if starts is None:
+            velocities = [self._velocity(name)[:3] for name in props]
+        else:
+            velocities = self._qvel.take(starts).tolist()
+        ox, oy, oz, wx, wy, wz = self._velocity(frame)
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = self.axes(frame)
+        found: list[float] = []
+        for (vx, vy, vz), (px, py, pz) in zip(velocities, positions, strict=True):
+            x, y, z = vx - ox, vy - oy, vz - oz
+            found.append(
+                math.hypot(
+                    xx * x + yx * y + zx * z - (wy * pz - wz * py),
+                    xy * x + yy * y + zy * z - (wz * px - wx * pz),
+                    xz * x + yz * y + zz * z - (wx * py - wy * px),
+                )
+            )
+        return found
+
+    def _rows_of(self, props: tuple[str, ...]) -> tuple[Rows, Rows | None]:
+        """Rows of bodies (n,), and places of linear velocities (n, 3) if all are free."""
+        found = self._rows.get(props)
+        if found is None:
+            bodies = np.array([self.body_id(name) for name in props])
+            places = None
+            if not any(self.props[name].fixed for name in props):
+                starts = np.array([self._dofs[name] for name in props])
+                places = starts[:, None] + np.arange(3)
+            found = self._rows[props] = bodies, places
+        return found
+
+    def height_bound(self, prop: str, limit: float) -> float | None:
+        """As `Questions`; known of props with many corners, far from the limit, at low cost."""
+        if prop not in self._boxes:
+            return None
+        row, (cx, cy, cz), (half_x, half_y, half_z), (a, b, c) = self._boxes[prop]
+        x, y, z = self._xmat[row, 6:].tolist()
+        origin = self._xpos.item(row, 2)
+        highest = origin + a * x + b * y + c * z
+        if highest < limit - CLEARLY:
+            return highest
+        middle = origin + cx * x + cy * y + cz * z
+        lowest = middle - (half_x * abs(x) + half_y * abs(y) + half_z * abs(z))
+        return lowest if lowest > limit + CLEARLY else None
 
     def _lowest(self, prop: str, x: float, y: float, z: float) -> float:
         if prop in self._few:
