@@ -29,7 +29,7 @@ from duobench.real.doctor.examine import (
     LEAST_SUCCESS,
     LONGEST_ANSWER_S,
 )
-from duobench.real.drivers import frames, robotiq
+from duobench.real.drivers import DRIVERS, frames, robotiq
 from duobench.real.guard import FINGER_MARGIN, MARGIN, PROP_MARGIN, TABLE_DEPTH
 from duobench.real.rig import (
     DAMPING_RATIOS,
@@ -37,7 +37,6 @@ from duobench.real.rig import (
     MAX_FORCE,
     MAX_TOOL_SPEED,
     ArmConfig,
-    CameraDriver,
     GripperConfig,
 )
 from duobench.real.sessions.cameras import FILM_RATE
@@ -162,7 +161,7 @@ def test_tables_have_what_the_code_has() -> None:
     assert verdicts == list(Verdict)
     heading = "driver in the rig's file"
     drivers = {row[heading] for row in table(page_of("real_cameras"), heading)}
-    assert drivers == set(map(str, CameraDriver))
+    assert drivers == set(DRIVERS["cameras"])
 
 
 def test_numbers_that_pages_round_are_what_they_say() -> None:

@@ -1,1 +1,1 @@
-"""`duobench real`: real arms, or the simulated drivers in their place."""
+"""`duobench real`: real arms, or a rehearsal in their place."""

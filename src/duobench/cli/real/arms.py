@@ -54,7 +54,7 @@ def home(
     `home`. Ctrl-C brings them to rest. The only emergency stop is that of the hardware.
 
     Args:
-        rig: The rig's file, rig.json, or a rig without hardware: simulated, or rehearsal.
+        rig: The rig's file, rig.json, or rehearsal, a rig without hardware.
         check: Only connect, and say where the arms are and which way they would go.
         fast: Do not wait for the clock, which only rigs without hardware can do.
         with_object: Carry home what one hand holds, where it is let go.
@@ -105,10 +105,10 @@ def grippers(
     them. The arms stay where they are; Ctrl-C stops the fingers.
 
     Args:
-        rig: The rig's file, rig.json, or "simulated" for a rig without hardware.
+        rig: The rig's file, rig.json, or rehearsal, a rig without hardware.
         activate: Activate those that are not active, or have a fault.
         open: Open these hands: left, right, or both names.
-        fast: Do not wait for the clock, which only simulated drivers can do.
+        fast: Do not wait for the clock, which only rigs without hardware can do.
     """
     with closing(RigOptions(rig=rig, fast=fast).open()) as duo:
         duo.start()

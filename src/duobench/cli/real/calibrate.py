@@ -143,11 +143,11 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
+    from duobench.real.drivers import ROBOTIQ
     from duobench.real.drivers.robotiq import measure_ends
-    from duobench.real.rig import GripperDriver
 
     known, arm = Rig.read(rig_file(rig)), Side(side)
-    if known.grippers[arm].driver is not GripperDriver.ROBOTIQ:
+    if known.grippers[arm].driver != ROBOTIQ:
         raise AdvisedError(
             f"The {side} gripper of this rig has no positions to measure."
         )

@@ -24,9 +24,10 @@ def check(file: tyro.conf.Positional[str]) -> None:
     """Say what will hold on a rig, or what is wrong with its file, which ends with exit code 1.
 
     Args:
-        file: The rig's file, rig.json, or simulated or rehearsal.
+        file: The rig's file, rig.json, or rehearsal.
     """
     known = known_rig(file)
+    known.check_computed()
     problem = Guard(known.workspace, known.obstacles).problem(HOME_JOINTS)
     if problem:
         raise AdvisedError(

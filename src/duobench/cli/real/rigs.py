@@ -19,8 +19,9 @@ from typing import Any
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.process import AT_LEAVING
 from duobench.real.clock import VirtualClock
+from duobench.real.drivers import REHEARSAL
 from duobench.real.duo import FrankaDuo
-from duobench.real.opening import COMPUTED, open_rig
+from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.real.rig import Rig
 
 
@@ -32,10 +33,10 @@ def rig_file(path: str | Path, also: str = "") -> Path:
 
 
 def known_rig(name: str) -> Rig:
-    """A rig without hardware by its name, or that of a file."""
-    if name in COMPUTED:
-        return COMPUTED[name]()
-    return Rig.read(rig_file(name, f", or {' or '.join(COMPUTED)}"))
+    """The rig without hardware, or that of a file."""
+    if name == REHEARSAL:
+        return rehearsal_rig()
+    return Rig.read(rig_file(name, f", or {REHEARSAL}"))
 
 
 _SEQUENCE = re.compile(r"\x1b(?:\[[0-?]*[@-~]|O?[!-~])?")
@@ -51,8 +52,8 @@ class RigOptions:
     """The rig, and how it is driven."""
 
     rig: str
-    """File of the rig, rig.json; or a rig without hardware: simulated, whose arms act on nothing,
-    or rehearsal, whose arms act on a simulation of the task."""
+    """File of the rig, rig.json; or rehearsal, a rig without hardware, whose arms act on a
+    simulation of the task."""
     guard: bool = True
     """Keep the arms apart and off the table by a simulation of them."""
     fast: bool = False

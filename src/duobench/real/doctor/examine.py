@@ -14,9 +14,10 @@ from duobench.real.canonical import CanonicalView
 from duobench.real.devices import ArmReading
 from duobench.real.doctor.checks import Check, Outcome
 from duobench.real.doctor.computer import computer_checks
+from duobench.real.drivers import ROBOTIQ, is_computed
 from duobench.real.duo import FrankaDuo
 from duobench.real.mounts import CLEAR, SWAPPED, are_swapped, misfits
-from duobench.real.rig import CameraConfig, CameraDriver, GripperConfig, GripperDriver
+from duobench.real.rig import CameraConfig, GripperConfig
 
 HOLDING_S = 10.0
 SUCCESS_RATE = "control_command_success_rate"
@@ -144,7 +145,7 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     ends, usual = (
         (each.open_count, each.closed_count) for each in (config, GripperConfig())
     )
-    is_measured = config.driver is not GripperDriver.ROBOTIQ or ends != usual
+    is_measured = config.driver != ROBOTIQ or ends != usual
     advice = f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
     return Outcome.NOTE.unless(is_measured, name, value, advice)
 
@@ -175,11 +176,7 @@ def _camera_checks(
     yield Outcome.FAILED.unless(
         not (is_slow or is_old or is_rare), title, value, advice
     )
-    if config.driver in {
-        CameraDriver.SIMULATED,
-        CameraDriver.REHEARSAL,
-        CameraDriver.FILE,
-    }:
+    if is_computed("cameras", config.driver):
         return
     if config.exposure_us is None:
         value = "chosen by the camera, which varies it"
