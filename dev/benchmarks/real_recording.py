@@ -4,9 +4,9 @@
 
 The arms are the simulated drivers of the tests, the cameras give generated frames of 1280x720 at
 30 Hz with noise in them. Where a rig would hold its arms, because the machine is too busy to lead
-them, this
-one goes on. Printed are the seconds that the kill cost, frames that were left out because the
-encoder was too far behind, frames that the cameras lost, and how regular the control steps were.
+them, this one goes on. Printed are the seconds that the kill cost, frames that were left out
+because the encoder was too far behind, frames that the cameras lost, and how regular the control
+steps were.
 """
 
 from __future__ import annotations

@@ -22,6 +22,7 @@ from duobench.printing import coupon, jig, recipe
 from duobench.printing.formats import BED_STEP
 from duobench.real.calibration import places
 from duobench.real.calibration.board import RULER_MM
+from duobench.real.catalog import DRIVERS
 from duobench.real.cell import Workspace
 from duobench.real.doctor.examine import (
     LARGEST_SHIFT_PX,
@@ -29,7 +30,7 @@ from duobench.real.doctor.examine import (
     LEAST_SUCCESS,
     LONGEST_ANSWER_S,
 )
-from duobench.real.drivers import DRIVERS, frames, robotiq
+from duobench.real.drivers import frames, robotiq
 from duobench.real.guard import FINGER_MARGIN, MARGIN, PROP_MARGIN, TABLE_DEPTH
 from duobench.real.rig import (
     DAMPING_RATIOS,

@@ -5,9 +5,9 @@ from typing import Any
 
 from duobench.core.errors import DuoBenchError, ImportPathError, traceback_text
 from duobench.core.types import POLICY_CAMERAS, SIDES
+from duobench.real.catalog import REHEARSAL, load_driver
 from duobench.real.clock import Clock, PacedClock, SystemClock
 from duobench.real.devices import Arm, Camera, Gripper
-from duobench.real.drivers import REHEARSAL, load_driver
 from duobench.real.duo import FrankaDuo
 from duobench.real.guard import Guard
 from duobench.real.rig import (

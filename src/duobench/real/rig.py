@@ -20,14 +20,14 @@ from duobench.core.errors import FileError, OptionError, UnknownNameError, check
 from duobench.core.settings import decode, parse
 from duobench.core.types import ARM_JOINTS, POLICY_CAMERAS, SIDES, Side
 from duobench.real.addresses import is_host, is_simulator
-from duobench.real.cell import LONGEST, Obstacle, Workspace
-from duobench.real.drivers import (
+from duobench.real.catalog import (
     DRIVERS,
     FRANKY,
     ROBOTIQ,
     check_driver,
     is_computed,
 )
+from duobench.real.cell import LONGEST, Obstacle, Workspace
 from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
 from duobench.world.robot.fr3_links import LINKS
 
@@ -90,7 +90,7 @@ class ArmConfig:
     """One arm."""
 
     driver: str = FRANKY
-    """Name of a row in `drivers.DRIVERS`, or `module:NAME`."""
+    """Name of a row in `catalog.DRIVERS`, or `module:NAME`."""
     address: str = ""
     """Host name or address of its control box."""
     stiffness: tuple[float, ...] = _STIFFNESS
@@ -147,7 +147,7 @@ class GripperConfig:
     """One gripper."""
 
     driver: str = ROBOTIQ
-    """Name of a row in `drivers.DRIVERS`, or `module:NAME`."""
+    """Name of a row in `catalog.DRIVERS`, or `module:NAME`."""
     port: str = ""
     """Serial port, best by its id: /dev/serial/by-id/…"""
     open_count: int = 3
@@ -225,7 +225,7 @@ class CameraConfig:
     """One camera."""
 
     driver: str
-    """Name of a row in `drivers.DRIVERS`, or `module:NAME`."""
+    """Name of a row in `catalog.DRIVERS`, or `module:NAME`."""
     device: str = ""
     """Serial number, device file, or file of images."""
     size: tuple[int, int] = (NATIVE_HEIGHT, NATIVE_WIDTH)

@@ -16,8 +16,8 @@ from duobench.core.types import POLICY_CAMERAS, SIDES, DuoCommand, Side
 from duobench.data import Actor, Recorder
 from duobench.data.rig import RigRecorder
 from duobench.envs import DuoEnv, TaskStages, TimeLimit
+from duobench.real.catalog import REHEARSAL
 from duobench.real.devices import ArmReading, Frame
-from duobench.real.drivers import REHEARSAL
 from duobench.real.judge import HumanJudge
 from duobench.real.opening import rehearsal_rig
 from duobench.real.rig import CameraConfig

@@ -143,7 +143,7 @@ def gripper(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> 
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
-    from duobench.real.drivers import ROBOTIQ
+    from duobench.real.catalog import ROBOTIQ
     from duobench.real.drivers.robotiq import measure_ends
 
     known, arm = Rig.read(rig_file(rig)), Side(side)

@@ -18,8 +18,8 @@ from typing import Any
 
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.process import AT_LEAVING
+from duobench.real.catalog import REHEARSAL
 from duobench.real.clock import VirtualClock
-from duobench.real.drivers import REHEARSAL
 from duobench.real.duo import FrankaDuo
 from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.real.rig import Rig

@@ -270,8 +270,8 @@ def examine_rig(
     """
     if seconds <= 0.0:
         raise AdvisedError("--seconds is more than 0.")
+    from duobench.real.catalog import REHEARSAL
     from duobench.real.doctor.examine import examine
-    from duobench.real.drivers import REHEARSAL
     from duobench.real.opening import open_rig
 
     known = known_rig(rig)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from duobench.core.machine import install_extra
 from duobench.core.versions import __version__
+from duobench.real.catalog import DRIVERS, is_computed
 from duobench.real.doctor.checks import Check, Outcome
-from duobench.real.drivers import DRIVERS, is_computed
 from duobench.real.rig import Rig
 
 PRIORITY = 80

@@ -11,10 +11,10 @@ from duobench.core.machine import install_extra
 from duobench.core.types import CONTROL_HZ, HEAD, SIDES, Side
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.real.canonical import CanonicalView
+from duobench.real.catalog import ROBOTIQ, is_computed
 from duobench.real.devices import ArmReading
 from duobench.real.doctor.checks import Check, Outcome
 from duobench.real.doctor.computer import computer_checks
-from duobench.real.drivers import ROBOTIQ, is_computed
 from duobench.real.duo import FrankaDuo
 from duobench.real.mounts import CLEAR, SWAPPED, are_swapped, misfits
 from duobench.real.rig import CameraConfig, GripperConfig
