@@ -49,7 +49,7 @@ AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
 
 
 class TeleopState(StrEnum):
-    """Where an episode is."""
+    """State of an episode."""
 
     WAITING = "waiting"
     """Everything is in its place; nothing moves and nothing is recorded before the operator
@@ -196,11 +196,11 @@ class Teleoperation:
 
     @property
     def state(self) -> TeleopState:
-        """Where the episode is."""
+        """State of the episode."""
         return TeleopState.PAUSED if self._is_paused else self._state
 
     def status(self) -> dict[str, Any]:
-        """What the page shows, as the fields of its message `status`."""
+        """Return the fields of the page's message `status`."""
         task, info = self.env.base.definition, self._info
         return {
             "title": task.title,
@@ -388,7 +388,7 @@ class Teleoperation:
 
 
 class Haptics:
-    """What an operator's hands are to feel: a pulse for each time that something begins."""
+    """Pulses for the operator's hands, one for each time that something begins."""
 
     def __init__(self, env: Recorder) -> None:
         # Real arms are asked for no contacts: they have none to tell.
