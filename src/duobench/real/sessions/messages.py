@@ -1,4 +1,4 @@
-"""What an operator says during a session at a rig, on a page or at a terminal."""
+"""Messages of an operator during a session at a rig, on a page or at a terminal."""
 
 from typing import Annotated
 

@@ -35,7 +35,7 @@ NEVER_COUNTS = "This cannot count, whatever the policy did: say why the arms sto
 
 
 class Phase(StrEnum):
-    """What a session waits for."""
+    """Phase of a session."""
 
     PLACING = "placing"
     """The operator puts the objects where the layout says."""
@@ -65,7 +65,7 @@ _ALLOWED: dict[Phase, tuple[type, ...]] = {
     ),
     Phase.OVER: (),
 }
-"""What the operator may ask for, beside a hold."""
+"""Messages that each phase takes, beside a hold."""
 
 
 class Stopped(Exception):  # noqa: N818 - no error: a person ended the session
@@ -73,13 +73,13 @@ class Stopped(Exception):  # noqa: N818 - no error: a person ended the session
 
 
 class SessionView(Protocol):
-    """What an operator sees, and says what is wanted by."""
+    """View of the operator: shows the session and gives messages."""
 
     def publish(self) -> None:
         """Show the session as it is now."""
 
     def next(self) -> messages.Message | None:
-        """What the operator wants next and `take` left to do; None after a while without a word."""
+        """Return the next message that `take` left to do; None after a while without one."""
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
@@ -95,7 +95,7 @@ class RigSession:
         self.duo, self.judge = duo, judge
         self.phase = Phase.PLACING
         self.message = ""
-        """What else there is to say to the operator."""
+        """Sentence for the operator."""
         self.note = ""
         """The operator's remark about the episode."""
         self.at_end: bool | None = None
@@ -105,7 +105,7 @@ class RigSession:
         self.is_home = False
         """Whether the operator has sent the arms home for this episode."""
         self.reasons: tuple[str, ...] = ()
-        """What may be said to why the arms stopped, where that is asked and nothing can count."""
+        """Reasons to choose from where the arms stopped and the episode cannot count."""
         self.waits = False
         """Whether the policy has not answered for long, so that it may be given up."""
         self._asked: InterruptiblePolicy | None = None  # in the episode that is played
@@ -128,7 +128,7 @@ class RigSession:
         return self._asked is not None and self._asked.give_up()
 
     def lose(self, reason: str) -> None:
-        """Nobody is at the arms: hold them, and let the episode not count if it is not over."""
+        """Hold the arms where the operator is lost; an episode that is not over does not count."""
         self.duo.supervisor.revoke()  # nothing that was pressed before shall move them
         if self._may_move and not self.lost:
             self.lost = reason
@@ -306,7 +306,7 @@ class RigSession:
         return CUT_SHORT if played.ended_by_success and not is_solved else ""
 
     def _handle(self, message: messages.Message | None) -> None:
-        """What moves arms or fingers while objects are placed."""
+        """Move arms or fingers as a message asks while objects are placed."""
         match message:
             case messages.Home(with_object=with_object):
                 self._go_home(with_object)

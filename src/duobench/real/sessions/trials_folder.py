@@ -43,7 +43,7 @@ CUT = "The program ended during the trial."
 
 
 class LogKind(StrEnum):
-    """What an entry is about."""
+    """Kind of an entry."""
 
     BEGIN = "begin"
     """A trial begins: objects are to be placed."""
@@ -110,7 +110,7 @@ class TrialsProgress:
 
     @staticmethod
     def of(entries: Iterable[LogEntry]) -> TrialsProgress:
-        """What a log adds up to."""
+        """Return the progress that a log adds up to."""
         progress = TrialsProgress()
         labels, fault = StageLabels(), None
         counted: dict[int, InvalidTrial] = {}
@@ -221,7 +221,7 @@ class TrialsFolder:
         """Records, films and report of all policies."""
 
     def placed(self, trial: int, attempt: int) -> Path:
-        """What the head camera saw when the objects were placed."""
+        """Image of the head camera when the objects were placed."""
         return self.path / "placed" / f"{trial:04d}.{attempt}.jpg"
 
     def invalid_film(self, trial: int, attempt: int) -> Path:
