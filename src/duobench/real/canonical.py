@@ -41,7 +41,7 @@ def focal_of(camera: str) -> float:
 
 
 def nominal_pose(camera: str) -> SE3:
-    """Where the simulation has a camera (x right, y down, z forwards) in its parent.
+    """Return the pose of a simulated camera (x right, y down, z forwards) in its parent.
 
     The parent is the table for the head, and the flange for a wrist.
     """

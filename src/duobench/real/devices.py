@@ -1,6 +1,6 @@
-"""What is asked of one arm, one gripper and one camera, whoever made it.
+"""Protocols of one arm, one gripper and one camera.
 
-A driver never blocks whoever asks it: it talks to its device in a thread of its own and gives the
+A driver never blocks its caller: it talks to its device in a thread of its own and gives the
 latest reading with the time at which it was taken. What goes wrong is part of a reading; only
 `connect` and what a person asks for (`recover`, `activate`) raise.
 """
@@ -94,7 +94,7 @@ class GripperReading:
     """Whether it was activated, and moves when it is told to."""
     has_object: bool = False
     fault: Fault | None = None
-    """What is wrong with it, if anything; silence is a fault too."""
+    """Fault of the gripper, if any; silence is one too."""
 
 
 class Gripper(Device, Protocol):
@@ -151,7 +151,7 @@ class Camera(Device, Protocol):
 
     @property
     def fault(self) -> Fault | None:
-        """What is wrong with it, if anything."""
+        """Fault of the camera, if any."""
 
 
 def image_ages(cameras: Mapping[str, Camera], now: float) -> dict[str, float]:

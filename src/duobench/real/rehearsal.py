@@ -79,7 +79,7 @@ class MountedArm:
         self.is_tracking, self.fault = False, self.fault or fault
 
     def reflex(self) -> str | None:
-        """What the arm stops at, as its library says it; None while nothing is too much."""
+        """Return the name of the reflex that stops the arm, as its library has it, or None."""
         if (np.abs(self.external) > self.config.torque_threshold).any():
             return "joint_reflex"
         if (np.abs(self.wrench) > self.config.tool_thresholds).any():
@@ -220,7 +220,7 @@ class RehearsalWorld:
         self._has_failed = False
 
     def _objection(self) -> str | None:
-        """What is wrong with where the objects are; None if nothing is."""
+        """Return why the objects cannot lie where they are, or None."""
         simulation = self.simulation
         for name in simulation.props:
             touching = simulation.contacts.partners(name)
@@ -315,7 +315,7 @@ class RehearsalWorld:
                 self._move_hand(side)
 
     def _feel(self) -> None:
-        """What the arms feel of the contacts of this step; a reflex where that is too much."""
+        """Update what the arms feel of the contacts of this step; too much is a reflex."""
         data, felt = self._data, self._felt
         felt[:] = 0.0
         if data.nefc:

@@ -46,7 +46,7 @@ MAX_FORCE = 100.0
 """Largest force at the tool in N up to which a rig may let an arm push: under the 140 N that a hand
 bears which is clamped [ISO/TS 15066]."""
 JOINT_TORQUES = tuple(link.joint.torque for link in LINKS if link.joint is not None)
-"""What each joint can give, in N·m; a threshold above it stops nothing [data sheet]."""
+"""Largest torque of each joint in N·m; a threshold above it stops nothing [data sheet]."""
 _STIFFNESS = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
 _DAMPING = (50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0)
 MOST_STIFFNESS = tuple(2.0 * stiffness for stiffness in _STIFFNESS)
@@ -280,9 +280,9 @@ class Rig:
     cameras: Mapping[str, CameraConfig] = field(default_factory=dict)
     """The cameras by name; some or all may be missing."""
     workspace: Workspace | None = field(default_factory=Workspace)
-    """Where both tools stay; None lets them go wherever the arms reach."""
+    """Box that both tools stay in; None lets them go as far as the arms reach."""
     obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
-    """What else the guard keeps the arms away from, by name."""
+    """Obstacles that the guard keeps the arms away from, by name."""
     schema: int = RIG_SCHEMA
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""What moves real arms: `duobench real home`, `record` and `eval`."""
+"""Commands that move real arms: `duobench real home`, `record` and `eval`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ GRIPPERS: Advice = {
     BackendError: "Hands are opened by duobench real grippers --open left right."
 }
 WORD = "home"
-"""What the operator types to confirm."""
+"""Word that the operator types to confirm."""
 
 
 def real() -> None:

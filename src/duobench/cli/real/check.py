@@ -39,7 +39,7 @@ def check(file: tyro.conf.Positional[str]) -> None:
 
 
 def described(rig: Rig) -> Iterable[str]:
-    """What will hold on a rig, line by line."""
+    """Limits and devices of a rig, line by line."""
     yield f"Rig {rig.name}, hash {rig.hash}"
     for side, arm in rig.arms.items():
         yield from _arm(side, arm)

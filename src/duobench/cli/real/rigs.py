@@ -40,7 +40,7 @@ def known_rig(name: str) -> Rig:
 
 
 _SEQUENCE = re.compile(r"\x1b(?:\[[0-?]*[@-~]|O?[!-~])?")
-"""What a terminal sends for a key that is no character, such as Delete, which has a 3 in it."""
+"""Sequence of a key that is no character, such as Delete, which has a 3 in it."""
 _CUT = re.compile(r"\x1b(?:O|\[[0-?]*)?\Z")
 """Such a sequence of which the rest is still on its way."""
 _REST_S = 0.1
@@ -68,7 +68,7 @@ class RigOptions:
 
 
 def hold_and_say(duo: FrankaDuo) -> None:
-    """What Ctrl-C does where an operator is asked for keys."""
+    """Hold the arms at Ctrl-C, where an operator is asked for keys."""
     from duobench.real.sessions.session import HELD_BY_OPERATOR
 
     duo.hold(HELD_BY_OPERATOR)

@@ -1,4 +1,4 @@
-"""What a check has found, and the file that keeps it."""
+"""Results of checks, and the file that keeps them."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ class Check:
     name: str
     outcome: Outcome
     value: str
-    """What was found, in words and numbers."""
+    """Finding in words and numbers."""
     advice: str = ""
-    """What to do about it; empty where nothing is to be done."""
+    """Advice for the operator; empty where nothing is to be done."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,7 +69,7 @@ class Report:
 
 
 def read_checks(folder: Path) -> Report | None:
-    """What is in `doctor.json` of a run's folder; None if there is none."""
+    """Read `doctor.json` of a run's folder; None if it is missing."""
     path = folder / DOCTOR_FILE
     return files.read(path, Report, DOCTOR_SCHEMA) if path.exists() else None
 

@@ -32,7 +32,7 @@ LEAST_COVERAGE = 0.98
 
 
 class _Measurement:
-    """What is counted while the arms hold."""
+    """Counts of frames and commands while the arms hold."""
 
     def __init__(self, duo: FrankaDuo, seconds: float) -> None:
         """Hold for a time and count; without the operator's word only count."""
