@@ -91,7 +91,7 @@ class LeaderDevice:
         return False
 
     def prompt(self, now_s: float) -> str | None:
-        """Return what to do before the episode begins: bring leaders to the robot, and move them."""
+        """Return what to do before the episode: bring the leaders to the robot, and move them."""
         sample = self._read(now_s)
         if sample is None:
             return "The leader arms do not answer."
