@@ -97,7 +97,13 @@ def test_the_rig_and_the_views_of_pages_are_some(
 
 # --- recording -----------------------------------------------------------------------------------
 
-ANSWERS = {"h: they go home": "h", "p: placed": "p", "k: keep it": "k", "h: go home": "q"}
+ANSWERS = {
+    "a: activate": "a",
+    "h: they go home": "h",
+    "p: placed": "p",
+    "k: keep it": "k",
+    "h: go home": "q",
+}
 """What the operator answers; the session of teleoperation is ended at once."""
 MORE = {"export": " --cameras head --size 32 48", "train": " --print"}
 """What makes commands shorter."""
@@ -184,6 +190,11 @@ def judge(operator: Operator) -> None:
     if operator.status["fault"]:
         operator.say("recover")
         operator.until(lambda status: not status["fault"])
+    if operator.status["hands"]["inactive"]:
+        operator.say("activate")
+        operator.until(
+            lambda status: status["phase"] == "placing" and not status["hands"]["inactive"]
+        )
     status = operator.begin()
     attempt = status["trial"]["attempt"]
     operator.until(

@@ -20,13 +20,12 @@ from duobench.real.rig import Rig
 from duobench.real.sessions.operator import hold_by_key
 from duobench.real.sessions.rig_teleoperation import (
     AT_TERMINAL,
-    STOPPED,
     EndedError,
     RigTeleoperation,
     RigTeleopPage,
     make_real_recorder,
 )
-from duobench.real.sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR
+from duobench.real.sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR, STOPPED
 from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.teleop.hands import HandDevice

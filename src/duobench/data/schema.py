@@ -105,7 +105,7 @@ class Domain(StrEnum):
 
     SIM = "sim"
     REAL = "real"
-    """On a rig: real arms, or drivers that imitate them, which the rig says."""
+    """On a rig: real arms, or drivers in their place, which the rig names."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

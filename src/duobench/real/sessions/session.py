@@ -2,7 +2,8 @@
 
 The arms are led in the thread that calls `run`. What the operator says arrives in another one:
 stages are judged and a hold holds there at once; all else waits until `run` asks for it. What the
-operator sees is a view: a page, or a terminal.
+operator sees is a view: a page, or a terminal. A person who leads the arms, simulated or real, has
+the states of `teleop.teleoperation` instead.
 """
 
 import threading
@@ -27,6 +28,7 @@ from duobench.results.labels import StageLabel
 HELD_BY_OPERATOR = "The operator held the arms."
 CONNECTION_LOST = "The operator's page lost its connection."
 TAKEN_OVER = "Somebody else took over the page."
+STOPPED = "The session was stopped."
 CUT_SHORT = (
     "The press of the last stage ended this episode, and was taken back: the policy was cut short. "
     "Press it again, or mark the trial as invalid."
@@ -121,7 +123,7 @@ class RigSession:
     def stop(self) -> None:
         """Let `run` end, and hold the arms; for signal handlers too."""
         self._over.set()
-        self.duo.hold("The session was stopped.")
+        self.duo.hold(STOPPED)
 
     def give_up(self) -> bool:
         """Let the policy fail that is waited for; False if none is."""
