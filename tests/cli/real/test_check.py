@@ -10,6 +10,7 @@ import pytest
 
 from duobench.real.rig import Rig
 from tests.cli.conftest import Told, refusal
+from tests.real.simulated import GRIPPER
 from tests.real.test_rig_file import RIGHT, changed
 
 
@@ -66,6 +67,8 @@ def test_a_way_home_is_never_faster_than_everything_else(tmp_path: Path, told: T
         ("arms.left.speed_fracton", 0.05, "Did you mean 'speed_fraction'"),
         ("obstacles.mast.centre", [0.5, 0.2, 0.5], "cannot be at home beside"),
         ("workspace.low", [0.6, -0.5, 0.0], "both tools at home between them"),
+        ("arms.left.driver", "no_such_lab:Arm", "There is no module named 'no_such_lab'"),
+        ("grippers.left.driver", GRIPPER, "SimulatedGripper beside a real arm"),
     ],
 )
 def test_what_is_wrong_is_one_sentence(tmp_path: Path, place: str, value: Any, said: str) -> None:
