@@ -1,4 +1,4 @@
-"""One camera model for everybody: what a real camera gives, as the simulation's camera sees it.
+"""Canonical camera model: images of a real camera, as the simulation's camera sees them.
 
 Every real image is remapped once to the pinhole of the simulation's camera (740 px for the head and
 650 px for the wrists at 1280x720, no distortion), and then resized to what is asked for. The place

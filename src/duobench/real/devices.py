@@ -22,7 +22,7 @@ class ArmReading:
     """One arm at one moment."""
 
     time_s: float
-    """When it was measured, on the rig's clock."""
+    """Time of the measurement, on the rig's clock."""
     joints: Array
     """Joint positions (7,) in radians."""
     velocities: Array
@@ -87,7 +87,7 @@ class GripperReading:
     """One gripper at one moment."""
 
     time_s: float
-    """When it was measured, on the rig's clock."""
+    """Time of the measurement, on the rig's clock."""
     opening: float
     """Opening, 0 closed to 1 open."""
     is_active: bool
@@ -128,7 +128,7 @@ class Frame:
     index: int
     """Number of the frame since the camera was connected; a gap is a lost frame."""
     time_s: float
-    """When it was taken, on the rig's clock."""
+    """Time at which it was taken, on the rig's clock."""
     image: Image
     """Red, green, blue (720, 1280, 3), not rectified."""
 
@@ -137,7 +137,7 @@ class Camera(Device, Protocol):
     """One camera, which takes images all the time once it is connected."""
 
     def recover(self) -> None:
-        """On a person's word connect it again where something is wrong, such as a pulled plug.
+        """Connect it again on a person's word where something is wrong, such as a pulled plug.
 
         Raises:
             BackendError: It cannot be connected; that is tried again the next time.

@@ -89,7 +89,7 @@ class FrankaDuo:
         )  # between who moves the arms and who holds them
         left, right = (rig.arms[side] for side in SIDES)
         self.limits = duo_limits()
-        """Those of the simulation, so that spaces are the same; the rig's own are narrower."""
+        """Limits of the simulation, so that spaces are the same; the rig's own are narrower."""
         self._limits = duo_limits(
             (left.speed_fraction, right.speed_fraction), RANGE_MARGIN
         )

@@ -49,7 +49,7 @@ STILL = 0.05
 _TRIES = 20
 _DAMPED = 1e-6 * np.eye(6)
 _CONTACT = mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS.value
-"""From this kind of constraint on they are contacts."""
+"""First kind of constraint that is a contact."""
 RELEASE = "The emergency stop is pressed. Release it, then recover the arms."
 
 

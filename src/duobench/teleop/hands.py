@@ -201,7 +201,7 @@ class HandDevice:
         self._dropped = 0
         self._hands: Hands | None = None
         self.sampled_s: float | None = None
-        """When the newest sample arrived, in seconds."""
+        """Time at which the newest sample arrived, in seconds."""
         self._has_seen_open = False
         self._acting, self._led = (
             set[str](),

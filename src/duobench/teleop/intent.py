@@ -27,7 +27,7 @@ class Device(Protocol):
     led_by: str
     """Devices that have led since the episode began: "mouse and gamepad"; empty if unknown."""
     executed_ms: float
-    """When the newest executed sample was sent, in ms of the page's clock; NaN without."""
+    """Time at which the newest executed sample was sent, in ms of the page's clock; NaN without."""
 
     def begin(self, command: DuoCommand) -> None:
         """A new episode waits for the operator, with the arms where they are commanded to be."""
@@ -62,5 +62,5 @@ class Device(Protocol):
 
     @property
     def sampled_s(self) -> float | None:
-        """When the newest sample arrived, in seconds; None before the first one."""
+        """Time at which the newest sample arrived, in seconds; None before the first one."""
         ...

@@ -71,7 +71,7 @@ class Hands(PageMessage, frozen=True):
     """Both hands at one moment."""
 
     sent: float
-    """When it was sent, in ms of the sender's clock."""
+    """Time at which it was sent, in ms of the sender's clock."""
     seq: Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
     """Number of the message; it grows."""
     left: Hand | None

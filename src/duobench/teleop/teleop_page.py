@@ -39,9 +39,9 @@ class Timings:
 
     def __init__(self) -> None:
         self.periods: deque[float] = deque(maxlen=KEPT_TIMES)
-        """From one step of the loop to the next."""
+        """Times from one step of the loop to the next."""
         self.latencies: deque[float] = deque(maxlen=KEPT_TIMES)
-        """From the arrival of a sample to the end of the control step that executed it."""
+        """Times from a sample's arrival to the end of the control step that executed it."""
 
     @property
     def latency_ms(self) -> float | None:

@@ -44,7 +44,7 @@ from where its hand wants it, and when a hand lets go, or is lost."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
 DISCARDED = "Discarded."
-"""Why an attempt is not kept."""
+"""Reason why an episode is not kept."""
 AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
 
 
@@ -63,7 +63,7 @@ class TeleopState(StrEnum):
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
     OVER = "over"
-    """There are as many episodes as were wanted."""
+    """As many episodes are kept as were wanted."""
 
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)

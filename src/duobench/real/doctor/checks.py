@@ -23,7 +23,7 @@ class Outcome(StrEnum):
     NOTE = "note"
     """Worth knowing, and no reason to stop."""
     SKIPPED = "skipped"
-    """It does not apply, or could not be made."""
+    """Check that does not apply, or could not be made."""
     FAILED = "failed"
 
     def of(self, name: str, value: str, advice: str = "") -> Check:
@@ -37,7 +37,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Check:
-    """One thing that was looked at."""
+    """Check of one thing."""
 
     name: str
     outcome: Outcome
@@ -54,7 +54,7 @@ class Report:
     rig: str
     rig_hash: str
     time: str
-    """When they ended, in UTC."""
+    """Time at which they ended, in UTC."""
     is_well: bool
     checks: tuple[Check, ...]
 

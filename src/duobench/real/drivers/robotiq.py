@@ -71,7 +71,7 @@ class Status:
 
     @staticmethod
     def of(registers: Sequence[int]) -> Status:
-        """From three registers of 16 bits, high bytes first."""
+        """Read three registers of 16 bits, high bytes first."""
         first, second, third = registers
         bits = first >> 8
         return Status(

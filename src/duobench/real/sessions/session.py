@@ -42,13 +42,15 @@ class Phase(StrEnum):
     PLACING = "placing"
     """The operator puts the objects where the layout says."""
     READY = "ready"
-    """They lie there; the operator may start the policy."""
+    """The objects lie there; the operator may start the policy."""
     MOVING = "moving"
     """The arms go home, or the fingers move at the operator's word."""
     PLAYING = "playing"
+    """The policy plays."""
     JUDGING = "judging"
-    """It is over; the operator says what came of it."""
+    """The episode is over; the operator judges it."""
     OVER = "over"
+    """All episodes are played."""
 
 
 _LABELS = (messages.Stage, messages.Undo)
@@ -184,7 +186,7 @@ class RigSession:
     # --- one episode, in the session's own thread ------------------------------------------------
 
     def begin(self) -> None:
-        """Another episode: no press of the one before counts for it."""
+        """Begin another episode: no press of the one before counts for it."""
         self.phase = Phase.PLACING
         self.note, self.at_end, self.lost, self.is_home, self.reasons = (
             "",

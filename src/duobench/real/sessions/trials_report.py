@@ -50,7 +50,7 @@ class InvalidRow:
     policy: str
     trials: int
     chosen: int
-    """Those that a person called invalid who had seen the outcome; the others could not count."""
+    """Trials that the operator called invalid after the outcome; the others could not count."""
     stages: tuple[int, ...]
     """How many had reached each stage, from 0 on."""
     stops: str

@@ -65,7 +65,7 @@ class LeaderDevice:
         self.dropped = 0
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
-        """When they were read last, in seconds."""
+        """Time at which they were read last, in seconds."""
         self.led_by, self.executed_ms = (
             source.device,
             math.nan,
