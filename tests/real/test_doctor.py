@@ -46,7 +46,7 @@ class TellingArm(SimulatedArm):
 
 def telling_rig() -> FrankaDuo:
     duo = new_rig()
-    arms = {side: TellingArm(duo.clock, HOME_JOINTS[side.index]) for side in SIDES}
+    arms = {side: TellingArm(duo.rig.arms[side], duo.clock) for side in SIDES}
     return FrankaDuo(duo.rig, duo.clock, arms=arms, grippers=duo.grippers, cameras=duo.cameras)
 
 
