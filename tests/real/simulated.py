@@ -256,7 +256,7 @@ def simulated_rig() -> Rig:
     arms = {
         side: ArmConfig(
             driver=ARM,
-            address=side,
+            address=str(side),
             speed_fraction=MAX_SPEED_FRACTION,
             acceleration=MAX_ACCELERATION,
             tool_speed=MAX_TOOL_SPEED,

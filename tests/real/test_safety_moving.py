@@ -249,8 +249,8 @@ def test_followers_begin_at_the_measured_joints() -> None:
 @pytest.mark.parametrize("fraction", [0.25, MAX_SPEED_FRACTION])
 def test_whatever_is_commanded_an_arm_is_told_only_what_its_bounds_allow(fraction: float) -> None:
     plain = simulated_rig()
-    config = replace(plain.arms[Side.LEFT], speed_fraction=fraction)
-    duo = ready_rig(replace(plain, arms=dict.fromkeys(SIDES, config)))
+    arms = {side: replace(arm, speed_fraction=fraction) for side, arm in plain.arms.items()}
+    duo = ready_rig(replace(plain, arms=arms))
     logs = [Log(duo, side) for side in SIDES]
     rng = np.random.default_rng(0)
     ends = [np.full((2, 7), 9.0)] * 75

@@ -11,11 +11,11 @@ from lerobot.utils.decorators import check_if_already_connected, check_if_not_co
 from duobench.core.errors import ActionError, BackendError, OptionError, check_known
 from duobench.core.types import DuoCommand
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
-from duobench.real.catalog import REHEARSAL
 from duobench.real.duo import FrankaDuo
 from duobench.real.opening import open_rig
 from lerobot_env_duobench.config import KEYS, Arms, DuoBenchDuoConfig, by_key
 
+REHEARSAL = "rehearsal"
 QUESTION = (
     "Both arms go home now, slowly, and then follow what LeRobot sends. Is the emergency stop at "
     "hand, and nobody near? Type yes: "
