@@ -81,11 +81,14 @@ print(json.dumps({
 """
 
 REAL = """
+from pathlib import Path
 import numpy as np
 from duobench.real.clock import VirtualClock
 from duobench.real.env import make_real_env
 from duobench.real.opening import open_rig
-duo = open_rig("simulated", VirtualClock(), guard=False)
+from tests.real.simulated import simulated_rig
+simulated_rig().write(Path(sys.argv[1]))
+duo = open_rig(sys.argv[1], VirtualClock(), guard=False)
 env = make_real_env(duo, "bin_sort", action_mode="joint_relative", image_size=(24, 32), chunk=2)
 duo.supervisor.confirm()
 observation, info = env.reset(seed=0)
@@ -149,8 +152,9 @@ def test_an_episode_on_arms_without_a_simulation_is_played_recorded_and_reported
     assert (tmp_path / "run" / "index.html").read_text().count("Bin-Sort")
 
 
-def test_an_episode_on_simulated_drivers_needs_no_engine_without_guard() -> None:
-    assert printed(BLOCKED + REAL % (ENGINES,)) == "1 (24, 32, 3) True contact\n[]\n"
+def test_an_episode_on_drivers_of_ones_own_needs_no_engine_without_guard(tmp_path: Path) -> None:
+    said = printed(BLOCKED + REAL % (ENGINES,), str(tmp_path / "rig.json"))
+    assert said == "1 (24, 32, 3) True contact\n[]\n"
 
 
 @pytest.mark.slow

@@ -2,10 +2,11 @@
 
     python -m dev.benchmarks.real_recording --seconds 60
 
-The arms are the simulated drivers, the cameras give generated frames of 1280x720 at 30 Hz with
-noise in them. Where a rig would hold its arms, because the machine is too busy to lead them, this
-one goes on. Printed are the seconds that the kill cost, frames that were left out because the
-encoder was too far behind, frames that the cameras lost, and how regular the control steps were.
+The arms are the simulated drivers of the tests, the cameras give generated frames of 1280x720 at
+30 Hz with noise in them. Where a rig would hold its arms, because the machine is too busy to lead
+them, this one goes on. Printed are the seconds that the kill cost, frames that were left out
+because the encoder was too far behind, frames that the cameras lost, and how regular the control
+steps were.
 """
 
 from __future__ import annotations
@@ -27,16 +28,15 @@ from duobench.core.types import CONTROL_HZ, SIDES
 from duobench.data import Actor, DataSet, Recorder, Recording
 from duobench.data.rig import RigRecorder
 from duobench.real.clock import SystemClock
-from duobench.real.drivers.simulated import (
+from duobench.real.duo import FrankaDuo
+from duobench.real.env import make_real_env
+from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
+from tests.real.simulated import (
     SimulatedArm,
     SimulatedCamera,
     SimulatedGripper,
+    simulated_rig,
 )
-from duobench.real.duo import FrankaDuo
-from duobench.real.env import make_real_env
-from duobench.real.rig import Rig
-from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
-from duobench.world.robot.joints import HOME_JOINTS
 
 ROOT = Path(__file__).parents[2]
 TASK = "bin_sort"
@@ -108,14 +108,14 @@ def pictures(seed: int) -> Callable[[int, float], Image]:
 
 def make(folder: Path) -> Recorder:
     """An environment of simulated drivers in real time, which records."""
-    clock, rig = SystemClock(), Rig.simulated()
+    clock, rig = SystemClock(), simulated_rig()
     duo = Tolerant(
         rig,
         clock,
-        arms={side: SimulatedArm(clock, HOME_JOINTS[side.index]) for side in SIDES},
-        grippers={side: SimulatedGripper(clock) for side in SIDES},
+        arms={side: SimulatedArm(rig.arms[side], clock) for side in SIDES},
+        grippers={side: SimulatedGripper(rig.grippers[side], clock) for side in SIDES},
         cameras={
-            name: SimulatedCamera(clock, source=pictures(seed))
+            name: SimulatedCamera(rig.cameras[name], clock, name, source=pictures(seed))
             for seed, name in enumerate(POLICY_CAMERAS)
         },
     )

@@ -538,7 +538,7 @@ def test_a_camera_that_a_rig_lacks_is_named(tmp_path: Path) -> None:
 def test_views_resize_by_mean_and_straighten_what_was_measured() -> None:
     image = image_of(5)
     assert (resized(image, (4, 8))[0, :, 0] == image[0, ::6, 0]).all()
-    about = {"driver": "simulated", "size": [720, 1280], "calibration": None}
+    about = {"driver": "rehearsal", "size": [720, 1280], "calibration": None}
     native = image_of(5, (720, 1280))
     np.testing.assert_array_equal(view_of("head", about)(native, (4, 8)), resized(native, (4, 8)))
     lens = {"fx": 700.0, "fy": 700.0, "cx": 640.0, "cy": 360.0, "pose": [0, 0, 0, 0, 0, 0, 1]}
@@ -548,7 +548,7 @@ def test_views_resize_by_mean_and_straighten_what_was_measured() -> None:
     with pytest.raises(DataError, match="lens of its own"):
         plain_view("head", about)
     with pytest.raises(DataError, match="camera head is invalid"):
-        view_of("head", {"driver": "kinect"})
+        view_of("head", {"driver": "file", "size": "large"})
 
 
 if __name__ == "__main__":

@@ -374,7 +374,7 @@ def test_info_and_page_say_where_episodes_are_from(
     main(["data", "info", str(real_copy.path)])
     text = (real_copy.path / "index.html").read_text()
     for shown in (capsys.readouterr().out, text):
-        assert "3 real (simulated, simulated drivers)" in shown
+        assert "3 real (rehearsal, no hardware)" in shown
     assert text.count("data:image/jpeg") == 1
 
 

@@ -22,6 +22,7 @@ from duobench.printing import jig, recipe
 from duobench.printing.formats import BED_STEP
 from duobench.real.calibration import places
 from duobench.real.calibration.board import RULER_MM
+from duobench.real.catalog import DRIVERS
 from duobench.real.cell import Workspace
 from duobench.real.doctor.examine import (
     LARGEST_SHIFT_PX,
@@ -37,7 +38,6 @@ from duobench.real.rig import (
     MAX_FORCE,
     MAX_TOOL_SPEED,
     ArmConfig,
-    CameraDriver,
     GripperConfig,
 )
 from duobench.real.sessions.cameras import FILM_RATE
@@ -156,7 +156,7 @@ def test_tables_have_what_the_code_has() -> None:
     assert verdicts == list(Verdict)
     heading = "driver in the rig's file"
     drivers = {row[heading] for row in table(page_of("real_cameras"), heading)}
-    assert drivers == set(map(str, CameraDriver))
+    assert drivers == set(DRIVERS["cameras"])
 
 
 def test_numbers_that_pages_round_are_what_they_say() -> None:

@@ -17,10 +17,10 @@ from duobench.cli import main
 from duobench.data import Actor, DataSet, Recorder
 from duobench.data.rig import RigRecorder
 from duobench.real.clock import VirtualClock
-from duobench.real.drivers.simulated import MARK, MARKS
 from duobench.real.env import make_real_env
 from duobench.real.opening import open_rig
 from tests.lerobot.tools import TINY, load, record
+from tests.real.simulated import MARK, MARKS, simulated_rig
 
 TASK = "bin_sort"
 LENGTH = 34
@@ -32,7 +32,7 @@ def sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated and a real episode, exported apart and together, as the page lerobot says."""
     folder = tmp_path_factory.mktemp("data")
     record(Recorder(duobench.make(TASK, cameras=(), horizon=LENGTH), folder / "sim-demos"))
-    duo = open_rig("simulated", VirtualClock(), guard=False)
+    duo = open_rig(simulated_rig(), VirtualClock(), guard=False)
     real = make_real_env(duo, TASK, cameras=(), horizon=LENGTH)
     duo.supervisor.confirm()
     rig = RigRecorder(duo, waits=True)

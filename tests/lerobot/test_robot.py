@@ -17,13 +17,14 @@ from duobench.real.opening import open_rig
 from duobench.world.robot.joints import HOME_JOINTS
 from lerobot_env_duobench import DuoBenchDuo, DuoBenchDuoConfig
 from lerobot_env_duobench.config import KEYS
+from tests.real.simulated import simulated_rig
 
-CONFIG = DuoBenchDuoConfig(rig="simulated", ask=False, image_size=32)
+CONFIG = DuoBenchDuoConfig(rig="rehearsal", ask=False, image_size=32)
 
 
 @pytest.fixture
 def robot() -> Iterator[DuoBenchDuo]:
-    made = DuoBenchDuo(CONFIG, open_rig("simulated", VirtualClock()))
+    made = DuoBenchDuo(CONFIG, open_rig(simulated_rig(), VirtualClock()))
     made.connect()
     yield made
     if made.is_connected:
@@ -74,7 +75,7 @@ def test_wrong_actions_move_nothing(robot: DuoBenchDuo) -> None:
 
 @pytest.mark.parametrize("who", ["arm", "person"])
 def test_what_holds_the_arms_ends_the_program(who: str) -> None:
-    rig = open_rig("simulated", VirtualClock())
+    rig = open_rig(simulated_rig(), VirtualClock())
     robot = DuoBenchDuo(CONFIG, rig)
     robot.connect()
     action = {key: robot.get_observation()[key] for key in KEYS}
@@ -96,9 +97,9 @@ def test_real_arms_move_only_after_somebody_confirmed() -> None:
     with pytest.raises(OptionError, match="rig is the file"):
         DuoBenchDuo(DuoBenchDuoConfig())
     with pytest.raises(UnknownNameError, match="heat"):
-        DuoBenchDuo(DuoBenchDuoConfig(rig="simulated", ask=False, views=("heat",)))
-    rig = open_rig("simulated", VirtualClock())
-    robot = DuoBenchDuo(DuoBenchDuoConfig(rig="simulated"), rig)
+        DuoBenchDuo(DuoBenchDuoConfig(rig="rehearsal", ask=False, views=("heat",)))
+    rig = open_rig(simulated_rig(), VirtualClock())
+    robot = DuoBenchDuo(DuoBenchDuoConfig(rig="rehearsal"), rig)
     with pytest.raises(BackendError, match="Somebody has to confirm in a terminal"):
         robot.connect()
     assert not robot.is_connected

@@ -25,7 +25,7 @@ from tests.web.pages import Page, open_page
 SECONDS = 4
 FPS = 30
 SIMULATED = ("--robot.type=duobench",)
-RIG = ("--robot.type=duobench_duo", "--robot.rig=simulated", "--robot.ask=false")
+RIG = ("--robot.type=duobench_duo", "--robot.rig=rehearsal", "--robot.ask=false")
 """Our two robots: the tasks in simulation, and real arms, here of a rig that is computed."""
 
 

@@ -14,10 +14,11 @@ from duobench.data import Recorder
 from duobench.real.env import make_real_env
 from duobench.real.opening import open_rig
 from tests.real.programs import say
+from tests.real.simulated import simulated_rig
 
 
 def main() -> None:
-    duo = open_rig("simulated", guard=False)
+    duo = open_rig(simulated_rig(), guard=False)
     env = Recorder(make_real_env(duo, "bin_sort", cameras=False), Path(sys.argv[1]))
     duo.supervisor.confirm()
     action, steps, truncated, info = env.reset(seed=0)[0]["agent_pos"], 0, False, {}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -13,19 +12,19 @@ from duobench.envs.protocol import make_env
 from duobench.evaluation import rollout
 from duobench.evaluation.policies import ExpertPolicy
 from duobench.real.clock import VirtualClock
-from duobench.real.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
 from duobench.real.duo import FrankaDuo
 from duobench.real.opening import open_rig
 from duobench.real.rig import Rig
 from duobench.world.robot.joints import HOME_JOINTS
 from duobench.world.sim.layout import Layout
+from tests.real.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper, simulated_rig
 
 PERIOD = 1.0 / CONTROL_HZ
 
 
-def new_rig(rig: Rig | Path | str = "simulated", *, guard: bool = False) -> FrankaDuo:
-    """A simulated rig that is not started."""
-    return open_rig(rig, VirtualClock(), guard=guard)
+def new_rig(rig: Rig | None = None, *, guard: bool = False) -> FrankaDuo:
+    """A simulated rig that is not started, or another one."""
+    return open_rig(rig or simulated_rig(), VirtualClock(), guard=guard)
 
 
 def confirmed(duo: FrankaDuo) -> FrankaDuo:
@@ -35,7 +34,7 @@ def confirmed(duo: FrankaDuo) -> FrankaDuo:
     return duo
 
 
-def ready_rig(rig: Rig | str = "simulated", *, guard: bool = False) -> FrankaDuo:
+def ready_rig(rig: Rig | None = None, *, guard: bool = False) -> FrankaDuo:
     """A simulated rig at home that waits for the first command."""
     duo = confirmed(new_rig(rig, guard=guard))
     duo.home()

@@ -18,13 +18,13 @@ from duobench.real.devices import ArmReading
 from duobench.real.doctor.checks import Check, Outcome, is_well, write_checks
 from duobench.real.doctor.computer import computer_checks
 from duobench.real.doctor.examine import SUCCESS_RATE, examine, mount_check
-from duobench.real.drivers.simulated import SimulatedArm, SimulatedCamera
 from duobench.real.duo import FrankaDuo
 from duobench.real.mounts import gravity_torques
-from duobench.real.rig import ArmConfig, Rig
+from duobench.real.rig import ArmConfig, CameraConfig, Rig
 from duobench.results.labels import FaultKind
 from duobench.world.robot.joints import HOME_JOINTS
 from tests.real.rigs import arm, camera, confirmed, gripper, joints, new_rig
+from tests.real.simulated import CAMERA, SimulatedArm, SimulatedCamera, simulated_rig
 
 SECONDS = 2.0
 OK, SKIPPED, FAILED = Outcome.OK, Outcome.SKIPPED, Outcome.FAILED
@@ -46,7 +46,7 @@ class TellingArm(SimulatedArm):
 
 def telling_rig() -> FrankaDuo:
     duo = new_rig()
-    arms = {side: TellingArm(duo.clock, HOME_JOINTS[side.index]) for side in SIDES}
+    arms = {side: TellingArm(duo.rig.arms[side], duo.clock) for side in SIDES}
     return FrankaDuo(duo.rig, duo.clock, arms=arms, grippers=duo.grippers, cameras=duo.cameras)
 
 
@@ -107,7 +107,9 @@ def test_a_fault_while_holding_is_told() -> None:
 
 
 def slow_camera(duo: FrankaDuo) -> None:
-    duo.cameras["right_wrist"] = SimulatedCamera(duo.clock, fps=15)
+    duo.cameras["right_wrist"] = SimulatedCamera(
+        CameraConfig(driver=CAMERA, fps=15), duo.clock, "right_wrist"
+    )
     duo.cameras["right_wrist"].connect()
 
 
@@ -156,7 +158,7 @@ def test_devices_that_are_not_well_are_found(change: Change, name: str, words: s
 
 @pytest.mark.parametrize(("fps", "outcome"), [(8, FAILED), (10, OK)])
 def test_a_camera_for_which_arms_would_rest_is_found(fps: int, outcome: Outcome) -> None:
-    rig = Rig.simulated()
+    rig = simulated_rig()
     rig = replace(rig, cameras={"head": replace(rig.cameras["head"], fps=fps)})
     check = found(new_rig(rig))["head camera"]
     assert (check.outcome, "raise fps" in check.advice) == (outcome, outcome is FAILED)
@@ -197,7 +199,7 @@ def real_rig(*, is_realtime: bool = True) -> Rig:
         side: ArmConfig(address=f"127.0.0.{1 + side.index}", is_realtime=is_realtime)
         for side in SIDES
     }
-    return replace(Rig.simulated(), arms=arms)
+    return replace(simulated_rig(), arms=arms)
 
 
 @pytest.mark.parametrize(
@@ -206,7 +208,7 @@ def real_rig(*, is_realtime: bool = True) -> Rig:
         (real_rig(), "0", FAILED),
         (real_rig(), "1", OK),
         (real_rig(is_realtime=False), "0", SKIPPED),
-        (Rig.simulated(), "0", SKIPPED),
+        (simulated_rig(), "0", SKIPPED),
     ],
 )
 def test_real_arms_need_a_realtime_kernel(

@@ -15,7 +15,6 @@ from duobench.real.cell import Obstacle, Workspace
 from duobench.real.env import make_real_env
 from duobench.real.follower import HIGHEST, LOWEST
 from duobench.real.guard import FINGER_MARGIN, MARGIN, PATH_STEP, Guard
-from duobench.real.rig import Rig
 from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.tasks import catalog
@@ -34,6 +33,7 @@ from tests.real.rigs import (
     speeds,
     wait,
 )
+from tests.real.simulated import simulated_rig
 
 REAL_TASKS = ("hinge_chest", "ball_maze", "transfer_cube", "bin_sort")
 """What the paper rebuilt on the real robot."""
@@ -102,7 +102,7 @@ def test_fingers_reach_the_table_and_no_further(guard: Guard) -> None:
 @pytest.mark.parametrize("task", REAL_TASKS)
 def test_a_rig_plays_experts_at_half_tempo_within_what_the_guard_allows(task: str) -> None:
     """With where the arms would come to rest looked at, too, and what stands fixed."""
-    duo = ready_rig(replace(Rig.simulated(), cameras={}), guard=True)
+    duo = ready_rig(replace(simulated_rig(), cameras={}), guard=True)
     way, layout = half_tempo(task)
     assert duo.guard is not None
     duo.guard.set_scene(catalog.get(task).props, layout)
@@ -279,7 +279,7 @@ def test_an_episode_begins_with_what_its_layout_says_stands_there() -> None:
 
 def test_a_tool_is_not_led_out_of_the_workspace_and_finds_back_into_it() -> None:
     box = Workspace(low=(0.1, -0.5, 0.4), high=(0.8, 0.5, 0.8))
-    duo = ready_rig(replace(Rig.simulated(), cameras={}, workspace=box), guard=True)
+    duo = ready_rig(replace(simulated_rig(), cameras={}, workspace=box), guard=True)
     assert duo.guard is not None
     for joints_of_step in lowered():
         duo.command(DuoCommand(joints=joints_of_step, openings=np.ones(2)))

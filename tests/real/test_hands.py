@@ -20,13 +20,14 @@ from duobench.real.duo import FrankaDuo
 from duobench.real.guard import Guard
 from duobench.real.mounts import gravity_torques
 from duobench.real.opening import open_rig
-from duobench.real.rig import GripperConfig, GripperDriver, Rig
+from duobench.real.rig import GripperConfig
 from duobench.real.supervisor import State
 from duobench.real.way_home import RETREAT, retreated
 from duobench.world.robot.frames import tool_pose
 from duobench.world.robot.joints import HOME_JOINTS
 from tests.real.rigs import Log, arm, gripper, joints, move_on, new_rig, ready_rig, wait
 from tests.real.robotiq_fake import FakeGripper
+from tests.real.simulated import simulated_rig
 
 PATIENT_S = 20.0
 """Answers take as long as they take on a busy machine; virtual time does not pass meanwhile."""
@@ -60,9 +61,9 @@ class Lab:
 def lab() -> Iterator[Lab]:
     clock = VirtualClock()
     fakes = {side: FakeGripper(clock.now) for side in SIDES}
-    duo = open_rig(Rig.simulated(), clock, guard=False)
+    duo = open_rig(simulated_rig(), clock, guard=False)
     for side, fake in fakes.items():
-        config = GripperConfig(driver=GripperDriver.HARDWARE, port=fake.port)
+        config = GripperConfig(driver="robotiq", port=fake.port)
         duo.grippers[side] = RobotiqGripper(config, clock, answer_s=PATIENT_S)
     made = Lab(
         FrankaDuo(

@@ -13,7 +13,7 @@ from duobench.core.errors import BackendError
 from duobench.real.clock import VirtualClock
 from duobench.real.drivers import realsense
 from duobench.real.drivers.realsense import ATTEMPTS, RealSenseCamera
-from duobench.real.rig import CameraConfig, CameraDriver
+from duobench.real.rig import CameraConfig
 
 SERIAL = "123622270000"
 SPANS = {"exposure": (1, 165000), "gain": (16, 248)}
@@ -100,7 +100,7 @@ def library(monkeypatch: pytest.MonkeyPatch) -> Library:
 
 
 def opened(device: str = SERIAL, **options: Any) -> RealSenseCamera:
-    config = CameraConfig(driver=CameraDriver.REALSENSE, device=device, **options)
+    config = CameraConfig(driver="realsense", device=device, **options)
     camera = RealSenseCamera(config, VirtualClock(), "left_wrist")
     camera._open()
     return camera

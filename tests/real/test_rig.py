@@ -12,6 +12,7 @@ from duobench.core.errors import FileError, OptionError
 from duobench.core.types import Side
 from duobench.real.rig import ArmConfig, GripperConfig, Rig
 from tests.real.rigs import new_rig
+from tests.real.simulated import simulated_rig
 
 
 @pytest.mark.parametrize(
@@ -39,13 +40,13 @@ def test_ends_of_a_gripper_are_bytes_in_order(wrong: dict[str, int]) -> None:
 
 
 def test_a_rig_has_both_arms() -> None:
-    plain = Rig.simulated()
+    plain = simulated_rig()
     with pytest.raises(OptionError, match="arms left and right"):
         replace(plain, arms={Side.LEFT: plain.arms[Side.LEFT]})
 
 
 def test_everything_that_a_file_says_changes_its_hash(tmp_path: Path) -> None:
-    plain, path = Rig.simulated(), tmp_path / "rig.json"
+    plain, path = simulated_rig(), tmp_path / "rig.json"
     plain.write(path)
     again = new_rig(path).rig
     assert (again, again.hash) == (plain, plain.hash)

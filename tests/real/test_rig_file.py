@@ -10,11 +10,18 @@ from typing import Any
 
 import pytest
 
-from duobench.core.errors import FileError
-from duobench.real.drivers.simulated import SimulatedCamera
+from duobench.core.errors import FileError, ImportPathError, OptionError, UnknownNameError
 from duobench.real.opening import open_rig
 from duobench.real.rig import JOINT_TORQUES, ArmConfig, Rig
 from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from tests.real.simulated import (
+    ARM,
+    CAMERA,
+    GRIPPER,
+    SimulatedArm,
+    SimulatedCamera,
+    simulated_file,
+)
 
 LENS: dict[str, Any] = {
     **{"fx": 700.0, "fy": 700.0, "cx": 640.0, "cy": 360.0},
@@ -53,7 +60,7 @@ REVIEWED: tuple[Row, ...] = (
     ("arms.left.damping", [0.001] * 7, f"{BESIDE}, got 0.001"),
     ("arms.left.torque_threshold", [100.0] * 7, "torque_threshold of joint 1 is over 0 and at mos"),
     ("arms.left.torque_threshold", [20.0] * 7, "torque_threshold of joint 5 is over 0 and at most"),
-    ("cameras.head", {"driver": "simulated"}, "cameras.head.driver is simulated beside a real arm"),
+    ("cameras.head", {"driver": "rehearsal"}, "cameras.head.driver is rehearsal beside a real arm"),
 )
 """What was once accepted without a word."""
 OWN: tuple[Row, ...] = (
@@ -64,6 +71,8 @@ OWN: tuple[Row, ...] = (
     ("workspace.hi", [1.0, 1.0, 1.0], "Unknown key of workspace 'hi'. Did you mean 'high'"),
     ("obstacles.mast.center", [1.0, 1.0, 1.0], "obstacles.mast 'center'. Did you mean 'centre'"),
     ("arms.left.driver", "frankly", "Unknown arms.left.driver 'frankly'. Did you mean 'franky'"),
+    ("cameras.head.driver", "kinect", "Known: file, module:NAME, realsense, rehearsal, uvc"),
+    ("arms.left.driver", 3, "arms.left.driver: Expected `str`, got `int`"),
     ("arms.left.torque_threshold", 20.0, "arms.left.torque_threshold: Expected `array`, got"),
     ("arms.left.torque_threshold", [5.0] * 6, "torque_threshold is 7 numbers, one a joint"),
     ("arms.left.moment_threshold", 30.0, "moment_threshold is over 0 and at most 12, got 30"),
@@ -75,8 +84,8 @@ OWN: tuple[Row, ...] = (
     ("arms.left.address", " 172.16.0.2", "arms.left.address says where it is, without spaces"),
     ("arms.left.speed_fraction", "0.1", "arms.left.speed_fraction: Expected `float`, got `str`"),
     ("arms.left.is_realtime", 1, "arms.left.is_realtime: Expected `bool`, got `int`"),
-    ("arms.right.driver", "simulated", "arms.right.driver is simulated beside a real arm"),
-    ("grippers.left.driver", "simulated", "grippers.left.driver is simulated beside a real arm"),
+    ("arms.right.driver", "rehearsal", "arms.right.driver is rehearsal beside a real arm"),
+    ("grippers.left.driver", "rehearsal", "left.driver is rehearsal beside a real arm"),
     ("grippers.left.port", "", "grippers.left.port says where it is"),
     ("grippers.left.port", "/dev/zed", "cameras.head.device is '/dev/zed' as for grippers.left"),
     ("grippers.left.closed_count", 40, "closed_count is larger than open_count by 150 at least"),
@@ -170,7 +179,7 @@ def test_an_unknown_key_is_refused_at_every_depth(tmp_path: Path) -> None:
     places = [each for each in objects(document) if each is not document["obstacles"]]
     assert len(places) >= 14
     for each in places:
-        each["strange"] = {"driver": "simulated"}
+        each["strange"] = {"driver": "file"}
         with pytest.raises(FileError, match=r"Unknown .* 'strange'"):
             read(tmp_path, json.dumps(document))
         del each["strange"]
@@ -183,7 +192,7 @@ def test_nothing_is_computed_that_a_file_does_not_name(tmp_path: Path) -> None:
 
 
 def test_beside_simulators_of_arms_the_rest_may_be_computed(tmp_path: Path) -> None:
-    document = changed("cameras", {"head": {"driver": "simulated"}})
+    document = changed("cameras", {"head": {"driver": CAMERA}})
     document["arms"] = {
         side: {"address": f"127.0.0.{number}"} for number, side in enumerate(("left", "right"), 1)
     }
@@ -192,9 +201,9 @@ def test_beside_simulators_of_arms_the_rest_may_be_computed(tmp_path: Path) -> N
 
 
 def test_a_name_that_looks_as_an_address_of_this_computer_is_no_simulators(tmp_path: Path) -> None:
-    document = changed("cameras", {"head": {"driver": "simulated"}})
+    document = changed("cameras", {"head": {"driver": "file"}})
     document["arms"] = {"left": {"address": "127.lab"}, "right": {"address": "127.0.0.2"}}
-    with pytest.raises(FileError, match=r"head\.driver is simulated beside a real arm"):
+    with pytest.raises(FileError, match=r"head\.driver is file beside a real arm"):
         read(tmp_path, json.dumps(document))
 
 
@@ -202,3 +211,87 @@ def test_a_threshold_stops_an_arm_before_its_joints_give_all_they_can() -> None:
     thresholds = ArmConfig().torque_threshold
     assert all(low <= most / 1.5 for low, most in zip(thresholds, JOINT_TORQUES, strict=True))
     assert JOINT_TORQUES == (87, 87, 87, 87, 12, 12, 12)
+
+
+def own(folder: Path, part: str, driver: str) -> Rig:
+    """A simulated rig of which one part's left or only device has another driver, from its file."""
+    name = "left" if part != "cameras" else "head"
+    document = json.loads(simulated_file(folder).read_text())
+    document[part][name]["driver"] = driver
+    return read(folder, json.dumps(document))
+
+
+HERE = __name__
+
+
+class Talker:
+    """What is no arm, gripper or camera."""
+
+    is_computed = True
+
+    def __init__(self, *_: Any) -> None:
+        self.connect = self.close = lambda: None
+
+
+class LabArm(SimulatedArm):
+    """An arm that is said to be real."""
+
+    is_computed = False
+
+
+class Broken:
+    """What cannot be made."""
+
+    is_computed = True
+
+    def __init__(self, *_: Any) -> None:
+        raise ValueError("no such cable")
+
+
+@pytest.mark.parametrize("part", ["arms", "grippers", "cameras"])
+@pytest.mark.parametrize(
+    ("driver", "said"),
+    [
+        ("no_such_lab:Device", "There is no module named 'no_such_lab'. Install it, or put"),
+        (":Device", "':Device' is no `module:attribute`"),
+        ("my_lab.py:Device", "the module is found by its name: my_lab:Device"),
+        (f"{HERE}:Talkr", "Did you mean 'Talker'"),
+        (f"{HERE}:LENS", "whose LENS is of type dict"),
+        (f"{HERE}:Talker", "makes something without"),
+        (f"{HERE}:Broken", "no such cable"),
+    ],
+)
+def test_driver_of_ones_own_that_is_none_is_told(
+    tmp_path: Path, part: str, driver: str, said: str
+) -> None:
+    rig = own(tmp_path, part, driver)
+    with pytest.raises((ImportPathError, UnknownNameError)) as refused:
+        open_rig(rig)
+    assert said in str(refused.value)
+
+
+def test_file_names_a_driver_without_importing_it(tmp_path: Path) -> None:
+    rig = own(tmp_path, "arms", "no_such_lab:Arm")
+    assert "no_such_lab:Arm" in rig.drivers
+
+
+@pytest.mark.parametrize("part", ["arms", "grippers"])
+def test_what_is_computed_beside_a_real_arm_of_ones_own_is_refused(
+    tmp_path: Path, part: str
+) -> None:
+    rig = own(tmp_path, "arms", f"{HERE}:LabArm")
+    assert not rig.is_computed
+    with pytest.raises(OptionError, match=r"arms\.right\.driver is tests.* beside a real arm"):
+        open_rig(rig)
+    document = changed(f"{part}.left.driver", ARM if part == "arms" else GRIPPER)
+    with pytest.raises(OptionError, match=rf"{part}\.left\.driver is tests.* beside a real arm"):
+        open_rig(read(tmp_path, json.dumps(document)))
+
+
+def test_devices_of_ones_own_have_places_of_their_own(tmp_path: Path) -> None:
+    document = changed("arms.left.driver", "my_lab:Arm")
+    document["arms"]["left"]["address"] = "can0 bus 1"
+    read(tmp_path, json.dumps(document))
+    document["arms"]["left"]["address"] = "172.16.1.2"
+    with pytest.raises(FileError, match=r"arms\.right\.address is '172\.16\.1\.2' as for arms\.le"):
+        read(tmp_path, json.dumps(document))

@@ -15,7 +15,7 @@ from duobench.real.clock import Clock, SystemClock, VirtualClock
 from duobench.real.devices import GripperReading
 from duobench.real.drivers.robotiq import READ_HZ, RobotiqGripper, Status
 from duobench.real.registers import ACTIVATE, GO
-from duobench.real.rig import GripperConfig, GripperDriver
+from duobench.real.rig import GripperConfig
 from duobench.results.labels import FaultKind
 from tests.real.robotiq_fake import FakeGripper
 
@@ -24,7 +24,7 @@ PATIENT_S = 20.0
 
 
 def gripper_at(port: str, clock: Clock, answer_s: float = PATIENT_S) -> RobotiqGripper:
-    config = GripperConfig(driver=GripperDriver.HARDWARE, port=port, speed=200, force=50)
+    config = GripperConfig(driver="robotiq", port=port, speed=200, force=50)
     return RobotiqGripper(config, clock, answer_s=answer_s)
 
 

@@ -13,7 +13,6 @@ import pytest
 from duobench.core.errors import BackendError
 from duobench.core.types import SIDES, Side
 from duobench.data import DataSet, Recorder
-from duobench.real.drivers.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
 from duobench.real.duo import FrankaDuo
 from duobench.real.env import make_real_env
 from duobench.real.supervisor import State
@@ -34,6 +33,7 @@ from tests.real.rigs import (
     speeds,
     wait,
 )
+from tests.real.simulated import SimulatedArm, SimulatedCamera, SimulatedGripper
 
 RIGHT = Side.RIGHT
 BROKEN = FaultKind.COMMUNICATION.fault("overheated")

@@ -19,7 +19,6 @@ from duobench.real.rig import (
     MAX_SPEED_FRACTION,
     ArmConfig,
     GripperConfig,
-    Rig,
 )
 from duobench.real.supervisor import State
 from duobench.world.robot.frames import tool_frames
@@ -39,6 +38,7 @@ from tests.real.rigs import (
     speeds,
     wait,
 )
+from tests.real.simulated import simulated_rig
 
 AWAY = np.array([0.2, -0.2, 0.3, 0.2, -0.3, 0.2, 0.4])
 
@@ -140,7 +140,7 @@ def test_arms_on_a_way_home_that_nobody_leads_any_more_stop(soon: float) -> None
 
 
 def test_tools_are_led_no_faster_than_they_may_be_and_arms_together() -> None:
-    plain = Rig.simulated()
+    plain = simulated_rig()
     slow = replace(plain.arms[Side.RIGHT], tool_speed=0.2)
     duo = ready_rig(replace(plain, arms={**plain.arms, Side.RIGHT: slow}))
     log, target, before = Log(duo, Side.RIGHT), shifted(0.4), duo.last_command
@@ -214,7 +214,7 @@ def test_home_is_slow_and_ends_at_home_with_open_grippers() -> None:
 
 @pytest.mark.parametrize("tool_speed", [0.05, 0.25])
 def test_a_tool_that_may_not_be_fast_is_led_home_on_the_same_line(tool_speed: float) -> None:
-    plain = Rig.simulated()
+    plain = simulated_rig()
     arms = {
         side: replace(arm, tool_speed=tool_speed, home_fraction=0.4)
         for side, arm in plain.arms.items()
@@ -248,9 +248,9 @@ def test_followers_begin_at_the_measured_joints() -> None:
 
 @pytest.mark.parametrize("fraction", [0.25, MAX_SPEED_FRACTION])
 def test_whatever_is_commanded_an_arm_is_told_only_what_its_bounds_allow(fraction: float) -> None:
-    plain = Rig.simulated()
-    config = replace(plain.arms[Side.LEFT], speed_fraction=fraction)
-    duo = ready_rig(replace(plain, arms=dict.fromkeys(SIDES, config)))
+    plain = simulated_rig()
+    arms = {side: replace(arm, speed_fraction=fraction) for side, arm in plain.arms.items()}
+    duo = ready_rig(replace(plain, arms=arms))
     logs = [Log(duo, side) for side in SIDES]
     rng = np.random.default_rng(0)
     ends = [np.full((2, 7), 9.0)] * 75
@@ -362,7 +362,7 @@ def test_a_new_rig_starts_low() -> None:
 def test_speed_and_acceleration_of_each_arm_are_those_of_the_rigs_file(
     name: str, value: Any, slow: Side
 ) -> None:
-    plain = Rig.simulated()
+    plain = simulated_rig()
     config = replace(plain.arms[slow], **{name: value})
     duo = ready_rig(replace(plain, arms={**plain.arms, slow: config}))
     logs = {side: Log(duo, side) for side in SIDES}

@@ -20,8 +20,9 @@ from duobench.real.drivers import uvc
 from duobench.real.drivers.frames import ThreadedCamera
 from duobench.real.drivers.uvc import FileCamera, UvcCamera, lock_exposure
 from duobench.real.opening import open_rig
-from duobench.real.rig import CameraConfig, CameraDriver
+from duobench.real.rig import CameraConfig
 from duobench.results.labels import FaultKind
+from tests.real.simulated import simulated_rig
 
 COUNT = 12
 
@@ -43,7 +44,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def config_of(device: str, **options: object) -> CameraConfig:
-    return CameraConfig(driver=CameraDriver.FILE, device=device, **options)  # type: ignore[arg-type]
+    return CameraConfig(driver="file", device=device, **options)  # type: ignore[arg-type]
 
 
 def test_the_left_lens_is_played_again_and_again(film: Path) -> None:
@@ -223,7 +224,7 @@ def test_a_camera_that_fails_says_why(camera: Numbers) -> None:
 
 
 def test_a_camera_that_was_unplugged_comes_back_once_the_operator_recovers(camera: Numbers) -> None:
-    with closing(open_rig("simulated", SystemClock(), guard=False)) as duo:
+    with closing(open_rig(simulated_rig(), SystemClock(), guard=False)) as duo:
         duo.cameras["head"] = camera
         duo.start()
         camera.fails = "the plug was pulled"

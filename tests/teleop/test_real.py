@@ -20,13 +20,12 @@ from duobench.real.rig import Rig
 from duobench.real.sessions.operator import hold_by_key
 from duobench.real.sessions.rig_teleoperation import (
     AT_TERMINAL,
-    STOPPED,
     EndedError,
     RigTeleoperation,
     RigTeleopPage,
     make_real_recorder,
 )
-from duobench.real.sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR
+from duobench.real.sessions.session import CONNECTION_LOST, HELD_BY_OPERATOR, STOPPED
 from duobench.real.supervisor import State
 from duobench.results.labels import FaultKind
 from duobench.teleop.hands import HandDevice
@@ -35,6 +34,7 @@ from duobench.web.server import PageServer
 from duobench.world.kinematics.inverse import Kinematics
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.real.sessions.test_recording import Script
+from tests.real.simulated import simulated_rig
 from tests.teleop.operator import HOMES, hand, message, said
 from tests.web.pages import open_page, wait_until
 
@@ -50,11 +50,11 @@ class Bench:
         folder: Path,
         answers: str = "",
         *,
-        rig: Rig | str = "simulated",
+        rig: Rig | None = None,
         task: str = TASK,
         **options: Any,
     ) -> None:
-        self.duo = open_rig(rig, VirtualClock(), guard=False)
+        self.duo = open_rig(rig or simulated_rig(), VirtualClock(), guard=False)
         self.terminal = Script(answers, usual="h")
         recorder = make_real_recorder(self.duo, task, folder, PERSON, after_success=0.2)
         self.session = RigTeleoperation(recorder, HandDevice(), self.terminal, **options)

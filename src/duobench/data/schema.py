@@ -105,7 +105,7 @@ class Domain(StrEnum):
 
     SIM = "sim"
     REAL = "real"
-    """On a rig: real arms, or drivers that imitate them, which the rig says."""
+    """On a rig: real arms, or drivers in their place, which the rig names."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -116,7 +116,12 @@ class RigFacts:
     hash: str
     """SHA-256 of all that its file says."""
     drivers: tuple[str, ...] = ()
-    """Drivers of its arms, grippers and cameras, each kind once; "simulated" is no hardware."""
+    """Drivers of its arms, grippers and cameras, each name once."""
+
+    @property
+    def is_rehearsal(self) -> bool:
+        """Whether no part of it was hardware, but a rehearsal."""
+        return self.drivers == ("rehearsal",)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -80,7 +80,7 @@ class TaskSummary:
     real: int = 0
     """Episodes that were played on a rig, and not in the simulation."""
     rigs: tuple[str, ...] = ()
-    """Names of the rigs; one without hardware has "simulated drivers" behind its name."""
+    """Names of the rigs; that of a rehearsal has "no hardware" behind its name."""
     left_out: int = 0
     """Frames that are missing in videos, because the encoder was too far behind."""
 
@@ -235,11 +235,7 @@ def _rig(info: EpisodeInfo) -> str:
     rig = info.rig
     if rig is None:
         return "a rig without a name"
-    return (
-        f"{rig.name}, simulated drivers"
-        if set(rig.drivers) == {"simulated"}
-        else rig.name
-    )
+    return f"{rig.name}, no hardware" if rig.is_rehearsal else rig.name
 
 
 def _led(recordings: Sequence[Recording]) -> float | None:

@@ -1,4 +1,4 @@
-"""What an arm's address can be."""
+"""Addresses of arms."""
 
 import re
 from ipaddress import AddressValueError, IPv4Address

@@ -1,4 +1,4 @@
-"""One camera model for everybody: what a real camera gives, as the simulation's camera sees it.
+"""Canonical camera model: images of a real camera, as the simulation's camera sees them.
 
 Every real image is remapped once to the pinhole of the simulation's camera (740 px for the head and
 650 px for the wrists at 1280x720, no distortion), and then resized to what is asked for. The place
@@ -40,7 +40,7 @@ def focal_of(camera: str) -> float:
 
 
 def nominal_pose(camera: str) -> SE3:
-    """Where the simulation has a camera (x right, y down, z forwards) in its parent.
+    """Return the pose of a simulated camera (x right, y down, z forwards) in its parent.
 
     The parent is the table for the head, and the flange for a wrist.
     """

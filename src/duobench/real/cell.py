@@ -1,4 +1,4 @@
-"""What a lab's cell allows: where tools stay, and what stands in the way."""
+"""A lab's cell: the box that tools stay in, and obstacles."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ LONGEST = 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Workspace:
-    """Where both tools stay: a box in the table frame."""
+    """Box in the table frame that both tools stay in."""
 
     low: Point = (0.1, -0.6, -0.02)
     """Its least x, y and z in metres."""

@@ -1,6 +1,6 @@
-"""What is asked of one arm, one gripper and one camera, whoever made it.
+"""Protocols of one arm, one gripper and one camera.
 
-A driver never blocks whoever asks it: it talks to its device in a thread of its own and gives the
+A driver never blocks its caller: it talks to its device in a thread of its own and gives the
 latest reading with the time at which it was taken. What goes wrong is part of a reading; only
 `connect` and what a person asks for (`recover`, `activate`) raise.
 """
@@ -22,7 +22,7 @@ class ArmReading:
     """One arm at one moment."""
 
     time_s: float
-    """When it was measured, on the rig's clock."""
+    """Time of the measurement, on the rig's clock."""
     joints: Array
     """Joint positions (7,) in radians."""
     velocities: Array
@@ -87,14 +87,14 @@ class GripperReading:
     """One gripper at one moment."""
 
     time_s: float
-    """When it was measured, on the rig's clock."""
+    """Time of the measurement, on the rig's clock."""
     opening: float
     """Opening, 0 closed to 1 open."""
     is_active: bool
     """Whether it was activated, and moves when it is told to."""
     has_object: bool = False
     fault: Fault | None = None
-    """What is wrong with it, if anything; silence is a fault too."""
+    """Fault of the gripper, if any; silence is one too."""
 
 
 class Gripper(Device, Protocol):
@@ -128,7 +128,7 @@ class Frame:
     index: int
     """Number of the frame since the camera was connected; a gap is a lost frame."""
     time_s: float
-    """When it was taken, on the rig's clock."""
+    """Time at which it was taken, on the rig's clock."""
     image: Image
     """Red, green, blue (720, 1280, 3), not rectified."""
 
@@ -137,7 +137,7 @@ class Camera(Device, Protocol):
     """One camera, which takes images all the time once it is connected."""
 
     def recover(self) -> None:
-        """On a person's word connect it again where something is wrong, such as a pulled plug.
+        """Connect it again on a person's word where something is wrong, such as a pulled plug.
 
         Raises:
             BackendError: It cannot be connected; that is tried again the next time.
@@ -151,7 +151,7 @@ class Camera(Device, Protocol):
 
     @property
     def fault(self) -> Fault | None:
-        """What is wrong with it, if anything."""
+        """Fault of the camera, if any."""
 
 
 def image_ages(cameras: Mapping[str, Camera], now: float) -> dict[str, float]:

@@ -76,7 +76,7 @@ class FrankaDuo:
             dict(cameras),
         )
         self.world = world
-        """What the arms of a rehearsal act on; None where arms are real, or act on nothing."""
+        """World of a rehearsal; None for all other rigs."""
         self.supervisor = Supervisor(self._recover)
         self.hands = Hands(self.grippers, self.supervisor, clock)
         """The grippers, as the operator has them activated and opened."""
@@ -89,7 +89,7 @@ class FrankaDuo:
         )  # between who moves the arms and who holds them
         left, right = (rig.arms[side] for side in SIDES)
         self.limits = duo_limits()
-        """Those of the simulation, so that spaces are the same; the rig's own are narrower."""
+        """Limits of the simulation, so that spaces are the same; the rig's own are narrower."""
         self._limits = duo_limits(
             (left.speed_fraction, right.speed_fraction), RANGE_MARGIN
         )
@@ -201,11 +201,11 @@ class FrankaDuo:
 
     @property
     def fault(self) -> Fault | None:
-        """What is wrong; None while nothing is."""
+        """Current fault; None without one."""
         return self.supervisor.fault
 
     def health(self) -> str | None:
-        """What is wrong, in words; both arms are then held already.
+        """Return the current fault in words; both arms are then held already.
 
         Where an image is late the arms come to rest, and it is waited for.
         """
@@ -433,11 +433,11 @@ class FrankaDuo:
         return self._velocities.copy()
 
     def readings(self) -> dict[Side, ArmReading]:
-        """What both arms say at this moment."""
+        """Read both arms."""
         return {side: self.arms[side].read() for side in SIDES}
 
     def gripper_readings(self) -> dict[Side, GripperReading]:
-        """What both grippers say at this moment."""
+        """Read both grippers."""
         return {side: self.grippers[side].read() for side in SIDES}
 
     def frames(self) -> dict[str, Frame]:

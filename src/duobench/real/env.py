@@ -72,12 +72,12 @@ class RealEnv(DuoEnv):
         self.rig = backend
         self.prepare = prepare
         self.layout = Layout(poses={})
-        """Where people were asked to put the objects; empty if nothing was said."""
+        """Layout that the operator was asked for; empty if none was given."""
         self._waits = 0
 
     @property
     def subinstructions(self) -> dict[int, str]:
-        """What to do at each stage 0 to n-1 to reach the next one, in this layout."""
+        """Instructions for stages 0 to n-1, each to reach the next one, in this layout."""
         return self.definition.subinstructions(self.layout)
 
     def _begin(self, options: Mapping[str, Any]) -> Info:

@@ -28,7 +28,7 @@ BRAKING_SHARE = 0.8
 """Part of the acceleration that the approach of a far target is planned with."""
 
 LOWEST, HIGHEST = JOINT_RANGES.T + np.array([[RANGE_MARGIN], [-RANGE_MARGIN]])
-"""Where a reference may be (7,), in radians."""
+"""Range of a reference (7,), in radians."""
 
 
 class Follower:
@@ -49,7 +49,7 @@ class Follower:
         """Begin again, at rest at the measured joints (7,) in radians."""
         start = _checked(joints)
         self.reference = start
-        """Where the arm is told to be (7,), in radians."""
+        """Joint positions (7,) that the arm is sent, in radians."""
         self.velocity = np.zeros(ARM_JOINTS)
         """How fast the reference moves (7,), in rad/s."""
         self._begin = self._end = start

@@ -58,7 +58,7 @@ class Clearance:
     margin: float
     """The distance that is right at least."""
     parts: tuple[str, str]
-    """What they are, in words."""
+    """Names of both, in words."""
 
     @property
     def room(self) -> float:
@@ -125,7 +125,7 @@ class Guard:
             return best
 
     def problem(self, joints: Array) -> str | None:
-        """What is too near or outside at joint positions (2, 7), in words; None if nothing is."""
+        """Return what is too near or outside at joint positions (2, 7), in words, or None."""
         return next((words for room, words in self._rooms(joints) if room < 0.0), None)
 
     def plan_path(self, start: Array, end: Array) -> list[Array]:
@@ -237,7 +237,7 @@ class Guard:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class _Part:
-    """What a geom belongs to."""
+    """Owner of a geom."""
 
     words: str
     side: Side | None = None

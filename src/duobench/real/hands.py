@@ -32,14 +32,14 @@ class Hands:
 
     @property
     def inactive(self) -> tuple[Side, ...]:
-        """Those that were not activated since they were switched on, and move nowhere."""
+        """Sides whose gripper was not activated since it was switched on, and does not move."""
         return tuple(
             side for side in SIDES if not self._grippers[side].read().is_active
         )
 
     @property
     def to_activate(self) -> tuple[Side, ...]:
-        """Those that are not active, or that have a fault, which their activation may clear."""
+        """Sides whose gripper is not active, or has a fault that activation may clear."""
         readings = {side: self._grippers[side].read() for side in SIDES}
         return tuple(
             side
@@ -49,7 +49,7 @@ class Hands:
 
     @property
     def holding(self) -> tuple[Side, ...]:
-        """Those that hold something."""
+        """Sides whose gripper holds something."""
         return tuple(side for side in SIDES if self._grippers[side].read().has_object)
 
     def check_active(self) -> None:

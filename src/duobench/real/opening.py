@@ -3,9 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from duobench.core.references import load
+from duobench.core.errors import DuoBenchError, ImportPathError, traceback_text
 from duobench.core.types import SIDES
+from duobench.real.catalog import REHEARSAL, load_driver
 from duobench.real.clock import Clock, PacedClock, SystemClock
+from duobench.real.devices import Arm, Camera, Gripper
 from duobench.real.duo import FrankaDuo
 from duobench.real.guard import Guard
 from duobench.real.rig import (
@@ -13,17 +15,12 @@ from duobench.real.rig import (
     MAX_SPEED_FRACTION,
     MAX_TOOL_SPEED,
     ArmConfig,
-    ArmDriver,
     CameraConfig,
-    CameraDriver,
     GripperConfig,
-    GripperDriver,
     Rig,
 )
 from duobench.world.robot.cameras import POLICY_CAMERAS
-from duobench.world.robot.gripper import GRIPPER
 
-SIMULATED, REHEARSAL = "simulated", "rehearsal"
 REHEARSAL_SIZE = (180, 320)
 """Height and width in pixels of the images of a rehearsal: a quarter of native ones, which a
 processor renders ten times a second beside the arms."""
@@ -41,7 +38,7 @@ def rehearsal_rig() -> Rig:
     """
     arms = {
         side: ArmConfig(
-            driver=ArmDriver.REHEARSAL,
+            driver=REHEARSAL,
             address=side,
             speed_fraction=MAX_SPEED_FRACTION,
             acceleration=MAX_ACCELERATION,
@@ -52,70 +49,85 @@ def rehearsal_rig() -> Rig:
         )
         for side in SIDES
     }
-    camera = CameraConfig(driver=CameraDriver.REHEARSAL, size=REHEARSAL_SIZE)
+    camera = CameraConfig(driver=REHEARSAL, size=REHEARSAL_SIZE)
     return Rig(
         name="rehearsal",
         arms=arms,
-        grippers={
-            side: GripperConfig(driver=GripperDriver.REHEARSAL, port=side)
-            for side in SIDES
-        },
+        grippers={side: GripperConfig(driver=REHEARSAL, port=side) for side in SIDES},
         cameras=dict.fromkeys(POLICY_CAMERAS, camera),
     )
 
 
-COMPUTED = {SIMULATED: Rig.simulated, REHEARSAL: rehearsal_rig}
-"""The rigs without hardware by their names."""
-DRIVERS = {
-    ArmDriver.FRANKY: "franky_arm:FrankyArm",
-    GripperDriver.HARDWARE: GRIPPER.driver,
-    CameraDriver.REALSENSE: "realsense:RealSenseCamera",
-    CameraDriver.UVC: "uvc:UvcCamera",
-    CameraDriver.FILE: "uvc:FileCamera",
-}
-"""Drivers of hardware below `duobench.real.drivers`, each called with a device's configuration
-and a clock, and a camera's with its name; their libraries are loaded when one is made."""
+_PROTOCOLS = {"arms": Arm, "grippers": Gripper, "cameras": Camera}
 
 
 def open_rig(
     rig: Rig | Path | str, clock: Clock | None = None, *, guard: bool = True
 ) -> FrankaDuo:
-    """A rig, its file, "simulated" or "rehearsal", not connected yet: `start` does that.
+    """A rig, its file, or "rehearsal", not connected yet: `start` does that.
 
     Without a clock it takes the machine's own, and a rehearsal a paced one. With a guard our own
     simulation keeps the arms apart and off the table.
 
     Raises:
         FileError: The file cannot be read, or is no rig.
+        DuoBenchError: A driver of one's own cannot be imported, or makes no such device.
     """
-    if isinstance(rig, str) and rig in COMPUTED:
-        rig = COMPUTED[rig]()
+    if rig == REHEARSAL:
+        rig = rehearsal_rig()
     elif not isinstance(rig, Rig):
         rig = Rig.read(Path(rig))
+    rig.check_computed()
     is_rehearsal = REHEARSAL in rig.drivers
     clock = clock or (PacedClock() if is_rehearsal else SystemClock())
-    rehearsal = driver_at("rehearsal:Rehearsal")(clock) if is_rehearsal else None
-
-    def made(config: Any, name: str) -> Any:
-        """A device by its driver; the name is a camera's, or the side that it is on."""
+    rehearsal = load_driver("arms", REHEARSAL)(clock) if is_rehearsal else None
+    made: dict[str, dict[str, Any]] = {"arms": {}, "grippers": {}, "cameras": {}}
+    for part, name, config in rig.devices():
         if config.driver == REHEARSAL and rehearsal is not None:
-            return rehearsal.device(config, name)
-        if config.driver == SIMULATED:
-            return driver_at("simulated:simulated_device")(config, clock, name)
-        names = [name] if isinstance(config, CameraConfig) else []
-        return driver_at(DRIVERS[config.driver])(config, clock, *names)
-
+            made[part][name] = rehearsal.device(config, name)
+        else:
+            made[part][name] = _device(part, name, config, clock)
     return FrankaDuo(
         rig,
         clock,
-        arms={side: made(rig.arms[side], side) for side in SIDES},
-        grippers={side: made(rig.grippers[side], side) for side in SIDES},
-        cameras={name: made(config, name) for name, config in rig.cameras.items()},
+        arms={side: made["arms"][side] for side in SIDES},
+        grippers={side: made["grippers"][side] for side in SIDES},
+        cameras=made["cameras"],
         guard=Guard(rig.workspace, rig.obstacles) if guard else None,
         world=None if rehearsal is None else rehearsal.world,
     )
 
 
-def driver_at(path: str) -> Any:
-    """Load a driver, such as one of `DRIVERS`."""
-    return load(f"duobench.real.drivers.{path}", "driver", callable)
+def _device(
+    part: str,
+    name: str,
+    config: ArmConfig | GripperConfig | CameraConfig,
+    clock: Clock,
+) -> Any:
+    """A device by the driver that its configuration names.
+
+    Raises:
+        ImportPathError: The driver raises an error, or makes something else.
+    """
+    driver = load_driver(part, config.driver)
+    given = [name] if isinstance(config, CameraConfig) else []
+    try:
+        device = driver(config, clock, *given)
+    except DuoBenchError:
+        raise
+    except Exception as error:  # anybody's code runs here
+        raise ImportPathError(
+            f"{part}.{name}.driver {config.driver!r} makes no device. It is called with the "
+            "device's configuration and the rig's clock, and for a camera with its name.\n"
+            f"{traceback_text(error, skip=1).strip()}"
+        ) from error
+    protocol = _PROTOCOLS[part]
+    asked = [each for each in dir(protocol) if not each.startswith("_")]
+    missing = [each for each in asked if each not in dir(device)]
+    if missing:
+        raise ImportPathError(
+            f"{part}.{name}.driver {config.driver!r} makes something without "
+            f"{', '.join(missing)}; the driver of {part} makes what has {', '.join(asked)} "
+            f"(duobench.real.devices.{protocol.__name__})."
+        )
+    return device

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 ACTIVATE, GO = 1 << 8, 1 << 11
 """Bits rACT and rGTO of the first register of the command."""
 RESET, ACTIVATING, ACTIVE = 0, 1, 3
-"""What gSTA says of the activation."""
+"""Values of gSTA, the state of the activation."""
 MOVING, STOPPED_OPENING, STOPPED_CLOSING, AT_GOAL = 0, 1, 2, 3
-"""What gOBJ says of the fingers: on their way, stopped at something, or where they shall be."""
+"""Values of gOBJ: fingers on their way, stopped at an object, or at their target."""
 ENDS = (3, 228)
 """Positions, 0 open to 255 closed, at which the fingers of a typical gripper end."""
 REACHED = 2.0
@@ -20,7 +20,7 @@ BLOCKED_S = 0.1
 
 
 class GripperRegisters:
-    """What a gripper says, and where its fingers are to go.
+    """Registers of a gripper: its status and the target of its fingers.
 
     Whoever has the fingers calls `move` with their position as time passes, and leads them to
     `target`.
@@ -35,7 +35,7 @@ class GripperRegisters:
         self.jams = False
         """Whether an activation never ends."""
         self.position = float(ENDS[0])
-        """Where the fingers are, in counts."""
+        """Position of the fingers, in counts."""
         self._state = ACTIVE if is_active else RESET
         self._goes = False
         self._goal = 0
@@ -53,7 +53,7 @@ class GripperRegisters:
 
     @property
     def target(self) -> float | None:
-        """Where the fingers are led to, in counts; None while they stay as they are."""
+        """Target of the fingers in counts; None while they stay as they are."""
         if self._activation:
             return float(self._activation[0])
         if self._state != ACTIVE or not self._goes:
@@ -76,7 +76,7 @@ class GripperRegisters:
 
     @property
     def contact(self) -> int:
-        """What gOBJ says of the fingers."""
+        """Value of gOBJ."""
         target = self.target
         if target is None:
             return AT_GOAL

@@ -54,7 +54,7 @@ STILL = 0.05
 _TRIES = 20
 _DAMPED = 1e-6 * np.eye(6)
 _CONTACT = mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS.value
-"""From this kind of constraint on they are contacts."""
+"""First kind of constraint that is a contact."""
 RELEASE = "The emergency stop is pressed. Release it, then recover the arms."
 
 
@@ -84,7 +84,7 @@ class MountedArm:
         self.is_tracking, self.fault = False, self.fault or fault
 
     def reflex(self) -> str | None:
-        """What the arm stops at, as its library says it; None while nothing is too much."""
+        """Return the name of the reflex that stops the arm, as its library has it, or None."""
         if (np.abs(self.external) > self.config.torque_threshold).any():
             return "joint_reflex"
         if (np.abs(self.wrench) > self.config.tool_thresholds).any():
@@ -225,7 +225,7 @@ class RehearsalWorld:
         self._has_failed = False
 
     def _objection(self) -> str | None:
-        """What is wrong with where the objects are; None if nothing is."""
+        """Return why the objects cannot lie where they are, or None."""
         simulation = self.simulation
         for name in simulation.props:
             touching = simulation.contacts.partners(name)
@@ -314,7 +314,7 @@ class RehearsalWorld:
                 self._move_hand(side)
 
     def _feel(self) -> None:
-        """What the arms feel of the contacts of this step; a reflex where that is too much."""
+        """Update what the arms feel of the contacts of this step; too much is a reflex."""
         data, felt = self._data, self._felt
         felt[:] = 0.0
         if data.nefc:

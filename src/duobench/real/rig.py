@@ -11,9 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -22,6 +20,13 @@ from duobench.core.errors import FileError, OptionError, UnknownNameError, check
 from duobench.core.settings import decode, parse
 from duobench.core.types import ARM_JOINTS, SIDES, Side
 from duobench.real.addresses import is_host, is_simulator
+from duobench.real.catalog import (
+    DRIVERS,
+    FRANKY,
+    HARDWARE_GRIPPER,
+    check_driver,
+    is_computed,
+)
 from duobench.real.cell import LONGEST, Obstacle, Workspace
 from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
 from duobench.world.robot.fr3_links import LINKS
@@ -42,7 +47,7 @@ MAX_FORCE = 100.0
 """Largest force at the tool in N up to which a rig may let an arm push: under the 140 N that a hand
 bears which is clamped [ISO/TS 15066]."""
 JOINT_TORQUES = tuple(link.joint.torque for link in LINKS if link.joint is not None)
-"""What each joint can give, in N·m; a threshold above it stops nothing [data sheet]."""
+"""Largest torque of each joint in N·m; a threshold above it stops nothing [data sheet]."""
 _STIFFNESS = (600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0)
 _DAMPING = (50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0)
 MOST_STIFFNESS = tuple(2.0 * stiffness for stiffness in _STIFFNESS)
@@ -73,41 +78,18 @@ FOCAL_LENGTHS = (0.2, 20.0)
 """Least and largest focal length, in widths of the image: it shows 136 to 3 degrees."""
 UNIT = 1e-3
 """How far the length of a quaternion may be from 1."""
+_PLACES = {"arms": "address", "grippers": "port", "cameras": "device"}
+"""Parts of a rig, with the field of their devices that says where one is."""
 UNPOSED = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 """The pose of a camera whose lens alone is known."""
-
-
-class ArmDriver(StrEnum):
-    """What talks to an arm."""
-
-    FRANKY = "franky"
-    REHEARSAL = "rehearsal"
-    SIMULATED = "simulated"
-
-
-class GripperDriver(StrEnum):
-    """What talks to a gripper."""
-
-    HARDWARE = GRIPPER.word
-    REHEARSAL = "rehearsal"
-    SIMULATED = "simulated"
-
-
-class CameraDriver(StrEnum):
-    """What talks to a camera."""
-
-    REALSENSE = "realsense"
-    UVC = "uvc"
-    FILE = "file"
-    REHEARSAL = "rehearsal"
-    SIMULATED = "simulated"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ArmConfig:
     """One arm."""
 
-    driver: ArmDriver = ArmDriver.FRANKY
+    driver: str = FRANKY
+    """Name of a row in `catalog.DRIVERS`, or `module:NAME`."""
     address: str = ""
     """Host name or address of its control box."""
     stiffness: tuple[float, ...] = _STIFFNESS
@@ -163,7 +145,8 @@ class ArmConfig:
 class GripperConfig:
     """One gripper."""
 
-    driver: GripperDriver = GripperDriver.HARDWARE
+    driver: str = HARDWARE_GRIPPER
+    """Name of a row in `catalog.DRIVERS`, or `module:NAME`."""
     port: str = ""
     """Serial port, best by its id: /dev/serial/by-id/…"""
     open_count: int = 3
@@ -241,7 +224,8 @@ class CameraCalibration:
 class CameraConfig:
     """One camera."""
 
-    driver: CameraDriver
+    driver: str
+    """Name of a row in `catalog.DRIVERS`, or `module:NAME`."""
     device: str = ""
     """Serial number, device file, or file of images."""
     size: tuple[int, int] = (NATIVE_HEIGHT, NATIVE_WIDTH)
@@ -296,9 +280,9 @@ class Rig:
     cameras: Mapping[str, CameraConfig] = field(default_factory=dict)
     """The cameras by name; some or all may be missing."""
     workspace: Workspace | None = field(default_factory=Workspace)
-    """Where both tools stay; None lets them go wherever the arms reach."""
+    """Box that both tools stay in; None lets them go as far as the arms reach."""
     obstacles: Mapping[str, Obstacle] = field(default_factory=dict)
-    """What else the guard keeps the arms away from, by name."""
+    """Obstacles that the guard keeps the arms away from, by name."""
     schema: int = RIG_SCHEMA
 
     def __post_init__(self) -> None:
@@ -315,86 +299,88 @@ class Rig:
                 raise OptionError(
                     f"A rig and its obstacles have names in one line, got {name!r}."
                 )
+        for part, name, device in self.devices():
+            check_driver(part, device.driver, f"{part}.{name}.driver")
         self._check_places()
-        self._check_drivers()
+        self.check_computed(own=False)
 
-    def _places(self) -> Iterator[tuple[str, str, Any]]:
-        """Each device with its name, and the field that says where it is."""
-        for part, key in (
-            ("arms", "address"),
-            ("grippers", "port"),
-            ("cameras", "device"),
-        ):
+    def devices(
+        self,
+    ) -> Iterator[tuple[str, str, ArmConfig | GripperConfig | CameraConfig]]:
+        """Part of the rig, name in it, and configuration of each device."""
+        for part in _PLACES:
             for name, device in getattr(self, part).items():
-                yield f"{part}.{name}", key, device
+                yield part, str(name), device
 
     def _check_places(self) -> None:
         """Reject hardware that is nowhere, or two devices at one place."""
         names: dict[str, str] = {}
-        for name, key, device in self._places():
-            if str(device.driver) not in HARDWARE:
+        for part, name, device in self.devices():
+            driver = DRIVERS[part].get(device.driver)
+            if driver is not None and driver.is_computed:
                 continue
+            key = _PLACES[part]
+            where = f"{part}.{name}"
             place = getattr(device, key)
-            if not place or place != place.strip():
+            if place != place.strip() or (driver is not None and not place):
                 raise OptionError(
-                    f"{name}.{key} says where it is, without spaces; got {place!r}."
+                    f"{where}.{key} says where it is, without spaces; got {place!r}."
                 )
-            if key == "address" and not is_host(place):
+            if device.driver == FRANKY and not is_host(place):
                 raise OptionError(
-                    f"{name}.address is a host name or four numbers, such as 172.16.0.2; got "
+                    f"{where}.{key} is a host name or four numbers, such as 172.16.0.2; got "
                     f"{place!r}."
                 )
-            other = names.setdefault(place.casefold(), name)
-            if other != name:
+            other = names.setdefault(place.casefold(), where) if place else where
+            if other != where:
                 raise OptionError(
-                    f"{name}.{key} is {place!r} as for {other}; each device has its own."
+                    f"{where}.{key} is {place!r} as for {other}; each device has its own."
                 )
 
-    def _check_drivers(self) -> None:
-        """Reject what is computed beside a real arm: its records would hold it as measured."""
-        arms = [arm for arm in self.arms.values() if arm.driver is ArmDriver.FRANKY]
-        if all(is_simulator(arm.address) for arm in arms):
+    def check_computed(self, *, own: bool = True) -> None:
+        """Reject what is computed beside a real arm: its records would hold it as measured.
+
+        Args:
+            own: Whether drivers `module:NAME` are imported and looked at too.
+
+        Raises:
+            OptionError: A device is computed, and an arm is real.
+            DuoBenchError: A driver of one's own cannot be imported.
+        """
+        computed: list[str] = []
+        hardware: set[str] = set()
+        is_real = False
+        for part, name, device in self.devices():
+            if not own and device.driver not in DRIVERS[part]:
+                continue
+            if is_computed(part, device.driver):
+                computed.append(f"{part}.{name}.driver is {device.driver}")
+            elif isinstance(device, ArmConfig):
+                is_real = is_real or not is_simulator(device.address)
+        if not (is_real and computed):
             return
-        for name, _, device in self._places():
-            if str(device.driver) not in HARDWARE:
-                raise OptionError(
-                    f"{name}.driver is {device.driver} beside a real arm: take one of "
-                    f"{', '.join(sorted(HARDWARE))}, or leave out a camera. Beside simulators of "
-                    "arms, at 127.0.0.x, the rest may be computed."
-                )
-
-    @staticmethod
-    def simulated() -> Rig:
-        """A rig without hardware: arms, grippers and cameras that are computed."""
-        arm = ArmConfig(
-            driver=ArmDriver.SIMULATED,
-            speed_fraction=MAX_SPEED_FRACTION,
-            acceleration=MAX_ACCELERATION,
-            tool_speed=MAX_TOOL_SPEED,
-        )
-        gripper = GripperConfig(driver=GripperDriver.SIMULATED)
-        camera = CameraConfig(driver=CameraDriver.SIMULATED)
-        return Rig(
-            name="simulated",
-            arms=dict.fromkeys(SIDES, arm),
-            grippers=dict.fromkeys(SIDES, gripper),
-            cameras=dict.fromkeys(POLICY_CAMERAS, camera),
+        for rows in DRIVERS.values():
+            hardware |= {name for name, row in rows.items() if not row.is_computed}
+        raise OptionError(
+            f"{computed[0]} beside a real arm: take one of {', '.join(sorted(hardware))}, or leave "
+            "out a camera. Beside simulators of arms, at 127.0.0.x, the rest may be computed. "
+            "A driver module:NAME of what is no hardware has `is_computed = True`."
         )
 
     @property
     def is_computed(self) -> bool:
-        """Whether no part of it is hardware, so that its time may be computed as well."""
-        return self.drivers <= {
-            ArmDriver.SIMULATED,
-            ArmDriver.REHEARSAL,
-            CameraDriver.FILE,
-        }
+        """Whether no part of it is hardware, so that its time may be computed as well.
+
+        Drivers `module:NAME` are imported.
+        """
+        return all(
+            is_computed(part, device.driver) for part, _, device in self.devices()
+        )
 
     @property
     def drivers(self) -> set[str]:
-        """What talks to its devices."""
-        devices = (*self.arms.values(), *self.grippers.values(), *self.cameras.values())
-        return {str(device.driver) for device in devices}
+        """Names of the drivers of its devices."""
+        return {device.driver for _, _, device in self.devices()}
 
     @staticmethod
     def read(path: Path) -> Rig:
@@ -448,15 +434,6 @@ class Rig:
             msgspec.json.format(msgspec.json.encode(self, order="deterministic"))
             + b"\n"
         )
-
-
-HARDWARE = {
-    ArmDriver.FRANKY,
-    GripperDriver.HARDWARE,
-    CameraDriver.REALSENSE,
-    CameraDriver.UVC,
-}
-"""Drivers of what is no simulation."""
 
 
 def _check_positive(name: str, value: float, most: float) -> None:

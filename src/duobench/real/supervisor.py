@@ -1,4 +1,4 @@
-"""Who may move the arms, and when: the states of a rig, and the operator's word.
+"""States of a rig, and the operator's confirmation that lets the arms move.
 
 Nothing moves before the operator confirmed that the arms are free to. A hold takes the confirmation
 back; after a fault only the operator recovers the arms.
@@ -14,7 +14,7 @@ from duobench.results.labels import Fault
 
 
 class State(StrEnum):
-    """What a rig is doing."""
+    """State of a rig."""
 
     OFF = "off"
     """Nothing is connected."""
@@ -26,7 +26,7 @@ class State(StrEnum):
     """The arms are at home and wait for the first command."""
     RUNNING = "running"
     HOLDING = "holding"
-    """Somebody holds the arms; nothing is wrong with them."""
+    """The arms are held by a person, without a fault."""
     FAULTED = "faulted"
     """Something is wrong; both arms hold until the operator recovers them."""
     RECOVERING = "recovering"
@@ -54,12 +54,12 @@ class Supervisor:
 
     @property
     def state(self) -> State:
-        """What the rig is doing."""
+        """State of the rig."""
         return self._state
 
     @property
     def fault(self) -> Fault | None:
-        """What is wrong; None while nothing is, also while a person holds the arms."""
+        """Current fault; None without one, also while a person holds the arms."""
         return self._fault
 
     @property

@@ -80,7 +80,7 @@ class Watchdog:
             self._hold(fault.text, fault)
 
     def find_fault(self) -> Fault | None:
-        """What is wrong with arms, grippers and cameras; None if nothing is."""
+        """Return the fault of arms, grippers or cameras, or None."""
         return self._arm_fault() or self._gripper_fault() or self._camera_fault()
 
     def _watch(self) -> None:
@@ -142,7 +142,7 @@ class Watchdog:
         return image_ages(seen, self._clock.now())
 
     def _camera_fault(self) -> Fault | None:
-        """What is wrong with the cameras; while an episode runs, with those that are seen."""
+        """Return the fault of a camera, or None; while an episode runs, of those that are seen."""
         is_running = self._supervisor.state is State.RUNNING
         for name, camera in self._cameras.items():
             if camera.fault is not None and (name in self.seen or not is_running):

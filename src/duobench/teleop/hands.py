@@ -103,7 +103,7 @@ class Clutch:
         return self.is_closed or (self._is_armed and hand.squeeze >= CLOSES)
 
     def follow(self, hand: Hand | None, tool: SE3) -> SE3 | None:
-        """Where a hand, None if lost, leads a tool from where that was commanded to be last.
+        """Return the pose that a hand, None if lost, leads a tool to from its last command.
 
         Both poses are in the table frame; there is none while the clutch is open.
         """
@@ -162,7 +162,7 @@ class LedArm:
     def lead(
         self, hand: Hand | None, measured: SE3, commanded: SE3
     ) -> tuple[SE3, bool]:
-        """Where the tool is led, and whether it was kept from where the hand wants it.
+        """Return the pose that the tool is led to, and whether that is not where the hand wants it.
 
         A hand that is lost is None; the tool is measured and commanded in the table frame.
         """
@@ -201,7 +201,7 @@ class HandDevice:
         self._dropped = 0
         self._hands: Hands | None = None
         self.sampled_s: float | None = None
-        """When the newest sample arrived, in seconds."""
+        """Time at which the newest sample arrived, in seconds."""
         self._has_seen_open = False
         self._acting, self._led = (
             set[str](),
@@ -264,7 +264,7 @@ class HandDevice:
         return self.is_lost(now_s, AWAY_S)
 
     def prompt(self, now_s: float) -> str | None:
-        """What to do before the episode begins: open both hands, then squeeze one."""
+        """Return what to do before the episode begins: open both hands, then squeeze one."""
         hands = self._now(now_s)
         present = [hand for hand in hands.values() if hand is not None and hand.sure]
         if not present:
@@ -285,7 +285,7 @@ class HandDevice:
         return "Squeeze a clutch to begin."
 
     def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
-        """Where the hands lead the tools."""
+        """Return the poses that the hands lead the tools to."""
         self._led |= self._acting
         self._acting.clear()
         self.led_by = " and ".join(

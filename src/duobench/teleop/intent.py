@@ -1,4 +1,4 @@
-"""What a session asks of a device, whatever it is: hands over a network, or leader arms."""
+"""Protocol of a device that leads: hands over a network, or leader arms."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,7 +9,7 @@ from duobench.teleop.messages import Message
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Intent:
-    """What the operator wants of one control step."""
+    """Action of one control step that the operator leads, and how."""
 
     action: Array
     """The action (16,), in the action mode of the device."""
@@ -25,9 +25,9 @@ class Device(Protocol):
     action_mode: str
     """Name of what the numbers of its actions mean."""
     led_by: str
-    """What has led since the episode began: "mouse and gamepad"; empty where that is not known."""
+    """Devices that have led since the episode began: "mouse and gamepad"; empty if unknown."""
     executed_ms: float
-    """When the newest executed sample was sent, in ms of the page's clock; NaN without."""
+    """Time at which the newest executed sample was sent, in ms of the page's clock; NaN without."""
 
     def begin(self, command: DuoCommand) -> None:
         """A new episode waits for the operator, with the arms where they are commanded to be."""
@@ -43,7 +43,7 @@ class Device(Protocol):
         ...
 
     def prompt(self, now_s: float) -> str | None:
-        """What the operator has to do before the episode begins; None once it has begun."""
+        """Return what to do before the episode begins; None once it has begun."""
         ...
 
     def intend(self, now_s: float, state: DuoState, command: DuoCommand) -> Intent:
@@ -62,5 +62,5 @@ class Device(Protocol):
 
     @property
     def sampled_s(self) -> float | None:
-        """When the newest sample arrived, in seconds; None before the first one."""
+        """Time at which the newest sample arrived, in seconds; None before the first one."""
         ...

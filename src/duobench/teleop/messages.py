@@ -1,4 +1,4 @@
-"""What a page sends: where the operator's hands are, and what the operator asks for."""
+"""Messages of a page: the operator's hands, and what the operator asks for."""
 
 import math
 import threading
@@ -22,7 +22,7 @@ LONGEST_QUEUE = 1024
 """Messages that may wait; beyond, the oldest are forgotten."""
 
 PageDevice = Literal["mouse", "gamepad", "headset"]
-"""What a page is driven with; keys go with the mouse."""
+"""Device that drives a page; keys go with the mouse."""
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 """How far something is pressed, 0 to 1."""
 Pose = tuple[float, float, float, float, float, float, float]
@@ -43,7 +43,7 @@ class Hand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     """One hand at one moment."""
 
     pose: Pose
-    """Where it is, in the world frame or in any other that stands upright beside it."""
+    """Pose in the world frame or in any other that stands upright beside it."""
     sure: bool
     """Whether the device tracks it."""
     squeeze: Share
@@ -63,7 +63,7 @@ class Hand(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     @property
     def world_from_hand(self) -> SE3:
-        """Where it is."""
+        """Pose of the hand."""
         return SE3.from_wxyz(self.pose[3:], self.pose[:3])
 
 
@@ -71,14 +71,14 @@ class Hands(PageMessage, frozen=True):
     """Both hands at one moment."""
 
     sent: float
-    """When it was sent, in ms of the sender's clock."""
+    """Time at which it was sent, in ms of the sender's clock."""
     seq: Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
     """Number of the message; it grows."""
     left: Hand | None
     """The left hand; None where the device has none."""
     right: Hand | None
     devices: tuple[PageDevice, ...] = ()
-    """What has moved, squeezed or pressed since the message before."""
+    """Devices that have moved, squeezed or pressed since the message before."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.sent) and self.sent >= 0.0):
@@ -102,7 +102,7 @@ class Recentre(PageMessage, frozen=True):
 
 
 class Instruction(PageMessage, frozen=True):
-    """What the operator says that the arms will do; empty for the task's own words."""
+    """Instruction that the operator gives to the episode; empty for the task's own words."""
 
     text: Annotated[str, msgspec.Meta(max_length=LONGEST_INSTRUCTION)]
     """One line that can be printed."""

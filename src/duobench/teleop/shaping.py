@@ -1,4 +1,4 @@
-"""What comes between a hand's wish and a command: a filter, and limits on where a tool may go."""
+"""Filter and limits between the pose that a hand wants and the one that is commanded."""
 
 import math
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ def _gain(cutoff_hz: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shaped:
-    """Where a tool is really led."""
+    """Pose that a tool is led to."""
 
     pose: SE3
     """Its pose in the table frame."""
@@ -85,7 +85,7 @@ class Shaper:
         self._filter.reset()
 
     def __call__(self, wanted: SE3, measured: SE3) -> Shaped:
-        """Where a tool is led that the hand wants elsewhere, both in the table frame."""
+        """Return the pose that a tool is led to where a hand wants another, in the table frame."""
         smooth = self._filter(wanted)
         near = within(measured.translation, smooth.translation, LEASH)
         inside = SE3(smooth.rotation, np.clip(near, *BOX))

@@ -1,4 +1,4 @@
-"""The takes of a session in its data set: counted, set aside where discarded, and restored."""
+"""Episodes of a session in its data set: counted, set aside where discarded, and restored."""
 
 from contextlib import ExitStack, suppress
 from dataclasses import replace
@@ -17,9 +17,9 @@ NOTHING_DISCARDED = "There is nothing to restore."
 
 
 class Takes:
-    """Those of one task, which belong to one session at a time.
+    """Episodes of one task, which belong to one session at a time.
 
-    What a killed session had discarded is there for the next one.
+    The episodes that a killed session had discarded are there for the next one.
 
     Raises:
         LockedError: Another session records the task into the data set.
@@ -31,12 +31,12 @@ class Takes:
         self._lock.enter_context(locked(self._folder))
         tried = (each.episode + 1 for each in of_task(data, env.task))
         self.next_number = max(data.next_number(env.task), *tried, 0)
-        """The first layout that nobody has tried."""
+        """Number of the first layout that was never begun."""
         self.discarded = data.discarded.episodes(env.task)
         """Files that can be restored, the last one last."""
 
     def note(self, attempt: Attempt) -> None:
-        """Note how one goes."""
+        """Note how an episode goes."""
         note(self._data, attempt)
 
     def set_aside(self) -> None:

@@ -21,7 +21,7 @@ from duobench.web.messages import pack_frame
 from duobench.web.server import PageServer
 
 _QUIET = ("step", "lost")
-"""What of a status changes all the time, and is sent once in a while or with something else."""
+"""Fields of a status that change all the time, sent once in a while or with others."""
 _TURNS = 6
 """Turns of the loop after which it is sent at the latest: a drag is measured where the tool is."""
 WATCHING = "You watch: take over to lead the arms."
@@ -39,9 +39,9 @@ class Timings:
 
     def __init__(self) -> None:
         self.periods: deque[float] = deque(maxlen=KEPT_TIMES)
-        """From one step of the loop to the next."""
+        """Times from one step of the loop to the next."""
         self.latencies: deque[float] = deque(maxlen=KEPT_TIMES)
-        """From the arrival of a sample to the end of the control step that executed it."""
+        """Times from a sample's arrival to the end of the control step that executed it."""
 
     @property
     def latency_ms(self) -> float | None:

@@ -44,12 +44,12 @@ from where its hand wants it, and when a hand lets go, or is lost."""
 UNSOLVED = "The task is not solved yet; discard ends the episode."
 LATER = "The new instruction is that of the next episode."
 DISCARDED = "Discarded."
-"""Why an attempt is not kept."""
+"""Reason why an episode is not kept."""
 AWAY = "Nobody drives: the recording waits, and goes on when somebody does."
 
 
 class TeleopState(StrEnum):
-    """Where an episode is."""
+    """State of an episode."""
 
     WAITING = "waiting"
     """Everything is in its place; nothing moves and nothing is recorded before the operator
@@ -63,7 +63,7 @@ class TeleopState(StrEnum):
     DECIDE = "decide"
     """The episode is over, and the operator says whether to keep it."""
     OVER = "over"
-    """There are as many episodes as were wanted."""
+    """As many episodes are kept as were wanted."""
 
 
 _RUNNING = (TeleopState.RECORDING, TeleopState.SUCCESS)
@@ -196,11 +196,11 @@ class Teleoperation:
 
     @property
     def state(self) -> TeleopState:
-        """Where the episode is."""
+        """State of the episode."""
         return TeleopState.PAUSED if self._is_paused else self._state
 
     def status(self) -> dict[str, Any]:
-        """What the page shows, as the fields of its message `status`."""
+        """Return the fields of the page's message `status`."""
         task, info = self.env.base.definition, self._info
         return {
             "title": task.title,
@@ -388,7 +388,7 @@ class Teleoperation:
 
 
 class Haptics:
-    """What an operator's hands are to feel: a pulse for each time that something begins."""
+    """Pulses for the operator's hands, one for each time that something begins."""
 
     def __init__(self, env: Recorder) -> None:
         # Real arms are asked for no contacts: they have none to tell.

@@ -10,6 +10,7 @@ import pytest
 
 from duobench.real.rig import Rig
 from tests.cli.conftest import Told, refusal
+from tests.real.simulated import GRIPPER
 from tests.real.test_rig_file import RIGHT, changed
 
 
@@ -42,10 +43,9 @@ def test_what_will_hold_is_said(tmp_path: Path, told: Told) -> None:
         assert each in words
 
 
-@pytest.mark.parametrize("name", ["simulated", "rehearsal"])
-def test_rigs_without_a_file_are_described(name: str, told: Told) -> None:
-    said = told("real", "rig", "check", name)
-    assert f"Left arm: {name}" in said
+def test_the_rig_without_a_file_is_described(told: Told) -> None:
+    said = told("real", "rig", "check", "rehearsal")
+    assert "Left arm: rehearsal" in said
     assert "tool at most 2 m/s" in said
 
 
@@ -67,6 +67,8 @@ def test_a_way_home_is_never_faster_than_everything_else(tmp_path: Path, told: T
         ("arms.left.speed_fracton", 0.05, "Did you mean 'speed_fraction'"),
         ("obstacles.mast.centre", [0.5, 0.2, 0.5], "cannot be at home beside"),
         ("workspace.low", [0.6, -0.5, 0.0], "both tools at home between them"),
+        ("arms.left.driver", "no_such_lab:Arm", "There is no module named 'no_such_lab'"),
+        ("grippers.left.driver", GRIPPER, "SimulatedGripper beside a real arm"),
     ],
 )
 def test_what_is_wrong_is_one_sentence(tmp_path: Path, place: str, value: Any, said: str) -> None:

@@ -11,22 +11,23 @@ import pytest
 
 from duobench.real.calibration import places
 from duobench.real.calibration.views import ViewFolder
-from duobench.real.rig import CameraConfig, CameraDriver, Rig
+from duobench.real.rig import CameraConfig, Rig
 from tests.cli.conftest import Told, refusal
 from tests.real.lenses import ZED
+from tests.real.simulated import simulated_file, simulated_rig
 
 
 def lab(folder: Path, device: str) -> Path:
     """A rig whose head camera plays something; its arms are simulated."""
-    rig = Rig.simulated()
-    head = CameraConfig(driver=CameraDriver.FILE, device=device)
+    rig = simulated_rig()
+    head = CameraConfig(driver="file", device=device)
     path = folder / "rig.json"
     replace(rig, name="lab", cameras={"head": head}).write(path)
     return path
 
 
 def test_a_simulated_rig_is_examined(tmp_path: Path, told: Told) -> None:
-    words = ["--rig", "simulated", "--out", tmp_path / "run", "--seconds", "1"]
+    words = ["--rig", simulated_file(tmp_path), "--out", tmp_path / "run", "--seconds", "1"]
     assert "left gripper" in told("real", "doctor", *words)
     document = json.loads((tmp_path / "run" / "doctor.json").read_text())
     assert document["is_well"] is True

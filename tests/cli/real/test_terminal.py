@@ -23,9 +23,10 @@ from duobench.cli.shared.rigs import KeyTerminal
 from duobench.data import DataSet
 from duobench.real.sessions.operator import QUIT
 from tests.cli.test_cli import ROOT
+from tests.real.simulated import simulated_file
 from tests.web.pages import TIMEOUT_S, wait_until
 
-RECORD = ("real", "record", "--policy", "hold", "--rig", "simulated", "--task", "bin_sort")
+RECORD = ("real", "record", "--policy", "hold", "--task", "bin_sort")
 CTRL_C = "\x03"
 
 
@@ -59,7 +60,7 @@ def terminal(*words: str) -> Iterator[Terminal]:
         stdin=slave,
         stdout=slave,
         stderr=slave,
-        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])},
         start_new_session=True,
         preexec_fn=own,  # noqa: PLW1509 - it starts no thread and takes no lock
     ) as process:
@@ -71,20 +72,23 @@ def terminal(*words: str) -> Iterator[Terminal]:
 
 
 def test_lost_terminal_holds_the_arms_and_keeps_what_was_recorded(tmp_path: Path) -> None:
-    with terminal(*RECORD, "--out", str(tmp_path), "--horizon", "9000") as operator:
+    words = ("--rig", str(simulated_file(tmp_path)), "--out", str(tmp_path / "data"))
+    with terminal(*RECORD, *words, "--horizon", "9000") as operator:
         for words, key in (("h: they go home", "h"), ("p: placed", "p"), ("It plays", "1")):
             operator.until(words)
             operator.press(key)
         os.close(operator.master)
         assert operator.process.wait(60) == 1  # there is nobody to say more to
-    (episode,) = DataSet(tmp_path).recordings()
+    (episode,) = DataSet(tmp_path / "data").recordings()
     assert episode.info.outcome is not None
     assert not episode.info.outcome.kept
-    assert list(DataSet(tmp_path).partials()) == []
+    assert list(DataSet(tmp_path / "data").partials()) == []
 
 
 def test_ctrl_c_at_a_question_leaves_the_next_one_to_hold(tmp_path: Path) -> None:
-    words = ("--out", str(tmp_path), "--horizon", "9000", "--episodes", "1")
+    rig = str(simulated_file(tmp_path))
+    out = str(tmp_path / "data")
+    words = ("--rig", rig, "--out", out, "--horizon", "9000", "--episodes", "1")
     with terminal(*RECORD, *words) as operator:
         operator.until("h: they go home")
         operator.press(CTRL_C)
@@ -167,7 +171,8 @@ def test_question_ends_when_the_session_does(
 
 
 def test_ctrl_c_at_a_later_question_of_leading_ends_the_session(tmp_path: Path) -> None:
-    words = ("real", "teleop", "bin_sort", "--rig", "simulated", "--out", str(tmp_path))
+    rig = str(simulated_file(tmp_path))
+    words = ("real", "teleop", "bin_sort", "--rig", rig, "--out", str(tmp_path / "data"))
     with terminal(*words) as operator:
         for awaited, key in (("h: go home", "h"), ("Ctrl-C ends", " "), ("h: go home", CTRL_C)):
             operator.until(awaited)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from duobench.real.drivers.simulated import SimulatedArm
 from tests.cli.conftest import Told, refusal
 from tests.real.sessions.operator import Stand
+from tests.real.simulated import SimulatedArm, simulated_file
 
 Types = Callable[[str], None]
 REHEARSAL = ("--rig", "rehearsal", "--fast")
@@ -23,7 +23,10 @@ def types(monkeypatch: pytest.MonkeyPatch) -> Types:
     return lambda text: monkeypatch.setattr(sys, "stdin", io.StringIO(text))
 
 
-def test_grippers_that_were_off_are_activated_at_a_word(types: Types, told: Told) -> None:
+def test_grippers_that_were_off_are_activated_at_a_word(
+    types: Types, told: Told, tmp_path: Path
+) -> None:
+    rig = simulated_file(tmp_path)
     said = told("real", "grippers", *REHEARSAL)
     assert said.count("not active") == 2
     types("activate\n")
@@ -31,7 +34,7 @@ def test_grippers_that_were_off_are_activated_at_a_word(types: Types, told: Told
     assert "not active, " not in said
     assert said.count("gripper: active") == 2
     types("open\n")
-    assert "opening 1.00" in told("real", "grippers", "--rig", "simulated", "--open", "left")
+    assert "opening 1.00" in told("real", "grippers", "--rig", rig, "--open", "left")
 
 
 def test_home_asks_for_the_activation_first(types: Types, told: Told) -> None:
@@ -40,7 +43,7 @@ def test_home_asks_for_the_activation_first(types: Types, told: Told) -> None:
 
 
 def test_home_asks_to_recover_what_was_left_wrong(
-    types: Types, told: Told, monkeypatch: pytest.MonkeyPatch
+    types: Types, told: Told, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     connect = SimulatedArm.connect
 
@@ -50,7 +53,7 @@ def test_home_asks_to_recover_what_was_left_wrong(
 
     monkeypatch.setattr(SimulatedArm, "connect", left_in_reflex)
     types("recover\nhome\n")
-    said = told("real", "home", "--rig", "simulated", "--fast")
+    said = told("real", "home", "--rig", simulated_file(tmp_path), "--fast")
     assert "everything answers" not in said
     assert "cartesian_reflex Is it set right" in said
     assert said.rstrip().endswith("Both arms are home.")
@@ -64,6 +67,7 @@ def test_without_the_word_nothing_moves(typed: str, types: Types) -> None:
 
 def test_order_of_an_evaluation_stays(tmp_path: Path) -> None:
     Stand(tmp_path, [("hold", "")], episodes=1, order_seed=1).ending.close()
-    words = ("real", "eval", "--rig", "simulated", "--policy", "hold", "--task", "bin_sort")
+    rig = simulated_file(tmp_path)
+    words = ("real", "eval", "--rig", rig, "--policy", "hold", "--task", "bin_sort")
     refused = refusal(*words, "--out", tmp_path, "--episodes", 1, "--order-seed", 2)
     assert "leave out --order-seed" in refused

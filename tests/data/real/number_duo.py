@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,9 +16,11 @@ from duobench.core.types import SIDES, DuoCommand, Side
 from duobench.data import Actor, Recorder
 from duobench.data.rig import RigRecorder
 from duobench.envs import DuoEnv, TaskStages, TimeLimit
+from duobench.real.catalog import REHEARSAL
 from duobench.real.devices import ArmReading, Frame
 from duobench.real.judge import HumanJudge
-from duobench.real.rig import Rig
+from duobench.real.opening import rehearsal_rig
+from duobench.real.rig import CameraConfig
 from duobench.tasks import catalog
 from duobench.world.robot.cameras import POLICY_CAMERAS
 from tests.envs.number_arms import NumberArms
@@ -72,7 +75,8 @@ class NumberDuo(NumberArms):
 
     def __init__(self, cameras: tuple[str, ...] = POLICY_CAMERAS) -> None:
         super().__init__()
-        self.rig = Rig.simulated()
+        camera = CameraConfig(driver=REHEARSAL)
+        self.rig = replace(rehearsal_rig(), cameras=dict.fromkeys(cameras, camera))
         self.cameras = {name: CountingCamera() for name in cameras}
         self.clock = SimpleNamespace(now=lambda: self.time)
         self.state: dict[str, Any] = {"tau_J": np.arange(7.0), "control_rate": np.array(1.0)}

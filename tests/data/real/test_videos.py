@@ -46,8 +46,8 @@ def test_each_row_names_the_frame_that_was_seen_and_the_episode_its_rig(tmp_path
     np.testing.assert_allclose(recording.frame_age, 0.01)
     assert recording.state.shape == (HORIZON + 1, 0)
     assert info.rig is not None
-    assert (info.rig.name, info.rig.hash) == ("simulated", duo.rig.hash)
-    assert info.rig.drivers == ("simulated",)
+    assert (info.rig.name, info.rig.hash) == ("rehearsal", duo.rig.hash)
+    assert info.rig.drivers == ("rehearsal",)
     assert info.cameras["head"]["fps"] == 30
 
 

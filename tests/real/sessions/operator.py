@@ -23,6 +23,7 @@ from duobench.results.suite import TaskInfo, find_tasks
 from duobench.web.page import assets
 from duobench.web.server import PageServer
 from tests.real.sessions import toys
+from tests.real.simulated import simulated_rig
 from tests.web.pages import Page, open_page, wait_until
 
 STEPS = 20
@@ -128,7 +129,7 @@ class Stand:
         path: Path,
         policies: Sequence[tuple[str, str]],
         *,
-        rig: Rig | str = "simulated",
+        rig: Rig | None = None,
         task: TaskInfo | None = None,
         clock: Clock | None = None,
         **options: Any,
@@ -136,7 +137,7 @@ class Stand:
         self.folder = TrialsFolder(path)
         self.has_failed = threading.Event()
         self.ending = ExitStack()
-        self.duo: FrankaDuo = open_rig(rig, clock or VirtualClock(), guard=False)
+        self.duo: FrankaDuo = open_rig(rig or simulated_rig(), clock or VirtualClock(), guard=False)
         self.ending.callback(self.duo.close)
         self.server = PageServer(assets("trials_page.html"))
         self.ending.callback(self.server.close)

@@ -11,7 +11,6 @@ import pytest
 
 from duobench.cli import main
 from duobench.core.errors import BackendError, EvaluationError, OutputError
-from duobench.real.drivers.simulated import SimulatedArm
 from duobench.real.rig import Rig
 from duobench.real.sessions.trials_folder import (
     LogEntry,
@@ -24,6 +23,7 @@ from duobench.real.sessions.trials_folder import (
 from duobench.real.sessions.trials_report import write_trials_report
 from tests.real.sessions.operator import Operator, Stand, played, records
 from tests.real.sessions.test_session import ONE
+from tests.real.simulated import SimulatedArm, simulated_rig
 
 
 @contextmanager
@@ -64,9 +64,9 @@ def test_every_day_has_its_rater(tmp_path: Path) -> None:
 def test_arms_that_cannot_be_reached_begin_no_evaluation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def rig(address: str) -> Rig:
-        usual = Rig.simulated()
-        arms = {side: replace(arm, address=f"{address}-{side}") for side, arm in usual.arms.items()}
+    def rig(speed: float) -> Rig:
+        usual = simulated_rig()
+        arms = {side: replace(arm, speed_fraction=speed) for side, arm in usual.arms.items()}
         return replace(usual, arms=arms)
 
     def fail(_arm: SimulatedArm) -> None:
@@ -75,8 +75,8 @@ def test_arms_that_cannot_be_reached_begin_no_evaluation(
     with monkeypatch.context() as patched:
         patched.setattr(SimulatedArm, "connect", fail)
         with pytest.raises(BackendError):
-            Stand(tmp_path / "t", ONE, rig=rig("wrong"), episodes=1)
-    Stand(tmp_path / "t", ONE, rig=rig("right"), episodes=1).ending.close()
+            Stand(tmp_path / "t", ONE, rig=rig(0.1), episodes=1)
+    Stand(tmp_path / "t", ONE, rig=rig(0.2), episodes=1).ending.close()
 
 
 @pytest.fixture(scope="module")

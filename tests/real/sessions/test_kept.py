@@ -8,7 +8,6 @@ import pytest
 from duobench.core.errors import MessageError
 from duobench.data import DataSet, find_problems
 from duobench.real.doctor.checks import Check, Outcome, write_checks
-from duobench.real.rig import Rig
 from duobench.real.sessions.messages import Stage
 from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.folder import RunFolder
@@ -25,6 +24,7 @@ from tests.real.sessions.operator import (
     run,
 )
 from tests.real.sessions.test_session import LAST, ONE
+from tests.real.simulated import simulated_rig
 
 EPISODES = 2
 JUDGED = [2, 0, 3, 1]
@@ -173,7 +173,7 @@ def test_page_says_what_the_doctor_found(
 ) -> None:
     if doctor is not None:
         outcome, rig = doctor
-        known = Rig.simulated()
+        known = simulated_rig()
         check = Check(name="holding", outcome=outcome, value="both arms")
         rig_hash = known.hash if rig == "same" else "0" * 64
         write_checks(tmp_path / "trials", known.name, rig_hash, [check])

@@ -8,13 +8,14 @@ import pytest
 from duobench.core.types import Side
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
-from duobench.real.opening import open_rig
+from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.real.sessions.operator import ask_to_make_ready
 from tests.real.rigs import wait
 from tests.real.sessions.test_recording import Script
+from tests.real.simulated import simulated_rig
 
 
-@pytest.fixture(params=["rehearsal"])
+@pytest.fixture(params=[rehearsal_rig()], ids=["rehearsal"])
 def duo(request: pytest.FixtureRequest) -> Iterator[FrankaDuo]:
     with closing(open_rig(request.param, VirtualClock(), guard=False)) as made:
         made.start()
@@ -41,7 +42,7 @@ def test_gripper_with_a_fault_that_only_activation_clears(
     assert duo.hands.to_activate == ()
 
 
-@pytest.mark.parametrize("duo", ["simulated"], indirect=True)
+@pytest.mark.parametrize("duo", [simulated_rig()], ids=["simulated"], indirect=True)
 def test_fault_of_an_arm_offers_no_activation(duo: FrankaDuo) -> None:
     duo.hands.activate()
     duo.hold("The light went out.")

@@ -22,6 +22,7 @@ from duobench.real.sessions.policy_runner import REASONS
 from duobench.real.sessions.recording import Playback, RigRecording, find_policy, slowed
 from duobench.results.labels import FaultKind
 from duobench.world.robot.cameras import POLICY_CAMERAS
+from tests.real.simulated import simulated_rig
 
 TASK = "carry_pot"
 HORIZON = 24
@@ -84,7 +85,7 @@ def session(
     on_step: Callable[[FrankaDuo, int], None] = lambda _duo, _step: None,
     **options: Any,
 ) -> Iterator[RigRecording]:
-    duo = open_rig("simulated", VirtualClock(), guard=False)
+    duo = open_rig(simulated_rig(), VirtualClock(), guard=False)
     if source is None:
         policy = Sways(script, lambda step: on_step(duo, step))
         source = PolicySource(metadata=policy.metadata, bind=lambda _env: policy)

@@ -10,14 +10,15 @@ from duobench.core.errors import OtherRunError
 from duobench.core.types import Side
 from duobench.evaluation.replay.verification import Verdict, verify
 from duobench.real.cell import Obstacle
-from duobench.real.rig import CameraCalibration, CameraConfig, CameraDriver, GripperConfig, Rig
+from duobench.real.rig import CameraCalibration, CameraConfig, GripperConfig, Rig
 from duobench.real.sessions.trials_report import write_trials_report
 from duobench.results.bundle import open_source, read_source, write_bundle
 from duobench.results.comparison import compare
 from duobench.world.robot.cameras import HEAD
 from tests.real.sessions.operator import POLICIES, Operator, Stand, played, records
+from tests.real.simulated import CAMERA, simulated_rig
 
-FIRST = Rig.simulated()
+FIRST = simulated_rig()
 LENS = CameraCalibration(fx=740.0, fy=740.0, cx=640.0, cy=360.0, pose=(0.0,) * 6 + (1.0,))
 
 
@@ -83,7 +84,7 @@ def test_evaluation_goes_on_where_its_rig_was_measured_again(tmp_path: Path) -> 
         (lambda rig: arm(rig, moment_threshold=5.0), "arms.right.moment_threshold 5.0 instead of"),
         (lambda rig: gripper(rig, force=200), "grippers.left.force 200 instead of"),
         (
-            lambda rig: head(rig, CameraConfig(driver=CameraDriver.SIMULATED, gain=2.0)),
+            lambda rig: head(rig, CameraConfig(driver=CAMERA, gain=2.0)),
             "cameras.head.gain 2.0 instead of None",
         ),
         (
@@ -92,7 +93,10 @@ def test_evaluation_goes_on_where_its_rig_was_measured_again(tmp_path: Path) -> 
             ),
             "obstacles.name",  # whatever it is called
         ),
-        (lambda rig: replace(rig, cameras={}), "cameras.head.driver None instead of simulated"),
+        (
+            lambda rig: replace(rig, cameras={}),
+            "cameras.head.driver None instead of tests.real.simulated:SimulatedCamera",
+        ),
     ],
     ids=("speed", "threshold", "force", "gain", "obstacle", "fewer cameras"),
 )

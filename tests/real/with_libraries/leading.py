@@ -9,7 +9,8 @@ from dataclasses import replace
 from duobench.core.errors import BackendError
 from duobench.core.types import SIDES
 from duobench.real.duo import FrankaDuo
-from duobench.real.rig import MAX_TOOL_SPEED, ArmConfig, ArmDriver, Rig
+from duobench.real.rig import MAX_TOOL_SPEED, ArmConfig, Rig
+from tests.real.simulated import simulated_rig
 
 TRIES = 20
 
@@ -22,10 +23,10 @@ def franky_rig(*, cameras: Sequence[str] = (), **limits: float) -> Rig:
         limits: `speed_fraction` and others of `ArmConfig`; those of a new rig where not given, but
             for the speed of its tools, which is the largest.
     """
-    plain = Rig.simulated()
+    plain = simulated_rig()
     arms = {
         side: ArmConfig(
-            driver=ArmDriver.FRANKY,
+            driver="franky",
             address=f"127.0.0.{side.index + 1}",
             is_realtime=False,
             **{"tool_speed": MAX_TOOL_SPEED, **limits},  # pyright: ignore[reportArgumentType]

@@ -16,8 +16,9 @@ from duobench.core.spatial import SE3
 from duobench.real.calibration.board import Board
 from duobench.real.calibration.views import ViewFolder
 from duobench.real.canonical import nominal_pose
-from duobench.real.rig import CameraConfig, CameraDriver, Rig
+from duobench.real.rig import CameraConfig, Rig
 from tests.real.lenses import ZED
+from tests.real.simulated import simulated_rig
 from tests.real.with_libraries.board_views import view
 
 pytest.importorskip("cv2", reason="It is not installed here: make test-hardware")
@@ -31,9 +32,9 @@ def rig(tmp_path: Path) -> Path:
     picture = tmp_path / "seen.png"
     Image.fromarray(view(Board(), pose, ZED, np.random.default_rng(0))).save(picture)
     known = replace(ZED, pose=tuple(nominal_pose("head").tquat.tolist()))
-    head = CameraConfig(driver=CameraDriver.FILE, device=str(picture), calibration=known)
+    head = CameraConfig(driver="file", device=str(picture), calibration=known)
     path = tmp_path / "rig.json"
-    replace(Rig.simulated(), cameras={"head": head}).write(path)
+    replace(simulated_rig(), cameras={"head": head}).write(path)
     return path
 
 

@@ -13,10 +13,10 @@ from PIL import Image
 from duobench.cli import main
 from duobench.real.doctor.checks import Outcome
 from duobench.real.doctor.examine import examine, shift_between
-from duobench.real.drivers.simulated import SimulatedCamera
-from duobench.real.rig import CameraConfig, CameraDriver, Rig
+from duobench.real.rig import CameraConfig
 from duobench.world.robot.cameras import HEAD
 from tests.real.rigs import new_rig
+from tests.real.simulated import CAMERA, SimulatedCamera, simulated_rig
 
 pytest.importorskip("cv2", reason="It is not installed here: make test-hardware")
 
@@ -58,7 +58,9 @@ def test_images_that_show_something_else_have_no_shift() -> None:
 )
 def test_the_reference_decides(pixels: float, outcome: Outcome) -> None:
     duo, moved = new_rig(), scene(pixels)
-    duo.cameras[HEAD] = SimulatedCamera(duo.clock, source=lambda *_: moved)
+    duo.cameras[HEAD] = SimulatedCamera(
+        CameraConfig(driver=CAMERA), duo.clock, HEAD, source=lambda *_: moved
+    )
     checks = {check.name: check for check in examine(duo, seconds=0.1, reference=scene())}
     duo.close()
     check = checks["head camera's place"]
@@ -78,8 +80,8 @@ def test_a_camera_that_was_moved_is_found_by_its_reference(
     scene = Image.fromarray(noise).resize((1320, 760), Image.Resampling.BICUBIC)
     picture, rig = tmp_path / "seen.png", tmp_path / "rig.json"
     scene.crop((10, 10, 1290, 730)).save(picture)
-    head = CameraConfig(driver=CameraDriver.FILE, device=str(picture))
-    replace(Rig.simulated(), name="lab", cameras={"head": head}).write(rig)
+    head = CameraConfig(driver="file", device=str(picture))
+    replace(simulated_rig(), name="lab", cameras={"head": head}).write(rig)
     assert "no reference was stored" in doctor("--no-hold")
     assert "Reference: " in doctor("--no-hold", "--store-reference")
     assert (tmp_path / "rig.head.png").exists()

@@ -13,7 +13,7 @@ import pytest
 from duobench.core.errors import BackendError
 from duobench.real.clock import SystemClock
 from duobench.real.drivers.realsense import RealSenseCamera, _colour_sensor
-from duobench.real.rig import CameraConfig, CameraDriver
+from duobench.real.rig import CameraConfig
 
 rs: Any = pytest.importorskip(
     "pyrealsense2", reason="It is not installed here: make test-hardware", exc_type=ImportError
@@ -65,7 +65,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def camera_of(device: str, **options: Any) -> RealSenseCamera:
-    config = CameraConfig(driver=CameraDriver.REALSENSE, device=device, **options)
+    config = CameraConfig(driver="realsense", device=device, **options)
     return RealSenseCamera(config, SystemClock(), "left_wrist")
 
 

@@ -3,7 +3,8 @@
 import pytest
 
 from duobench.core.types import SIDES, Side
-from duobench.real.rig import GripperConfig, GripperDriver
+from duobench.real.catalog import HARDWARE_GRIPPER
+from duobench.real.rig import GripperConfig
 from duobench.world.robot.gripper import GRIPPER
 from duobench.world.scene.naming import drive_names, flange_name, gripper_name, pad_names, tcp_name
 from duobench.world.sim.simulation import Simulation
@@ -53,7 +54,7 @@ def test_every_part_belongs_to_a_finger_or_to_the_palm(sim: Simulation) -> None:
 
 
 def test_a_rig_has_its_driver_speeds_and_forces() -> None:
-    assert GripperConfig().driver is GripperDriver.HARDWARE
+    assert GripperConfig().driver == HARDWARE_GRIPPER
     slow, fast = (GripperConfig(speed=byte, force=byte) for byte in (0, 255))
     assert (slow.mm_per_s / 1000, fast.mm_per_s / 1000) == pytest.approx(GRIPPER.speeds)
     assert (slow.newtons, fast.newtons) == pytest.approx(GRIPPER.forces)

@@ -65,7 +65,7 @@ class DuoBenchDuoConfig(RobotConfig):
     """Options of the real arms."""
 
     rig: str = ""
-    """File of the rig, `rig.json`, or "simulated" for devices that are computed."""
+    """File of the rig, `rig.json`, or "rehearsal" for arms that act on a simulation."""
     # `cameras` would have to hold LeRobot's configurations of cameras.
     views: tuple[str, ...] = POLICY_CAMERAS
     """Cameras of the rig whose images are in an observation; () takes none."""
@@ -73,7 +73,7 @@ class DuoBenchDuoConfig(RobotConfig):
     """Side of the images in pixels."""
     ask: bool = True
     """Whether somebody at the terminal has to confirm before anything moves. False is refused for
-    anything but a simulated rig."""
+    anything but a rehearsal."""
     guard: bool = True
     """Whether arms are kept apart, and off the table."""
 

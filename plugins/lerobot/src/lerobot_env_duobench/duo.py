@@ -15,7 +15,7 @@ from duobench.real.duo import FrankaDuo
 from duobench.real.opening import open_rig
 from lerobot_env_duobench.config import KEYS, Arms, DuoBenchDuoConfig, by_key
 
-SIMULATED = "simulated"
+REHEARSAL = "rehearsal"
 QUESTION = (
     "Both arms go home now, slowly, and then follow what LeRobot sends. Is the emergency stop at "
     "hand, and nobody near? Type yes: "
@@ -51,9 +51,9 @@ class DuoBenchDuo(Arms):
         super().__init__(config)
         if duo is None and not config.rig:
             raise OptionError(
-                "rig is the file of a rig, such as rig.json, or 'simulated'."
+                "rig is the file of a rig, such as rig.json, or 'rehearsal'."
             )
-        if not config.ask and config.rig != SIMULATED:
+        if not config.ask and config.rig != REHEARSAL:
             raise OptionError(
                 "Somebody has to confirm before real arms move: leave `ask` true."
             )

@@ -1,1 +1,1 @@
-"""Lead, record and evaluate on real arms; not yet tried on an arm."""
+"""Lead, record and evaluate on real arms, or in a rehearsal; not yet tried on an arm."""

@@ -37,7 +37,7 @@ def run(
     Arms hold where they are for a while, once you have said that they may. Not yet tried on an arm.
 
     Args:
-        rig: The rig's file, simulated, or rehearsal.
+        rig: The rig's file, rig.json, or rehearsal, a rig without hardware.
         out: Folder of the run, into which doctor.json is written.
         seconds: How long the arms hold, while cameras and commands are counted.
         hold: Let the arms hold; without it nothing is told about control commands.
@@ -47,11 +47,12 @@ def run(
     """
     if seconds <= 0.0:
         raise AdvisedError("--seconds is more than 0.")
+    from duobench.real.catalog import REHEARSAL
     from duobench.real.doctor.examine import examine
-    from duobench.real.opening import COMPUTED, open_rig
+    from duobench.real.opening import open_rig
 
     known = known_rig(rig)
-    reference = None if rig in COMPUTED else Path(rig).with_suffix(".head.png")
+    reference = None if rig == REHEARSAL else Path(rig).with_suffix(".head.png")
     if store_reference and reference is None:
         raise AdvisedError(
             f"The rig {rig} has no file beside which a reference could be kept."

@@ -23,10 +23,10 @@ def run(
     them. The arms stay where they are; Ctrl-C stops the fingers.
 
     Args:
-        rig: The rig's file, rig.json, or "simulated" for a rig without hardware.
+        rig: The rig's file, rig.json, or rehearsal, a rig without hardware.
         activate: Activate those that are not active, or have a fault.
         open: Open these hands: left, right, or both names.
-        fast: Do not wait for the clock, which only simulated drivers can do.
+        fast: Do not wait for the clock, which only rigs without hardware can do.
     """
     with closing(RigOptions(rig=rig, fast=fast).open()) as duo:
         duo.start()

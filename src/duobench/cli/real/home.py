@@ -31,7 +31,7 @@ def run(
     `home`. Ctrl-C brings them to rest. The only emergency stop is that of the hardware.
 
     Args:
-        rig: The rig's file, rig.json, or a rig without hardware: simulated, or rehearsal.
+        rig: The rig's file, rig.json, or rehearsal, a rig without hardware.
         check: Only connect, and say where the arms are and which way they would go.
         fast: Do not wait for the clock, which only rigs without hardware can do.
         with_object: Carry home what one hand holds, where it is let go.

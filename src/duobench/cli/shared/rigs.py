@@ -19,9 +19,10 @@ from typing import Any
 from duobench.cli.shared.advice import AdvisedError
 from duobench.cli.shared.console import say
 from duobench.cli.shared.process import AT_LEAVING, stopping
+from duobench.real.catalog import REHEARSAL
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
-from duobench.real.opening import COMPUTED, open_rig
+from duobench.real.opening import open_rig, rehearsal_rig
 from duobench.real.rig import Rig
 
 
@@ -33,14 +34,14 @@ def rig_file(path: str | Path, also: str = "") -> Path:
 
 
 def known_rig(name: str) -> Rig:
-    """A rig without hardware by its name, or that of a file."""
-    if name in COMPUTED:
-        return COMPUTED[name]()
-    return Rig.read(rig_file(name, f", or {' or '.join(COMPUTED)}"))
+    """The rig without hardware, or that of a file."""
+    if name == REHEARSAL:
+        return rehearsal_rig()
+    return Rig.read(rig_file(name, f", or {REHEARSAL}"))
 
 
 _SEQUENCE = re.compile(r"\x1b(?:\[[0-?]*[@-~]|O?[!-~])?")
-"""What a terminal sends for a key that is no character, such as Delete, which has a 3 in it."""
+"""Sequence of a key that is no character, such as Delete, which has a 3 in it."""
 _CUT = re.compile(r"\x1b(?:O|\[[0-?]*)?\Z")
 """Such a sequence of which the rest is still on its way."""
 _REST_S = 0.1
@@ -52,8 +53,8 @@ class RigOptions:
     """The rig, and how it is driven."""
 
     rig: str
-    """File of the rig, rig.json; or a rig without hardware: simulated, whose arms act on nothing,
-    or rehearsal, whose arms act on a simulation of the task."""
+    """File of the rig, rig.json; or rehearsal, a rig without hardware, whose arms act on a
+    simulation of the task."""
     guard: bool = True
     """Keep the arms apart and off the table by a simulation of them."""
     fast: bool = False
@@ -68,7 +69,7 @@ class RigOptions:
 
 
 def hold_and_say(duo: FrankaDuo) -> None:
-    """What Ctrl-C does where an operator is asked for keys."""
+    """Hold the arms at Ctrl-C, where an operator is asked for keys."""
     from duobench.real.sessions.session import HELD_BY_OPERATOR
 
     duo.hold(HELD_BY_OPERATOR)

@@ -196,7 +196,7 @@ class Detection:
     points: Array
     """Corners (n, 3) in the frame of the board, in metres."""
     pixels: Array
-    """Where they are in the image (n, 2), in pixels."""
+    """Their places in the image (n, 2), in pixels."""
 
 
 class Detector:

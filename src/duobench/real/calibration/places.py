@@ -82,14 +82,14 @@ def calibrate_lens(images: Sequence[Image], board: Board) -> CameraCalibration:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Measured:
-    """What a calibration has found."""
+    """Result of a calibration."""
 
     calibration: CameraCalibration
     error_mm: float | None = None
     """How far the board's middle is from where it should be, on held-out views; None for a single
     place of the board."""
     notes: tuple[str, ...] = ()
-    """What a person should know, one sentence each."""
+    """Remarks for the operator, one sentence each."""
 
 
 def locate_head(

@@ -34,7 +34,7 @@ class ViewEntry:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ViewList:
-    """What a folder holds."""
+    """List of the views in a folder."""
 
     camera: str
     views: tuple[ViewEntry, ...] = ()

@@ -1,4 +1,4 @@
-"""What a check has found, and the file that keeps it."""
+"""Results of checks, and the file that keeps them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Outcome(StrEnum):
     NOTE = "note"
     """Worth knowing, and no reason to stop."""
     SKIPPED = "skipped"
-    """It does not apply, or could not be made."""
+    """Check that does not apply, or could not be made."""
     FAILED = "failed"
 
     def of(self, name: str, value: str, advice: str = "") -> Check:
@@ -37,14 +37,14 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Check:
-    """One thing that was looked at."""
+    """Check of one thing."""
 
     name: str
     outcome: Outcome
     value: str
-    """What was found, in words and numbers."""
+    """Finding in words and numbers."""
     advice: str = ""
-    """What to do about it; empty where nothing is to be done."""
+    """Advice for the operator; empty where nothing is to be done."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,7 +54,7 @@ class Report:
     rig: str
     rig_hash: str
     time: str
-    """When they ended, in UTC."""
+    """Time at which they ended, in UTC."""
     is_well: bool
     checks: tuple[Check, ...]
 
@@ -69,7 +69,7 @@ class Report:
 
 
 def read_checks(folder: Path) -> Report | None:
-    """What is in `doctor.json` of a run's folder; None if there is none."""
+    """Read `doctor.json` of a run's folder; None if it is missing."""
     path = folder / DOCTOR_FILE
     return files.read(path, Report, DOCTOR_SCHEMA) if path.exists() else None
 

@@ -8,25 +8,19 @@ from pathlib import Path
 
 from duobench.core.machine import install_extra
 from duobench.core.versions import __version__
+from duobench.real.catalog import DRIVERS, is_computed
 from duobench.real.doctor.checks import Check, Outcome
-from duobench.real.rig import ArmDriver, CameraDriver, GripperDriver, Rig
-from duobench.world.robot.gripper import GRIPPER
+from duobench.real.rig import Rig
 
 PRIORITY = 80
 """Realtime priority that the arm's library asks for [libfranka: the highest that is allowed]."""
 OPENCV = "opencv-python-headless"
-LIBRARIES: dict[str, tuple[str, ...]] = {
-    ArmDriver.FRANKY: ("franky-control",),
-    GripperDriver.HARDWARE: GRIPPER.libraries,
-    CameraDriver.REALSENSE: ("pyrealsense2",),
-}
-"""What drivers need, by the names that pip knows."""
 
 
 def computer_checks(rig: Rig, sys: Path = Path("/sys")) -> list[Check]:
     """Look at the computer, of which a rig without real arms asks little."""
     is_needed = any(
-        arm.driver is not ArmDriver.SIMULATED and arm.is_realtime
+        arm.is_realtime and not is_computed("arms", arm.driver)
         for arm in rig.arms.values()
     )
     checks = (_kernel(is_needed, sys), _rights(is_needed), _governor(is_needed, sys))
@@ -87,7 +81,11 @@ def _governor(is_needed: bool, sys: Path) -> Check:
 def _versions(rig: Rig) -> Iterator[Check]:
     python = platform.python_version()
     yield Outcome.OK.of("version", f"duobench {__version__}, Python {python}")
-    wanted = {name for driver in rig.drivers for name in LIBRARIES.get(driver, ())}
+    wanted: set[str] = set()
+    for part, _, device in rig.devices():
+        driver = DRIVERS[part].get(device.driver)
+        if driver is not None:
+            wanted.update(driver.packages)
     if any(camera.calibration is not None for camera in rig.cameras.values()):
         wanted.add(OPENCV)
     for name in sorted(wanted):

@@ -11,12 +11,13 @@ from duobench.core.machine import install_extra
 from duobench.core.types import CONTROL_HZ, SIDES, Side
 from duobench.envs.duo_env import MAX_IMAGE_AGE_SECONDS
 from duobench.real.canonical import CanonicalView
+from duobench.real.catalog import HARDWARE_GRIPPER, is_computed
 from duobench.real.devices import ArmReading
 from duobench.real.doctor.checks import Check, Outcome
 from duobench.real.doctor.computer import computer_checks
 from duobench.real.duo import FrankaDuo
 from duobench.real.mounts import CLEAR, SWAPPED, are_swapped, misfits
-from duobench.real.rig import CameraConfig, CameraDriver, GripperConfig, GripperDriver
+from duobench.real.rig import CameraConfig, GripperConfig
 from duobench.world.robot.cameras import HEAD
 
 HOLDING_S = 10.0
@@ -32,7 +33,7 @@ LEAST_COVERAGE = 0.98
 
 
 class _Measurement:
-    """What is counted while the arms hold."""
+    """Counts of frames and commands while the arms hold."""
 
     def __init__(self, duo: FrankaDuo, seconds: float) -> None:
         """Hold for a time and count; without the operator's word only count."""
@@ -147,7 +148,7 @@ def _gripper_check(duo: FrankaDuo, side: Side) -> Check:
     ends, usual = (
         (each.open_count, each.closed_count) for each in (config, GripperConfig())
     )
-    is_measured = config.driver is not GripperDriver.HARDWARE or ends != usual
+    is_measured = config.driver != HARDWARE_GRIPPER or ends != usual
     advice = f"Its ends are a typical gripper's; measure: duobench real calibrate gripper {side}"
     return Outcome.NOTE.unless(is_measured, name, value, advice)
 
@@ -178,11 +179,7 @@ def _camera_checks(
     yield Outcome.FAILED.unless(
         not (is_slow or is_old or is_rare), title, value, advice
     )
-    if config.driver in {
-        CameraDriver.SIMULATED,
-        CameraDriver.REHEARSAL,
-        CameraDriver.FILE,
-    }:
+    if is_computed("cameras", config.driver):
         return
     if config.exposure_us is None:
         value = "chosen by the camera, which varies it"

@@ -1,4 +1,4 @@
-"""What cameras have in common: the latest frame, who listens, a thread, and what goes wrong."""
+"""Base classes of cameras: the latest frame, its listener, a thread, and faults."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -34,7 +34,7 @@ class LatestFrame(ABC):
         self.lens: CameraCalibration | None = None
         """The manufacturer's lens, with no pose; None where it is not known."""
         self.trouble = ""
-        """What went wrong last, in words."""
+        """Last error, in words."""
         self._frame: Frame | None = None
         self._call: Callable[[Frame], None] | None = None
         self._connected_at: float | None = None  # since when a missing frame is a fault
@@ -66,7 +66,7 @@ class LatestFrame(ABC):
 
     @property
     def fault(self) -> Fault | None:
-        """What is wrong with it, if anything: no frame for too long."""
+        """Fault of the camera, if any: no frame for too long."""
         if self._connected_at is None:
             return None
         since = self._connected_at if self._frame is None else self._frame.time_s

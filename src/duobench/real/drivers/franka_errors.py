@@ -1,4 +1,4 @@
-"""What stops an FR3, in the names of libfranka, and what sort of fault each is."""
+"""Errors that stop an FR3, in the names of libfranka, with their kinds of fault."""
 
 import re
 from collections.abc import Iterable
@@ -65,7 +65,7 @@ _ORDER = tuple(dict.fromkeys(KINDS.values()))
 MODES_OF_PEOPLE = ("UserStopped", "Guiding")
 """Modes into which people bring an arm with buttons."""
 _PEOPLE = re.compile(r"user.?stop|safety function|guiding", re.IGNORECASE)
-"""What libfranka says where a button, a door or a safety input ended a motion."""
+"""Words of libfranka where a button, a door or a safety input ended a motion."""
 
 
 def errors_in(errors: Any) -> tuple[str, ...]:

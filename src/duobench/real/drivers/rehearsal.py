@@ -253,7 +253,7 @@ class Rehearsal:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self.world = RehearsalWorld(clock)
-        """What they act on."""
+        """World that the devices act on."""
         self._views = RehearsalViews(clock, self.world)
 
     def device(

@@ -52,13 +52,13 @@ _FAULTS = {
     0x0E: "its motor drew too much current",
     0x0F: "it has released what it held by itself",
 }
-"""What faults mean. The codes 5, 7 and 9 only note that it was not activated, or not asked for a
+"""Meanings of faults. The codes 5, 7 and 9 only note that it was not activated, or not asked for a
 while."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Status:
-    """What the three status registers say."""
+    """Contents of the three status registers."""
 
     is_activated: bool
     """gACT and gSTA: it was activated, and that has ended."""
@@ -71,7 +71,7 @@ class Status:
 
     @staticmethod
     def of(registers: Sequence[int]) -> Status:
-        """From three registers of 16 bits, high bytes first."""
+        """Read three registers of 16 bits, high bytes first."""
         first, second, third = registers
         bits = first >> 8
         return Status(
@@ -83,10 +83,10 @@ class Status:
 
 
 class RegisterPort(Protocol):
-    """What leads to a gripper's registers."""
+    """Connection to a gripper's registers."""
 
     trouble: str
-    """What went wrong last, in words."""
+    """Last error, in words."""
 
     @property
     def is_open(self) -> bool:

@@ -1,4 +1,4 @@
-"""What the cameras of a rig see, for people: live images, films of episodes, views for exports.
+"""Images of a rig's cameras for people: live images, films of episodes, views for exports.
 
 Images are encoded in threads of their own, so that no control step waits for it.
 """

@@ -36,7 +36,7 @@ class InterruptiblePolicy:
         threading.Thread(target=self._work, name="policy", daemon=True).start()
 
     def __getattr__(self, name: str) -> Any:
-        """What a policy may have besides, such as `intended_action`."""
+        """Other attributes of the policy, such as `intended_action`."""
         return getattr(self._policy, name)
 
     def reset(self, instruction: str, seed: int) -> None:

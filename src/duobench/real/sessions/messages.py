@@ -1,4 +1,4 @@
-"""What an operator says during a session at a rig, on a page or at a terminal."""
+"""Messages of an operator during a session at a rig, on a page or at a terminal."""
 
 from typing import Annotated
 
@@ -55,7 +55,7 @@ class Stage(PageMessage, frozen=True):
 
     stage: Annotated[int, msgspec.Meta(ge=1, le=99)]
     time_s: Annotated[float, msgspec.Meta(ge=0.0, le=36000.0)] | None = None
-    """When it was reached, in seconds of the film of an episode that is over; None for now."""
+    """Time at which it was reached, in seconds of the film of a finished episode; None is now."""
 
 
 class Undo(PageMessage, frozen=True):

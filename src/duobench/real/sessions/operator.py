@@ -39,7 +39,7 @@ ASK_WHY = (
 
 
 KeyCall = Callable[[str], object]
-"""What a key is given to."""
+"""Callable that receives a key."""
 
 
 class Operator(Protocol):
@@ -124,7 +124,7 @@ class TerminalView:
     def __init__(self, session: RigSession, operator: Operator) -> None:
         self._session, self._operator = session, operator
         self.placing = ""
-        """Where the objects shall lie, in words."""
+        """Places of the objects, in words."""
 
     def publish(self) -> None:
         """Say what the operator has to know while the arms move."""
@@ -134,7 +134,7 @@ class TerminalView:
             self._operator.say(PLAYING.format(last=self._session.judge.max_stage))
 
     def next(self) -> messages.Message:
-        """What the operator answers to what is to be done next."""
+        """Ask the operator for the next thing to do, and return it as a message."""
         session = self._session
         if session.is_stopped:
             raise Stopped
@@ -170,7 +170,7 @@ class TerminalView:
         return message
 
     def _why(self, said: str, reasons: Sequence[str]) -> str:
-        """What the operator says to why the arms stopped."""
+        """Ask the operator why the arms stopped."""
         choices = {str(number): reason for number, reason in enumerate(reasons, 1)}
         lines = "\n".join(f"{key}: {reason}" for key, reason in choices.items())
         return choices[self._ask(ASK_WHY.format(said, lines), "".join(choices))]

@@ -1,4 +1,4 @@
-"""What lies over the live image while objects are placed: outlines, the layout, and the robot.
+"""Overlays of the live image while objects are placed: outlines, the layout, and the robot.
 
 Outlines have numbers that a person can measure. Layout and robot are rendered by the simulation,
 from where the head camera was measured to be. Where robot and ghost do not agree in the image, the
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
 GHOST_OPACITY = 0.55
 """Opacity of the robot's ghost."""
 _NEAREST_M = 0.05
-"""What is nearer to the camera's plane than this is not projected."""
+"""Least distance from the camera's plane, in metres, of points that are projected."""
 
 
 def project(points: Array, table_from_camera: SE3 = CAMERAS[HEAD].pose) -> Array:
-    """Where points (n, 3) of the table frame, in metres, are in a native image of the head camera.
+    """Project points (n, 3) of the table frame, in metres, into a native image of the head camera.
 
     The pose of the camera is that with MuJoCo's axes.
 
@@ -80,7 +80,7 @@ class Overlay:
         return Layout.from_json(sampled.to_json())
 
     def images(self, layout: Layout, joints: Array) -> dict[str, bytes]:
-        """What lies over the live image for measured joints (2, 7); nothing where nothing renders.
+        """Render the overlays for measured joints (2, 7); none where nothing renders.
 
         Returns:
             "layout", the whole scene as the head camera would see it, as JPEG; and "ghost", the

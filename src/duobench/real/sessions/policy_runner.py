@@ -96,8 +96,8 @@ REASONS = {
         "An arm shook or jumped before it stopped.",
     ),
 }
-"""What an operator may answer who is asked why the arms stopped, by the sorts of fault that never
-count against a policy."""
+"""Answers to the question why the arms stopped, by the kinds of fault that never count against a
+policy."""
 _MEANINGS = {
     FaultKind.PERSON: "A person did that, so it never counts against the policy: say why, and the "
     "trial comes again.",
@@ -116,11 +116,11 @@ class PlayedEpisode:
     stopped: str = ""
     """Why the arms ended it; empty if they did not."""
     fault: FaultKind | None = None
-    """What sort of fault that was, if one."""
+    """Kind of that fault, if it was one."""
     error: PolicyError | None = None
     """The error of the policy that ended it."""
     failure: DuoBenchError | None = None
-    """What went wrong through no fault of the policy, so that it does not count."""
+    """Error that is no fault of the policy, so that the episode does not count."""
     waits: int = 0
     """How often the arms rested until an image came that was late."""
     ended_by_success: bool = False
@@ -136,7 +136,7 @@ class PlayedEpisode:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What may be said to why it does not count, where a person has to; empty if it may."""
+        """Reasons to choose from where the episode cannot count; empty if it may."""
         return (
             ()
             if self.fault is None or self.ended_by_success

@@ -35,7 +35,7 @@ from duobench.results.suite import find_tasks
 from duobench.world.sim.layout import Layout
 
 EPISODE_SUFFIX = ".parquet"
-"""What ends the name of a policy that is a recorded episode."""
+"""Suffix of the name of a policy that is a recorded episode."""
 TEMPO = 0.5
 """Part of the recorded speed with which it is played."""
 CHUNK = 30

@@ -26,7 +26,7 @@ from duobench.real.duo import FrankaDuo
 from duobench.real.env import RealEnv, make_real_env
 from duobench.real.sessions.operator import QUIT, Operator, ask_to_make_ready
 from duobench.real.sessions.policy_runner import make_rig_recorder
-from duobench.real.sessions.session import CONNECTION_LOST, TAKEN_OVER
+from duobench.real.sessions.session import CONNECTION_LOST, STOPPED, TAKEN_OVER
 from duobench.tasks.task import Task
 from duobench.teleop.intent import Device
 from duobench.teleop.messages import Discard, Hands, Keep
@@ -38,7 +38,6 @@ from duobench.world.sim.layout import Layout
 from duobench.world.sim.simulation import Simulation
 
 SOLVED = "Solved, as you said: open the hands and retreat. It will be kept."
-STOPPED = "The session was stopped."
 ENDED = "The operator ended the session."
 AT_TERMINAL = "The terminal asks whether the arms may go home."
 CLEAR = (

@@ -2,7 +2,8 @@
 
 The arms are led in the thread that calls `run`. What the operator says arrives in another one:
 stages are judged and a hold holds there at once; all else waits until `run` asks for it. What the
-operator sees is a view: a page, or a terminal.
+operator sees is a view: a page, or a terminal. A person who leads the arms, simulated or real, has
+the states of `teleop.teleoperation` instead.
 """
 
 import threading
@@ -27,6 +28,7 @@ from duobench.results.labels import StageLabel
 HELD_BY_OPERATOR = "The operator held the arms."
 CONNECTION_LOST = "The operator's page lost its connection."
 TAKEN_OVER = "Somebody else took over the page."
+STOPPED = "The session was stopped."
 CUT_SHORT = (
     "The press of the last stage ended this episode, and was taken back: the policy was cut short. "
     "Press it again, or mark the trial as invalid."
@@ -35,18 +37,20 @@ NEVER_COUNTS = "This cannot count, whatever the policy did: say why the arms sto
 
 
 class Phase(StrEnum):
-    """What a session waits for."""
+    """Phase of a session."""
 
     PLACING = "placing"
     """The operator puts the objects where the layout says."""
     READY = "ready"
-    """They lie there; the operator may start the policy."""
+    """The objects lie there; the operator may start the policy."""
     MOVING = "moving"
     """The arms go home, or the fingers move at the operator's word."""
     PLAYING = "playing"
+    """The policy plays."""
     JUDGING = "judging"
-    """It is over; the operator says what came of it."""
+    """The episode is over; the operator judges it."""
     OVER = "over"
+    """All episodes are played."""
 
 
 _LABELS = (messages.Stage, messages.Undo)
@@ -65,7 +69,7 @@ _ALLOWED: dict[Phase, tuple[type, ...]] = {
     ),
     Phase.OVER: (),
 }
-"""What the operator may ask for, beside a hold."""
+"""Messages that each phase takes, beside a hold."""
 
 
 class Stopped(Exception):  # noqa: N818 - no error: a person ended the session
@@ -73,13 +77,13 @@ class Stopped(Exception):  # noqa: N818 - no error: a person ended the session
 
 
 class SessionView(Protocol):
-    """What an operator sees, and says what is wanted by."""
+    """View of the operator: shows the session and gives messages."""
 
     def publish(self) -> None:
         """Show the session as it is now."""
 
     def next(self) -> messages.Message | None:
-        """What the operator wants next and `take` left to do; None after a while without a word."""
+        """Return the next message that `take` left to do; None after a while without one."""
 
     def moving(self) -> AbstractContextManager[object]:
         """Surrounds what moves the arms: what the operator says counts at once."""
@@ -95,7 +99,7 @@ class RigSession:
         self.duo, self.judge = duo, judge
         self.phase = Phase.PLACING
         self.message = ""
-        """What else there is to say to the operator."""
+        """Sentence for the operator."""
         self.note = ""
         """The operator's remark about the episode."""
         self.at_end: bool | None = None
@@ -105,7 +109,7 @@ class RigSession:
         self.is_home = False
         """Whether the operator has sent the arms home for this episode."""
         self.reasons: tuple[str, ...] = ()
-        """What may be said to why the arms stopped, where that is asked and nothing can count."""
+        """Reasons to choose from where the arms stopped and the episode cannot count."""
         self.waits = False
         """Whether the policy has not answered for long, so that it may be given up."""
         self._asked: InterruptiblePolicy | None = None  # in the episode that is played
@@ -121,14 +125,14 @@ class RigSession:
     def stop(self) -> None:
         """Let `run` end, and hold the arms; for signal handlers too."""
         self._over.set()
-        self.duo.hold("The session was stopped.")
+        self.duo.hold(STOPPED)
 
     def give_up(self) -> bool:
         """Let the policy fail that is waited for; False if none is."""
         return self._asked is not None and self._asked.give_up()
 
     def lose(self, reason: str) -> None:
-        """Nobody is at the arms: hold them, and let the episode not count if it is not over."""
+        """Hold the arms where the operator is lost; an episode that is not over does not count."""
         self.duo.supervisor.revoke()  # nothing that was pressed before shall move them
         if self._may_move and not self.lost:
             self.lost = reason
@@ -182,7 +186,7 @@ class RigSession:
     # --- one episode, in the session's own thread ------------------------------------------------
 
     def begin(self) -> None:
-        """Another episode: no press of the one before counts for it."""
+        """Begin another episode: no press of the one before counts for it."""
         self.phase = Phase.PLACING
         self.note, self.at_end, self.lost, self.is_home, self.reasons = (
             "",
@@ -306,7 +310,7 @@ class RigSession:
         return CUT_SHORT if played.ended_by_success and not is_solved else ""
 
     def _handle(self, message: messages.Message | None) -> None:
-        """What moves arms or fingers while objects are placed."""
+        """Move arms or fingers as a message asks while objects are placed."""
         match message:
             case messages.Home(with_object=with_object):
                 self._go_home(with_object)

@@ -60,7 +60,7 @@ class StatusPage:
     ) -> None:
         self._session, self._server, self._overlay = session, server, overlay
         self.more: dict[str, Any] = {}
-        """What is shown beside the state of the session."""
+        """Fields that are shown beside the state of the session."""
         self._silence = silence_s
         self._inbox: queue.Queue[messages.Message] = queue.Queue()
         self._heard = time.monotonic()

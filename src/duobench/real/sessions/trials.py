@@ -53,7 +53,7 @@ from duobench.web.server import PageServer
 from duobench.world.sim.layout import Layout
 
 RATER = "operator"
-"""Who judges where nobody is named."""
+"""Rater where none is named."""
 ASK_AT_END = "Say first whether the last stage still held at the end: yes or no."
 
 

@@ -43,7 +43,7 @@ CUT = "The program ended during the trial."
 
 
 class LogKind(StrEnum):
-    """What an entry is about."""
+    """Kind of an entry."""
 
     BEGIN = "begin"
     """A trial begins: objects are to be placed."""
@@ -61,7 +61,7 @@ class LogKind(StrEnum):
     VALID = "valid"
     """The trial counts."""
     INVALID = "invalid"
-    """It does not, and is played again."""
+    """The trial does not count, and is played again."""
 
 
 _CLOSING = (LogKind.VALID, LogKind.INVALID)
@@ -77,7 +77,7 @@ class LogEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     text: str = ""
     """Reason of an end, a hold or an invalid trial; a note; what plays."""
     stage: int | None = None
-    """Of a press: the stage; None takes the latest one back."""
+    """Stage of a press; None takes the latest one back."""
     step: int | None = None
     """Control steps of the episode by then."""
     time_s: float | None = None
@@ -86,7 +86,7 @@ class LogEntry(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Whether the last stage still held; whether a press came late; whether an invalid trial could
     not have counted, so that no person chose."""
     fault: FaultKind | None = None
-    """Of an end and of an invalid trial: what sort of fault stopped the arms."""
+    """Kind of the fault that stopped the arms, of an end and of an invalid trial."""
     at: str = ""
     """Date and time of day in UTC, for people; nothing depends on it."""
 
@@ -110,7 +110,7 @@ class TrialsProgress:
 
     @staticmethod
     def of(entries: Iterable[LogEntry]) -> TrialsProgress:
-        """What a log adds up to."""
+        """Return the progress that a log adds up to."""
         progress = TrialsProgress()
         labels, fault = StageLabels(), None
         counted: dict[int, InvalidTrial] = {}
@@ -221,7 +221,7 @@ class TrialsFolder:
         """Records, films and report of all policies."""
 
     def placed(self, trial: int, attempt: int) -> Path:
-        """What the head camera saw when the objects were placed."""
+        """Image of the head camera when the objects were placed."""
         return self.path / "placed" / f"{trial:04d}.{attempt}.jpg"
 
     def invalid_film(self, trial: int, attempt: int) -> Path:

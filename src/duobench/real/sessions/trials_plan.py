@@ -40,9 +40,9 @@ class TrialsPlan:
 
     CHECKED_FROM: ClassVar[int] = 1
     run: Run
-    """What is played, on one task; its policies in the order of their letters A, B, ..."""
+    """Run on one task, with its policies in the order of their letters A, B, ..."""
     rater: str
-    """Who judges, by a pseudonym."""
+    """Pseudonym of the rater."""
     order_seed: int = 0
     """Decides the order in which policies take turns."""
     blind: bool = False
@@ -60,7 +60,7 @@ class TrialsPlan:
 
     @property
     def task(self) -> TaskInfo:
-        """What is to be done."""
+        """Task of all trials."""
         (task,) = self.run.suite.tasks
         return task
 
@@ -115,7 +115,7 @@ class TrialsPlan:
         return replace(self, run=run, rater=before.rater, order_seed=before.order_seed)
 
     def differences(self, other: TrialsPlan) -> list[str]:
-        """What another plan has differently, field by field; it may have fewer episodes."""
+        """Return the differences of another plan, field by field; it may have fewer episodes."""
         facts = {"blind": self.blind}, {"blind": other.blind}
         return self.run.differences(other.run) + differences(*facts)
 

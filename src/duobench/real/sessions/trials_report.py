@@ -1,4 +1,4 @@
-"""What came of an evaluation on real arms: a report each, a comparison, one page."""
+"""Results of an evaluation on real arms: a report each, a comparison, one page."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from duobench.results.scores import RunPart, Score
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyResult:
-    """What one policy reached."""
+    """Result of one policy."""
 
     letter: str
     policy: str
@@ -50,7 +50,7 @@ class InvalidRow:
     policy: str
     trials: int
     chosen: int
-    """Those that a person called invalid who had seen the outcome; the others could not count."""
+    """Trials that the operator called invalid after the outcome; the others could not count."""
     stages: tuple[int, ...]
     """How many had reached each stage, from 0 on."""
     stops: str
@@ -79,11 +79,11 @@ def invalid_rows(plan: TrialsPlan, progress: TrialsProgress) -> tuple[InvalidRow
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrialsReport:
-    """What came of all trials so far."""
+    """Results of all trials so far."""
 
     plan: TrialsPlan
     policies: tuple[PolicyResult, ...]
-    """What each policy reached, letter by letter."""
+    """Results of the policies, letter by letter."""
     invalid: tuple[tuple[str, int], ...]
     """Why trials were invalid, and how many each."""
     invalid_by_policy: tuple[InvalidRow, ...]
@@ -96,9 +96,9 @@ class TrialsReport:
     rigs: str
     """The states of the rig's file that trials were played on; empty without one."""
     objection: str
-    """What the doctor has against the rig as it is now; empty if nothing."""
+    """Objection of the doctor against the rig as it is now; empty without one."""
     doctor: Report | None
-    """What the doctor has last found on the rig; None if nobody asked it."""
+    """Last report of the doctor on the rig; None without one."""
 
 
 def write_trials_report(folder: TrialsFolder) -> TrialsReport:

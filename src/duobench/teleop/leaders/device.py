@@ -26,7 +26,7 @@ class JointSource(Protocol):
     """Two leader arms."""
 
     device: str
-    """What they are called in recordings."""
+    """Name in recordings."""
 
     def connect(self) -> None:
         """Begin to read them.
@@ -36,7 +36,7 @@ class JointSource(Protocol):
         """
 
     def read(self) -> Array | None:
-        """Where they are now: joints in radians and openings (16,), in the order of a command.
+        """Read joints in radians and openings (16,), in the order of a command.
 
         None where there are no numbers that are younger than a quarter of a second.
         """
@@ -65,7 +65,7 @@ class LeaderDevice:
         self.dropped = 0
         """Control steps in which the leaders gave nothing new."""
         self.sampled_s: float | None = None
-        """When they were read last, in seconds."""
+        """Time at which they were read last, in seconds."""
         self.led_by, self.executed_ms = (
             source.device,
             math.nan,
@@ -91,7 +91,7 @@ class LeaderDevice:
         return False
 
     def prompt(self, now_s: float) -> str | None:
-        """What to do before the episode begins: bring the leaders to the robot, and move them."""
+        """Return what to do before the episode: bring the leaders to the robot, and move them."""
         sample = self._read(now_s)
         if sample is None:
             return "The leader arms do not answer."

@@ -27,7 +27,7 @@ _MOST_ID = 252
 """Largest id of a servo [DYNAMIXEL protocol 2.0]."""
 PROTOCOL = 2.0
 PRESENT_POSITION, POSITION_BYTES = 132, 4
-"""Where a servo of the X series says where it is [DYNAMIXEL X control table]."""
+"""Address and length of the position of a servo of the X series [DYNAMIXEL X control table]."""
 COUNTS_A_TURN = 4096
 STATUS_BYTES = 11 + POSITION_BYTES
 """Length of a servo's answer [DYNAMIXEL protocol 2.0]."""
@@ -51,13 +51,13 @@ class GelloArm:
     port: str
     """Serial port, best by its id: /dev/serial/by-id/usb-FTDI_..."""
     offsets: tuple[float, ...]
-    """What each servo (7) shows where the robot's joint is at zero, in radians."""
+    """Reading of each servo (7) where the robot's joint is at zero, in radians."""
     signs: tuple[int, ...]
     """1 where a servo (7) turns as the robot's joint does, -1 where it turns against it."""
     gripper_open: float
-    """What the servo of the trigger shows when it is released, in radians."""
+    """Reading of the trigger's servo when it is released, in radians."""
     gripper_closed: float
-    """What it shows when it is pulled."""
+    """Reading of the trigger's servo when it is pulled, in radians."""
     ids: tuple[int, ...] = tuple(range(1, ARM_JOINTS + 1))
     """Ids of the servos (7), from the base on."""
     gripper_id: int = ARM_JOINTS + 1
@@ -168,7 +168,7 @@ class _Bus:
                 return
 
     def _ask(self) -> list[int] | None:
-        """What the servos show (8,), in counts; None where one did not answer well."""
+        """Read the servos (8,), in counts; None where one did not answer well."""
         if self._query.txPacket() != self._success:
             return None
         end = time.monotonic() + ANSWER_S
@@ -207,7 +207,7 @@ class GelloSource:
             raise
 
     def read(self) -> Array | None:
-        """Where they are now (16,); None where one of them has not answered for too long."""
+        """Read the leaders (16,); None where one of them has not answered for too long."""
         rows = [bus.read() for bus in self._buses]
         if len(rows) < len(SIDES) or any(row is None for row in rows):
             return None

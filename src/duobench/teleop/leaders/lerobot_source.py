@@ -88,7 +88,7 @@ class LeRobotSource:
             raise LeaderError(f"{self.device} cannot be reached: {error}") from error
 
     def read(self) -> Array | None:
-        """Where they are now (16,); None where they cannot be read, or give no numbers."""
+        """Read the leaders (16,); None where they cannot be read, or give no numbers."""
         try:
             action = self._teleoperator.get_action()
             numbers = [float(action[key]) for key in self._keys]

@@ -24,12 +24,11 @@ def run(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> None
         side: Whose gripper.
         rig: The rig's file, into which the positions are written.
     """
-    from duobench.real.opening import DRIVERS, driver_at
-    from duobench.real.rig import GripperDriver
+    from duobench.real.catalog import HARDWARE_GRIPPER, load_driver
 
     known, arm = Rig.read(rig_file(rig)), Side(side)
     config = known.grippers[arm]
-    if config.driver is not GripperDriver.HARDWARE:
+    if config.driver != HARDWARE_GRIPPER:
         raise AdvisedError(
             f"The {side} gripper of this rig has no positions to measure."
         )
@@ -39,7 +38,8 @@ def run(side: tyro.conf.Positional[Literal["left", "right"]], rig: Path) -> None
     )
     if not sys.stdin.readline():
         raise AdvisedError("Nobody said that the gripper may move.")
-    found = driver_at(DRIVERS[config.driver]).measure_ends(config, SystemClock())
+    driver = load_driver("grippers", config.driver)
+    found = driver.measure_ends(config, SystemClock())
     replace(known, grippers={**known.grippers, arm: found}).write(rig)
     say(
         f"Open at {found.open_count}, closed at {found.closed_count}; written to {rig}."

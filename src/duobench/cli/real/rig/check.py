@@ -20,9 +20,10 @@ def run(file: tyro.conf.Positional[str]) -> None:
     """Say what will hold on a rig, or what is wrong with its file, which ends with exit code 1.
 
     Args:
-        file: The rig's file, rig.json, or simulated or rehearsal.
+        file: The rig's file, rig.json, or rehearsal.
     """
     known = known_rig(file)
+    known.check_computed()
     problem = Guard(known.workspace, known.obstacles).problem(HOME_JOINTS)
     if problem:
         raise AdvisedError(
@@ -34,7 +35,7 @@ def run(file: tyro.conf.Positional[str]) -> None:
 
 
 def described(rig: Rig) -> Iterable[str]:
-    """What will hold on a rig, line by line."""
+    """Limits and devices of a rig, line by line."""
     yield f"Rig {rig.name}, hash {rig.hash}"
     for side, arm in rig.arms.items():
         yield from _arm(side, arm)

@@ -1,23 +1,32 @@
-"""Arms, grippers and cameras that are computed, with faults that tests give them.
+"""Drivers of arms, grippers and cameras that are computed, with faults that tests give them.
 
-They stand in for hardware behind the same protocols: to try a set-up without a robot, and to test
-what happens when something breaks. Arms have no mass and grippers touch nothing.
+A rig's file names them as `module:NAME`; they need no engine. Arms have no mass and grippers touch
+nothing.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from duobench.core.backend import Image
 from duobench.core.errors import BackendError
-from duobench.core.types import ARM_JOINTS, Array, Side
+from duobench.core.types import ARM_JOINTS, SIDES, Array, Side
 from duobench.real.clock import Clock
-from duobench.real.devices import ArmReading, Device, GripperReading
+from duobench.real.devices import ArmReading, GripperReading
 from duobench.real.drivers.frames import TickedCamera
-from duobench.real.rig import ArmConfig, CameraConfig, CameraDriver, GripperConfig
+from duobench.real.rig import (
+    MAX_ACCELERATION,
+    MAX_SPEED_FRACTION,
+    MAX_TOOL_SPEED,
+    ArmConfig,
+    CameraConfig,
+    GripperConfig,
+    Rig,
+)
 from duobench.results.labels import Fault, FaultKind
-from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH
+from duobench.world.robot.cameras import NATIVE_HEIGHT, NATIVE_WIDTH, POLICY_CAMERAS
 from duobench.world.robot.joints import HOME_JOINTS
 
 ARM_RATE = 60.0
@@ -34,11 +43,13 @@ MARKS = 24
 
 
 class SimulatedArm:
-    """An arm at first at joints (7,) in radians, which tracks as a damped spring does."""
+    """An arm, at home of the side that its address names, which tracks as a damped spring does."""
 
-    def __init__(self, clock: Clock, joints: Array) -> None:
+    is_computed = True
+
+    def __init__(self, config: ArmConfig, clock: Clock) -> None:
         self._clock = clock
-        self._joints = np.array(joints, dtype=np.float64)
+        self._joints = HOME_JOINTS[Side(config.address).index].copy()
         self._velocities = np.zeros(ARM_JOINTS)
         self._target, self._speed = self._joints.copy(), np.zeros(ARM_JOINTS)
         self._time = clock.now()
@@ -100,9 +111,7 @@ class SimulatedArm:
         """Stop."""
         self.stop()
 
-    def fail(
-        self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.CONTACT
-    ) -> None:
+    def fail(self, text: str = "cartesian_reflex", kind: FaultKind = FaultKind.CONTACT) -> None:
         """Report a fault from now on, and follow no more commands."""
         self.stop()
         self._fault = kind.fault(text)
@@ -133,9 +142,11 @@ class SimulatedArm:
 class SimulatedGripper:
     """A gripper whose fingers move at a finite speed, from an opening of 0 closed to 1 open."""
 
-    def __init__(self, clock: Clock, opening: float = 1.0) -> None:
+    is_computed = True
+
+    def __init__(self, _config: GripperConfig, clock: Clock) -> None:
         self._clock = clock
-        self._opening = self._target = opening
+        self._opening = self._target = 1.0
         self._time = clock.now()
         self._last: GripperReading | None = None
         self._fault: Fault | None = None
@@ -195,10 +206,7 @@ class SimulatedGripper:
         most = GRIPPER_SPEED * (now - self._time)
         self._time = now
         moved = self._opening + min(max(self._target - self._opening, -most), most)
-        if (
-            self.object_opening is not None
-            and self._opening >= self.object_opening > moved
-        ):
+        if self.object_opening is not None and self._opening >= self.object_opening > moved:
             moved = self.object_opening
         self._opening = moved
 
@@ -209,15 +217,16 @@ class SimulatedCamera(TickedCamera):
     The source gives the image (720, 1280, 3) of a number and a time.
     """
 
+    is_computed = True
+
     def __init__(
         self,
+        config: CameraConfig,
         clock: Clock,
-        *,
-        fps: int = 30,
+        name: str,
         source: Callable[[int, float], Image] | None = None,
     ) -> None:
-        config = CameraConfig(driver=CameraDriver.SIMULATED, fps=fps)
-        super().__init__(config, clock, "simulated")
+        super().__init__(config, clock, name)
         self._source = source or numbered_image
         self._fault: Fault | None = None
         self.is_silent = False
@@ -236,15 +245,37 @@ class SimulatedCamera(TickedCamera):
         return None if self.is_silent else self._source(index, self.clock.now())
 
 
-def simulated_device(
-    config: ArmConfig | GripperConfig | CameraConfig, clock: Clock, name: str
-) -> Device:
-    """The device of a rig that has no more of it than this, an arm at home of the named side."""
-    if isinstance(config, ArmConfig):
-        return SimulatedArm(clock, HOME_JOINTS[Side(name).index])
-    if isinstance(config, GripperConfig):
-        return SimulatedGripper(clock)
-    return SimulatedCamera(clock, fps=config.fps)
+ARM, GRIPPER, CAMERA = (
+    f"{__name__}:{kind.__name__}" for kind in (SimulatedArm, SimulatedGripper, SimulatedCamera)
+)
+"""Names of the drivers in a rig's file."""
+
+
+def simulated_rig() -> Rig:
+    """A rig of simulated devices alone, whose arms may be as fast as any."""
+    arms = {
+        side: ArmConfig(
+            driver=ARM,
+            address=str(side),
+            speed_fraction=MAX_SPEED_FRACTION,
+            acceleration=MAX_ACCELERATION,
+            tool_speed=MAX_TOOL_SPEED,
+        )
+        for side in SIDES
+    }
+    return Rig(
+        name="simulated",
+        arms=arms,
+        grippers=dict.fromkeys(SIDES, GripperConfig(driver=GRIPPER)),
+        cameras=dict.fromkeys(POLICY_CAMERAS, CameraConfig(driver=CAMERA)),
+    )
+
+
+def simulated_file(folder: Path) -> Path:
+    """The file of a simulated rig, written into a folder."""
+    path = folder / "rig.json"
+    simulated_rig().write(path)
+    return path
 
 
 def numbered_image(index: int, _time_s: float = 0.0) -> Image:
