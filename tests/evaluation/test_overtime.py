@@ -109,7 +109,7 @@ def test_policy_that_fails_after_the_horizon_has_the_result_of_its_horizon(play,
 @pytest.mark.long
 @pytest.mark.parametrize("workers", [1, 3])
 def test_policy_of_all_that_dies_after_a_horizon_fails_no_episode(play, workers):
-    choice = PolicyChoice.parse(f"{toy_batches.__name__}:DiesLate", batching=Batching(size=3))
+    choice = PolicyChoice(name=f"{toy_batches.__name__}:DiesLate", batching=Batching(size=3))
     plain, _ = play(choice, "plain", workers=1, episodes=2)
     folder, results = play(choice, workers=workers, episodes=2, overtime=1.5)
     assert (folder.path.parent / "marks" / "late").exists()

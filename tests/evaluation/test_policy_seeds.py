@@ -34,7 +34,7 @@ BLIND = MessageFormat(state={"state": ("left_arm", "left_gripper", "right_arm", 
 
 def played(folder: Path, policy: str, server: RemoteServer | None = None) -> list[EpisodeRecord]:
     """Records of episodes of both tasks, whose seeds are those that the suite says."""
-    choice = PolicyChoice.parse(policy, server=server)
+    choice = PolicyChoice(name=policy, server=server)
     results = evaluate(choice, small_suite(episodes=EPISODES), RunFolder(folder), workers=0)
     records = [record for task in results.tasks for record in task.records]
     assert [record.error for record in records] == [None] * len(TASKS) * EPISODES

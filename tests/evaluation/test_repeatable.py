@@ -73,7 +73,7 @@ def test_served_episodes_side_by_side_keep_their_noise_of_torch_apart(play: Play
     with closing(Serve()) as serve:
         made, _, batching = make_served(named(toy_noise.Diffuses), Batching(size=2))
         server = RemoteServer(url=f"ws://127.0.0.1:{serve(made, batching=batching)}", wait_s=0.0)
-        served, _ = play(PolicyChoice.parse("openpi", server=server), "served", workers=2)
+        served, _ = play(PolicyChoice(name="openpi", server=server), "served", workers=2)
     assert [one.sent for one in records_of(served)] == [one.sent for one in records_of(alone)]
 
 
@@ -154,7 +154,7 @@ def test_served_policies_are_called_as_they_call_themselves(play: Play, tmp_path
             port = serve(PolicyPool(policy(), policy), batching=ONE_BY_ONE)
             server = RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=0.0)
             name = policy.__name__
-            folder, _ = play(PolicyChoice.parse("openpi", server=server), name, episodes=1)
+            folder, _ = play(PolicyChoice(name="openpi", server=server), name, episodes=1)
         sources.append(str(folder.path))
         page, own = folder.page.read_text(), policy.metadata.name
         assert f"<h1>{own}</h1>" in page

@@ -215,9 +215,12 @@ class EpisodeRunner:
         )
         with before_policy(""):
             renderer = describe().renderer if config.cameras else None
-        name = job.policy.name
+        choice = job.policy
         candidate = Candidate(
-            policy=name.text, metadata=metadata, config=config, batching=source.batching
+            policy=choice.name,
+            metadata=metadata,
+            config=config,
+            batching=source.batching,
         )
         references = (task.reference for task in job.suite.tasks)
         modules = {each.partition(":")[0] for each in references if ":" in each}
@@ -226,11 +229,13 @@ class EpisodeRunner:
             suite=job.suite,
             limits=job.limits,
             versions=package_versions(),
-            sources=source_hashes(sorted(modules), is_scripted=job.policy.is_scripted),
+            sources=source_hashes(sorted(modules), is_scripted=choice.kind.is_scripted),
             package=package_source(),
         )
-        kind = ActorKind.EXPERT if name.kind is PolicyKind.EXPERT else ActorKind.POLICY
-        self._actor = Actor(kind=kind, name=name.text, version=metadata.version)
+        kind = (
+            ActorKind.EXPERT if choice.kind is PolicyKind.EXPERT else ActorKind.POLICY
+        )
+        self._actor = Actor(kind=kind, name=choice.name, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
 
     def play(self, episode: Episode) -> EpisodeResult:

@@ -51,7 +51,7 @@ def server(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 def played_by_us(folder: Path, url: str, workers: int = 0) -> Results:
-    choice = PolicyChoice.parse("vla-eval", server=RemoteServer(url=url))
+    choice = PolicyChoice(name="vla-eval", server=RemoteServer(url=url))
     suite = Suite(tasks=find_tasks([toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME]), episodes=EPISODES)
     return evaluate(choice, suite, RunFolder(folder), workers=workers, videos=0)
 

@@ -100,7 +100,7 @@ class Twin:
 
 def played(policy: Any, task: str) -> EpisodeRecord:
     (info,) = find_tasks([task])
-    job = Job(policy=PolicyChoice.parse("hold"), suite=Suite(tasks=(info,)))
+    job = Job(policy=PolicyChoice(name="hold"), suite=Suite(tasks=(info,)))
     runner = EpisodeRunner(PolicySource(metadata=policy.metadata, bind=lambda _env: policy), job)
     record = runner.play(Episode(task=info, index=0)).record
     runner.close()

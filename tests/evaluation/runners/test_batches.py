@@ -36,7 +36,7 @@ KEY = "s3cret-of-the-test"
 
 
 def named(policy: type, batching: Batching | None = FIXED) -> PolicyChoice:
-    return PolicyChoice.parse(f"{toy_batches.__name__}:{policy.__name__}", batching=batching)
+    return PolicyChoice(name=f"{toy_batches.__name__}:{policy.__name__}", batching=batching)
 
 
 def episodes(folder: RunFolder) -> dict[str, bytes]:
@@ -115,7 +115,7 @@ def test_other_batches_are_another_run(play):
 @pytest.mark.parametrize("workers", [0, 1])
 def test_plain_policy_has_no_batches(play, workers):
     with pytest.raises(PolicyError, match="answers one observation at a time"):
-        play(PolicyChoice.parse("random", batching=FIXED), episodes=1, workers=workers)
+        play(PolicyChoice(name="random", batching=FIXED), episodes=1, workers=workers)
 
 
 @pytest.mark.long
@@ -124,7 +124,7 @@ def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play):
     batched, _ = play(named(toy_batches.Reads), "batched", workers=2, episodes=2)
     with closing(Serve()) as serve:
         server = RemoteServer(url=f"ws://127.0.0.1:{serve(toy_batches.Reads())}", execute=30)
-        served, _ = play(PolicyChoice.parse("openpi", server=server), "served", episodes=2)
+        served, _ = play(PolicyChoice(name="openpi", server=server), "served", episodes=2)
         with pytest.raises(ServingError, match="A server of DuoBench needs no format"):
             OpenpiPolicy(replace(server, message_format=MessageFormat()))
     assert results.overall.errors == 0
@@ -144,8 +144,8 @@ class Serving:
         with socket.socket() as listener:
             listener.bind(("127.0.0.1", 0))
             self.port = listener.getsockname()[1]
-        self.choice = PolicyChoice.parse(
-            "openpi",
+        self.choice = PolicyChoice(
+            name="openpi",
             server=RemoteServer(url=f"ws://127.0.0.1:{self.port}", key=KEY, execute=30, wait_s=2.0),
         )
 

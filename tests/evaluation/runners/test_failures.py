@@ -474,7 +474,7 @@ def test_failure_is_of_whom_the_page_says(
         if case.serving is not None:
             port = serving.enter_context(case.serving())
             server = RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=case.wait_s)
-            policy = PolicyChoice.parse("openpi", server=server)
+            policy = PolicyChoice(name="openpi", server=server)
         try:
             play(policy, **options | case.options)
         except (DuoBenchError, KeyboardInterrupt) as error:
@@ -496,7 +496,7 @@ def test_episode_is_alone_until_it_ends_after_a_policy_of_several_was_lost(
 
     with evil_server(closes_all, is_bad) as port:
         server = RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=WAIT_S)
-        play(PolicyChoice.parse("openpi", server=server), workers=2, episodes=12)
+        play(PolicyChoice(name="openpi", server=server), workers=2, episodes=12)
     found = records(RunFolder(tmp_path / "run"))
     bad = found.pop(("wave", 6))
     assert bad.earlier in (("policy",), ("shared policy", "policy"))

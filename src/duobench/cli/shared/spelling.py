@@ -270,10 +270,10 @@ def _check(kind: str, word: str) -> None:
             f"A trained {word} is lerobot:PATH; duobench train {word} trains one."
         )
     elif kind == "policy":
-        from duobench.policy.registry import PolicyName
+        from duobench.policy.registry import kind_of
         from duobench.policy.serving.address import WORDS
 
-        PolicyName.parse(word, WORDS)
+        kind_of(word, WORDS)
     elif kind == "suite":
         from duobench.results.suite import SUITES
 

@@ -304,7 +304,7 @@ class PolicyOptions:
         if self.server is None:
             if self.format is not None:
                 raise PolicyError("--format is for a policy at a --server.")
-            return PolicyChoice.parse(self.policy, batching=batching)
+            return PolicyChoice(name=self.policy, batching=batching)
         server = RemoteServer(
             url=self.server,
             key=read_key(self.key_file),
@@ -312,7 +312,7 @@ class PolicyOptions:
             execute=execute,
             wait_s=self.wait,
         )
-        return PolicyChoice.parse(self.policy, batching=batching, server=server)
+        return PolicyChoice(name=self.policy, batching=batching, server=server)
 
 
 def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -372,7 +372,7 @@ def evaluate(  # noqa: PLR0913, PLR0917 - each is an argument of the command lin
     played = suite.make(execution)
     choice = policy.choose(played.execution.execute or PAPER_EXECUTE)
     part = WHOLE if shard is None else Shard.parse(shard)
-    if workers == 0 and not choice.is_scripted and choice.server is None:
+    if workers == 0 and not choice.kind.is_scripted and choice.server is None:
         say(
             "The policy plays in the process of the simulator, which it can see and move."
         )

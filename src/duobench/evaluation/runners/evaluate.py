@@ -108,7 +108,7 @@ def evaluate(  # noqa: PLR0913
         PolicyError: If the policy cannot be made, or does not fit the environment.
         DuoBenchError: If the environment cannot be made.
     """
-    choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
+    choice = PolicyChoice(name=policy) if isinstance(policy, str) else policy
     if videos < 0:
         raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
     suite = replace(suite, salt=salt and salt.sha256)
@@ -277,7 +277,7 @@ def record(  # noqa: PLR0913
         instructions=instructions,
     )
     job = Job(
-        policy=PolicyChoice.parse(policy),
+        policy=PolicyChoice(name=policy),
         suite=Suite(tasks=tuple(tasks), episodes=episodes),
         limits=limits or TimeLimits(),
         recording=plan,

@@ -560,7 +560,7 @@ def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Exec
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if job.videos:
         rendering.choose(processes=workers)
-    elif job.policy.may_see and workers > 1:
+    elif job.policy.kind.may_see and workers > 1:
         with suppress(RenderingError):
             rendering.choose(processes=workers)
     return ProcessExecutor(job, workers)

@@ -157,7 +157,9 @@ class WorkerPool:
 
     def start(self, wanted: int) -> None:
         """Start processes until so many workers are there, or will be."""
-        if not self._job.policy.has_process or (self._is_shared and self._policies):
+        if not self._job.policy.kind.has_process or (
+            self._is_shared and self._policies
+        ):
             shared = self._policies[0] if self._policies else None
             for _ in range(wanted - len(self.workers)):
                 self._start_worker(shared)

@@ -70,7 +70,7 @@ class RayLauncher:
 
     def __init__(self, cluster: Cluster, job: Job, workers: int) -> None:
         self._cluster = cluster
-        self._renderers = workers if job.videos or job.policy.may_see else 0
+        self._renderers = workers if job.videos or job.policy.kind.may_see else 0
         self._is_connected = False
         # A node that is lost while its workers start takes all of them with it.
         self.max_failed_starts = MAX_FAILED_STARTS + workers

@@ -30,7 +30,7 @@ from duobench.core.types import as_whole
 from duobench.policy.batch import ONE_BY_ONE, Batching, BatchPolicy, PolicyPool, Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
-from duobench.policy.registry import PolicyName, make_batched
+from duobench.policy.registry import make_batched
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
@@ -289,12 +289,13 @@ class ClientSession:
         if session is None or episode != self._episode:
             session = await self._begin(episode)
         start = time.monotonic()
-        answer = self._loop.act(session, request)
-        chunk = await self._result(answer)
+        pending = self._loop.act(session, request)
+        chunk = await self._result(pending)
         timing = {"infer_ms": (time.monotonic() - start) * _MILLI, **self._timing}
-        timing["policy_ms"] = answer.busy_s * _MILLI
-        intended = getattr(session, "intended", None)
-        said = {} if intended is None else {"intended": np.asarray(intended)}
+        timing["policy_ms"] = pending.busy_s * _MILLI
+        said = {}
+        if session.intended is not None:
+            said = {"intended": np.asarray(session.intended)}
         return pack({"actions": chunk, **said, "server_timing": timing})
 
     async def _begin(self, episode: _RequestedEpisode) -> Session:
@@ -371,7 +372,5 @@ def make_served(
     many as `batching` has places; errors are those of `duobench.policy.make`.
     """
     objects = batching.size
-    made, metadata, together = make_batched(
-        PolicyName.parse(name), batching, objects=objects
-    )
+    made, metadata, together = make_batched(name, batching, objects=objects)
     return made, metadata, together or ONE_BY_ONE
