@@ -20,7 +20,7 @@ _EPISODE, _ANSWER, _STEPS = range(3)
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClockReading:
-    """What a clock shows at a moment."""
+    """Reading of a clock at a moment."""
 
     episode_s: float = 0.0
     """Seconds since the episode began, 0 between episodes."""
@@ -80,7 +80,7 @@ class EpisodeClock:
                 raise late
 
     def read(self) -> ClockReading:
-        """What it shows now."""
+        """Return its reading now."""
         return ClockReading(
             episode_s=self._seconds(_EPISODE),
             answer_s=self._seconds(_ANSWER),
@@ -128,11 +128,11 @@ class Stopwatch:
             self._policy += time.perf_counter() - start
 
     def times(self, video_s: float = 0.0, busy_s: float | None = None) -> EpisodeTimes:
-        """What was measured so far.
+        """Return the times that were measured so far.
 
         Args:
             video_s: Seconds of the rollout that its video took.
-            busy_s: Seconds that the policy took for its answers; None if only the time until they
+            busy_s: Seconds that the policy took for its chunks; None if only the time until they
                 came is known.
         """
         busy_s = self._policy if busy_s is None else min(busy_s, self._policy)

@@ -57,7 +57,7 @@ class RecordingPlan:
     after_success: float = 0.0
     """Seconds that a recording goes on after success, a whole number of control steps."""
     instructions: str = FIXED
-    """What the policy is told; see `EnvConfig`."""
+    """Instructions for the policy; see `EnvConfig`."""
 
     def keeps(self, outcome: Outcome) -> bool:
         """Whether an episode that ended so is kept."""
@@ -76,7 +76,7 @@ class RecordingPlan:
 
 
 class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
-    """What plays episodes, and how: what executors, runners and workers need to know."""
+    """Policy, suite and options with which executors, runners and workers play episodes."""
 
     policy: PolicyChoice
     suite: Suite
@@ -128,14 +128,14 @@ V = TypeVar("V", bound=Closable)
 
 
 class Latest(Generic[V]):
-    """What was made last, until something else is needed, before which it is closed."""
+    """Value that was made last; it is closed before another one is made."""
 
     def __init__(self) -> None:
         self._key: object = None
         self._value: V | None = None
 
     def get(self, key: object, make: Callable[[], V]) -> V:
-        """What belongs to a key."""
+        """Return the value of a key, made now if the last one has another key."""
         if self._value is None or self._key != key:
             self.close()
             self._value, self._key = make(), key
@@ -372,7 +372,7 @@ class EpisodeRunner:
             _log.warning("The policy could not be closed.", exc_info=True)
 
     def _prepare(self, episode: Episode) -> _Setting:
-        """What a task and a shift are played in; that of others is closed first."""
+        """Return the setting of a task and a shift; that of others is closed first."""
         with before_policy(episode.task.id):
             return self._latest.get(
                 (episode.task, episode.shift), lambda: self._make(episode)

@@ -72,7 +72,7 @@ class VLAgentsPolicy:
         self.metadata = self._format.metadata(
             f"vlagents {name}", f"{name}, format {digest}"
         )
-        """What the format says that the agent expects."""
+        """Expectations of the agent, as its format says."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - it takes none
         """Take the instruction, and see whether the server is there: no episode fails by that."""

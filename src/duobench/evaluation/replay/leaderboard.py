@@ -47,12 +47,12 @@ _LONGEST_COMMAND, _MOST_COMMANDS = 2000, 20
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Judgement:
-    """What was found out about a bundle; it is kept for the next time."""
+    """Result of a bundle's verification, kept for the next time."""
 
     CHECKED_FROM: ClassVar[int] = JUDGEMENT_SCHEMA
     """First schema whose files hold a checksum."""
     verified_by: dict[str, str]
-    """What decides a verification: versions, and the kind of processor."""
+    """Versions and kind of processor, which decide a verification."""
     reason: str
     """Why the bundle is refused, in one line; empty if it is not."""
     verdicts: dict[str, int]
@@ -199,7 +199,7 @@ def _entry(
 
 
 def _known(path: Path, salt: Salt | None) -> Judgement | None:
-    """What was found out before in the same way; None if nothing was."""
+    """Return an earlier judgement of the same kind; None if there is none."""
     if not path.exists():
         return None
     try:

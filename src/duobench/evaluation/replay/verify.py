@@ -52,7 +52,7 @@ _OUTCOME = (
 
 
 class Verdict(StrEnum):
-    """What a replay says about a record."""
+    """Verdict of a replay on a record."""
 
     EXACT = "exact"
     STAGES = "stages only"
@@ -66,7 +66,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Finding:
-    """What was found out about one record."""
+    """Verdict on one record, with its reason."""
 
     key: Key
     verdict: Verdict
@@ -77,19 +77,19 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Verification:
-    """What was found out about a run."""
+    """Verdicts on the records of a run, and their scores."""
 
     run: Run
     findings: tuple[Finding, ...]
     """One for each record, in the order of the run."""
     objections: tuple[str, ...] = ()
-    """What the run says wrongly of its tasks, and its report of its records, one sentence each."""
+    """Errors of the run about its tasks, and of its report about its records, one sentence each."""
     unnoted: int = 0
     """Of how many records no attempt is noted, so that earlier ones cannot be ruled out."""
     missing: int = 0
     """Episodes of the run that have no record."""
     parts: tuple[RunPart, ...] = ()
-    """What is verified adds up to, under each condition: nothing that is contradicted, what cannot
+    """Scores of what is verified, under each condition: nothing that is contradicted, what cannot
     be verified as failures that reached no stage, and nothing after the horizon."""
     compared_in_numbers: tuple[str, ...] = ()
     """Pages of other software, or of a run without journals: their words were not compared."""
@@ -196,7 +196,7 @@ def verify(
 def _parts(
     run: Run, each: Iterable[tuple[EpisodeRecord, Verdict]]
 ) -> tuple[RunPart, ...]:
-    """What records add up to as far as they are verified; see `Verification.parts`."""
+    """Return the scores of records as far as they are verified; see `Verification.parts`."""
     records = [
         record.unproven if verdict is Verdict.UNVERIFIABLE else record
         for record, verdict in each
@@ -230,7 +230,7 @@ def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[
 
 
 def _other_versions(run: Run, record: EpisodeRecord) -> str:
-    """What was installed for a record and not for its run; empty if nothing."""
+    """Return where the versions of a record and of its run differ; empty if nowhere."""
     return "; ".join(
         f"its version of {name} is {record.versions.get(name)}, that of the run {version}"
         for name, version in run.versions.items()
@@ -239,7 +239,7 @@ def _other_versions(run: Run, record: EpisodeRecord) -> str:
 
 
 def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -> str:
-    """What was noted of attempts and a record says otherwise; empty if nothing."""
+    """Return where noted attempts and a record differ; empty if nowhere."""
     ends = noted.get(record.key.path)
     if ends is None:
         return ""
@@ -258,7 +258,7 @@ def _other_attempts(noted: Mapping[str, Sequence[str]], record: EpisodeRecord) -
 
 
 def _checker(run: Run, import_tasks: bool) -> Callable[[EpisodeRecord], Finding]:
-    """What checks one record after the other; it keeps the environment of one for the next."""
+    """Return a function that checks a record, and keeps its environment for the next one."""
     return partial(_check, RecordPlayer(run, import_tasks=import_tasks))
 
 
@@ -282,7 +282,7 @@ def _check(player: RecordPlayer, record: EpisodeRecord) -> Finding:
 
 
 def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
-    """What a record claims and its replay does not show, though it would on any processor.
+    """Return claims of a record that its replay contradicts on any processor.
 
     The replay has the same error. What both say is one phrase each.
     """
@@ -295,7 +295,7 @@ def disagreements(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
 
 
 def differing_bits(record: EpisodeRecord, replay: EpisodeRecord) -> list[str]:
-    """What in a record is not equal to the bit to its replay; on other processors it need not be.
+    """Return where a record and its replay differ in bits, as they may on other processors.
 
     See `disagreements`. Words on what the next stage lacks are none where the last step failed.
     """

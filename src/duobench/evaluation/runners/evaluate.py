@@ -165,7 +165,7 @@ def evaluate(  # noqa: PLR0913
 def _first_answer(
     executor: Executor, episodes: Sequence[Episode]
 ) -> FirstAnswer | None:
-    """Answer of the policy to the first observation that a task gives; None if all tasks fail."""
+    """First chunk of the policy, at the first task that gives an observation; None if all fail."""
     for episode in episodes:
         with suppress(
             TaskFailedError
@@ -292,7 +292,7 @@ _ADVICE = "Record into a folder of its own; data sets can be merged afterwards."
 
 
 class _Log:
-    """What was played for a data set; a recording is begun in it, or the one there continued."""
+    """Log of what was played for a data set; begins a recording in it, or continues it."""
 
     def __init__(
         self, data: DataSet, run: Run, plan: RecordingPlan, command: str

@@ -1,4 +1,4 @@
-"""Where episodes are played: in this process, or in processes of their own.
+"""Executors, which play episodes in this process or in processes of their own.
 
 The latter may hang or die without harm, and have simulators apart from policies.
 """
@@ -84,7 +84,7 @@ class LocalExecutor:
     """Plays in this process: for debugging, notebooks and tests.
 
     The policy shares it with the simulator, which it can see and move. It cannot outlive a policy
-    that ends its process, it cannot stop one that hangs (an answer that comes too late fails the
+    that ends its process, it cannot stop one that hangs (a chunk that comes too late fails the
     episode once it comes), and it leaves alone what a policy has started. `ProcessExecutor` does
     all of that, with one worker too.
     """
@@ -208,7 +208,7 @@ class ProcessExecutor:
         """Have the policy answer the first observation of an episode twice, after `prepare`.
 
         Raises:
-            PolicyError: It fails, or its answer is no chunk of actions.
+            PolicyError: It fails, or returns no chunk of actions.
             TaskFailedError: The task has failed before the policy was asked.
         """
         (self._rehearsing,) = self._pool.workers
@@ -525,7 +525,7 @@ class ProcessExecutor:
 def _read(
     member: Worker | RunningPolicy, *, is_readable: bool
 ) -> tuple[Sequence[Report | Answering], str | None]:
-    """What a process has said, and what has become of it if it is of no more use."""
+    """Return the messages of a process, and how it ended if it is of no more use."""
     process = member.process
     try:
         if is_readable:
@@ -544,7 +544,7 @@ Executor = LocalExecutor | ProcessExecutor
 
 
 def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Executor:
-    """What does a job, with so many processes side by side, or with 0 in this one."""
+    """Return an executor of a job, with so many processes side by side, or with 0 in this one."""
     if workers < 0:
         raise EvaluationError(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."

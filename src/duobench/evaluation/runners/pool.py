@@ -34,7 +34,7 @@ WORKER, POLICY = (
 
 
 class Launcher(Protocol):
-    """What starts processes, here or elsewhere."""
+    """Starts processes, here or elsewhere."""
 
     max_failed_starts: int
     """Processes that die one after the other while they start, until the run gives up."""
