@@ -334,7 +334,7 @@ class EpisodeRunner:
         return last.number if last.info["success"] else None
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy answer the first observation of an episode twice; it is not played."""
+        """Have the policy act twice on the first observation of an episode, which is not played."""
         setting = self._prepare(episode)
         env, policy = setting.env, setting.policy
         (size,) = env.action_space.shape or (0,)
@@ -346,21 +346,21 @@ class EpisodeRunner:
             seed=episode.policy_seed,
             observation=observation,
         )
-        answers: list[str] = []
+        digests: list[str] = []
         try:
             for _ in range(2):
                 with self._clock.playing(), self._clock.timed(self._limits):
                     policy.reset(info["instruction"], episode.policy_seed)
                     chunk = as_chunk(policy.act(observation), size)
-                answers.append(_digest(actions=chunk))
+                digests.append(_digest(actions=chunk))
         except PolicyError as error:
             raise PolicyError(
                 f"The policy does not answer the first observation of {episode.task.id}, so that "
                 f"nothing was played:\n{error}"
             ) from error
-        is_same = answers[0] == answers[1]
+        is_same = digests[0] == digests[1]
         return FirstAnswer(
-            question=question, answer=answers[0] if is_same else NOT_REPEATABLE
+            question=question, answer=digests[0] if is_same else NOT_REPEATABLE
         )
 
     def close(self) -> None:

@@ -192,14 +192,14 @@ def make_batched(
 
     Args:
         name: That of a policy that is not scripted.
-        batching: How many observations a `BatchPolicy` answers together; None takes the default,
+        batching: How many observations a batch of a `BatchPolicy` has; None takes the default,
             and anything else is an error for a plain policy without `objects`.
         objects: How many episodes a plain policy may play side by side, with an object for each;
             None for one of them, and no batches.
 
     Returns:
         The policy; its metadata, with the hash of its source where it has no version; and how many
-        observations it answers together, None for a plain policy.
+        observations a batch has, None for a plain policy.
     """
     kind = kind_of(name)
     seed_generators(MAKING_SEED)

@@ -70,7 +70,7 @@ def evaluate(  # noqa: PLR0913
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
-    The policy is asked its first answer twice, with one seed: records and report say whether both
+    The policy makes its first chunk twice, with one seed: records and report say whether both
     were the same.
 
     Args:
@@ -123,7 +123,7 @@ def evaluate(  # noqa: PLR0913
         elif folder.gives_way(run):
             folder.clear(run, shard, keeps_attempts=True)
         episodes = run.episodes(shard, videos, salt)
-        # Of a policy that gives no first answer, nothing is written.
+        # Of a policy that gives no first chunk, nothing is written.
         ask = partial(_first_answer, executor, run.episodes(salt=salt))
         first_answer = ask() if episodes and not folder.has_records else None
         folder.begin(run, shard)

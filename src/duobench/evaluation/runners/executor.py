@@ -110,7 +110,7 @@ class LocalExecutor:
         return self._runner.run
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy answer a first observation twice; see `ProcessExecutor`."""
+        """Have the policy act twice on a first observation; see `ProcessExecutor`."""
         return self._runner.rehearse(episode)
 
     def play(
@@ -205,7 +205,7 @@ class ProcessExecutor:
         return self._ready.run
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy answer the first observation of an episode twice, after `prepare`.
+        """Have the policy act twice on the first observation of an episode, after `prepare`.
 
         Raises:
             PolicyError: It fails, or returns no chunk of actions.
@@ -400,7 +400,7 @@ class ProcessExecutor:
     def _rehearse_again(
         self, worker: Worker, episode: Episode, report: EpisodeError
     ) -> None:
-        """Have a policy answer once more, unless that cannot help."""
+        """Have a policy act once more, unless that cannot help."""
         if report.how == TASK:
             self._rehearsing = worker.episode = None
             raise TaskFailedError(report.fault)
@@ -478,7 +478,7 @@ class ProcessExecutor:
     def _check_answer(self, policy: RunningPolicy) -> Iterator[EpisodeResult]:
         """End a policy that hangs; alone with an episode, it has failed it."""
         act_s = self._job.limits.act_timeout
-        if policy.process.clock().answer_s <= act_s + HANG_S:
+        if policy.process.clock().act_s <= act_s + HANG_S:
             return
         mates = [worker for worker in self._pool.playing if worker.policy is policy]
         played = self._remove(policy)

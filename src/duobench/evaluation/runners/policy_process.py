@@ -1,4 +1,4 @@
-"""The process of a policy: it answers observations, and has no simulator to look into."""
+"""The process of a policy: it acts on observations, and has no simulator to look into."""
 
 import secrets
 import threading
@@ -35,11 +35,11 @@ def main(connection: int, clock: int, host: str = LOOPBACK) -> None:
 
     It listens at `host`; that of another interface is reached by other machines.
     """
-    answer = partial(_answer, clock=EpisodeClock(clock), host=host)
-    run_child(connection, MakePolicy | Stop, answer)
+    serve = partial(_serve, clock=EpisodeClock(clock), host=host)
+    run_child(connection, MakePolicy | Stop, serve)
 
 
-def _answer(
+def _serve(
     job: MakePolicy,
     parent: Parent,
     requests: Requests,

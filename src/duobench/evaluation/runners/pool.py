@@ -118,7 +118,7 @@ class Worker:
         self.process.send(job)
 
     def rehearse(self, episode: Episode) -> None:
-        """Have its policy answer the first observation of an episode."""
+        """Have its policy act on the first observation of an episode."""
         self.episode = episode
         self.process.send(Rehearse(episode=episode))
 
