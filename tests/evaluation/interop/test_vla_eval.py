@@ -19,9 +19,10 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.results.folder import RunFolder
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
+from tests.children import environment
 from tests.docs.markdown import blocks, page_of, table
 from tests.evaluation import toy_tasks
-from tests.evaluation.interop.conftest import VLA_EVAL_PYTHON, environment
+from tests.evaluation.interop.conftest import VLA_EVAL_PYTHON
 from tests.evaluation.processes import wait_until
 
 PEER = Path(__file__).with_name("vla_eval_peer.py")
