@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.core.errors import MachineryError, PolicyError
+from duobench.core.errors import MachineryError, PolicyError, PolicyFailedError
 from duobench.policy import (
     Batching,
     BatchPolicy,
@@ -334,6 +334,36 @@ def test_session_of_another_kind_is_refused() -> None:
     policy.begin = lambda *_: 3  # type: ignore[method-assign,assignment]
     with pytest.raises(PolicyError, match=r"returned a int.*duobench\.policy\.Session"):
         SessionPolicy(policy, Batching()).reset("Do it.", 0)
+
+
+class Leaves(Network):
+    """Raises what it was made with, instead of acting."""
+
+    def __init__(self, error: BaseException) -> None:
+        super().__init__()
+        self._error = error
+
+    def act_batch(self, sessions: Any, observations: Any) -> Any:  # noqa: ARG002 - all the same
+        raise self._error
+
+
+@pytest.mark.parametrize(
+    ("raised", "contained"),
+    [
+        (SystemExit(3), PolicyFailedError),
+        (ValueError("no"), PolicyFailedError),
+        (KeyboardInterrupt(), KeyboardInterrupt),
+    ],
+)
+def test_failures_of_a_session_are_contained_if_asked_for(
+    raised: BaseException, contained: type[BaseException]
+) -> None:
+    for is_contained, kind in ((False, type(raised)), (True, contained)):
+        policy = SessionPolicy(Leaves(raised), is_contained=is_contained)
+        policy.reset("Do it.", 0)
+        with pytest.raises(kind) as caught:
+            policy.act(OBSERVATION)
+        assert type(caught.value) is kind
 
 
 class Ends(Network):
