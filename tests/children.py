@@ -1,8 +1,18 @@
 """Python in processes of its own."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
+
+ROOT = Path(__file__).parents[1]
+
+
+def environment(**variables: str) -> dict[str, str]:
+    """That of a process which finds what the tests test, and the tests."""
+    path = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
+    return {**os.environ, "PYTHONPATH": path, **variables}
 
 
 def ran(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:

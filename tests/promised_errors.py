@@ -163,7 +163,7 @@ TRIGGERS: Mapping[str, Trigger] = {
     "expert: misspelt script": lambda: find_script(
         task(id="my_sort", expert="duobench.tasks.experts.scripts.bin_sort:scrpt")
     ),
-    "expert: variety": lambda: PolicyChoice.parse("expert:hmuan"),
+    "expert: variety": lambda: PolicyChoice(name="expert:hmuan"),
     "environment: option": lambda: env(acton_mode="joint"),
     "environment: action mode": lambda: env(action_mode="joints"),
     "environment: look": lambda: env(look="dark_woood"),
@@ -180,7 +180,7 @@ TRIGGERS: Mapping[str, Trigger] = {
     "reset: seed": lambda: reset(seed=3),
     "reset: layout of another task": lambda: reset(layout={"poses": {}, "variants": {}}),
     "policy: misspelt": lambda: make_policy("rnadom"),
-    "policy: misspelt expert": lambda: PolicyChoice.parse("exprt"),
+    "policy: misspelt expert": lambda: PolicyChoice(name="exprt"),
     "policy: module that is not there": lambda: make_policy("no_such_module:POLICY"),
     "look: misspelt": lambda: look("dark_woood"),
     "shift: misspelt": lambda: shift.Shift.parse("camrea-3"),

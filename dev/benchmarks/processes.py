@@ -63,7 +63,7 @@ def measure() -> Iterator[Measurement]:
 def _seconds(workers: int) -> float:
     """Seconds from one episode to the next, while all workers play."""
     suite = Suite(tasks=find_tasks([TASK]), episodes=EPISODES)
-    choice = PolicyChoice.parse(f"{__name__}:{Free.__name__}")
+    choice = PolicyChoice(name=f"{__name__}:{Free.__name__}")
     with TemporaryDirectory() as folder:
         log = Path(folder) / "starts"
         os.environ[LOG] = str(log)

@@ -107,8 +107,8 @@ def _socket() -> Measurement:
 
 def _calls_per_second(workers: int) -> float:
     """Calls a second of an evaluation, while all of its workers play."""
-    choice = PolicyChoice.parse(
-        f"{__name__}:{Costly.__name__}", batching=Batching(mode="dynamic")
+    choice = PolicyChoice(
+        name=f"{__name__}:{Costly.__name__}", batching=Batching(mode="dynamic")
     )
     suite = Suite(tasks=find_tasks([TASK]), episodes=2 * workers + 1)
     with TemporaryDirectory() as folder:

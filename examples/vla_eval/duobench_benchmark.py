@@ -121,7 +121,7 @@ class DuoBench(StepBenchmark):
         return StepResult(obs=last, reward=last.reward, done=last.is_last, info={})
 
     def make_obs(self, raw_obs: Step, task: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002 - their signature
-        """What the model server sees."""
+        """Return the request to the model server."""
         return self._episodes.request(raw_obs.observation)
 
     def get_step_result(self, step_result: StepResult) -> dict[str, Any]:

@@ -32,7 +32,7 @@ class Episodes:
     """Plays episodes one after the other, in an environment that fits a format.
 
     Args:
-        message_format: What is shown, and what actions mean.
+        message_format: Names and shapes of observations, and meaning of actions.
         options: Of the environments, beside what follows from the format; see
             `duobench.envs.EnvConfig`.
     """
@@ -42,7 +42,7 @@ class Episodes:
         self._options = {**needed_options(metadata), **options}
         EnvConfig.from_options(self._options)
         self.message_format = message_format
-        """What is shown, and what actions mean."""
+        """Names and shapes of observations, and meaning of actions."""
         self._import_path: str | None = None
         self._env: gym.Env | None = None
         self._instruction = ""

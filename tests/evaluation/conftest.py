@@ -14,6 +14,7 @@ from duobench.results.folder import RunFolder
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
 from tests.evaluation import toy_tasks
+from tests.policy.serving.conftest import serve  # noqa: F401 - a fixture
 from tests.results.samples import without_times
 
 Play = Callable[..., tuple[RunFolder, Results]]

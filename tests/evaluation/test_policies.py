@@ -69,7 +69,7 @@ def test_an_environment_that_a_policy_cannot_be_bound_to_is_closed(monkeypatch):
         raise PolicyError("It does not fit.")
 
     (task,) = find_tasks(TASKS[:1])
-    job = Job(policy=PolicyChoice.parse("hold"), suite=Suite(tasks=(task,)))
+    job = Job(policy=PolicyChoice(name="hold"), suite=Suite(tasks=(task,)))
     runner = EpisodeRunner(PolicySource(metadata=HoldPolicy.metadata, bind=bind), job)
     with pytest.raises(PolicyError, match="does not fit"):
         runner.play(Episode(task=task, index=0))

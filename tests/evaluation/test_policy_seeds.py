@@ -24,7 +24,7 @@ from tests.evaluation import toy_batches
 from tests.evaluation.conftest import small_suite
 from tests.evaluation.toy_tasks import WAVE_NAME, seed_of
 from tests.policy.serving.model_server import ModelServer, acting
-from tests.policy.serving.serving import Serve, foreign_server
+from tests.policy.serving.serving import Serve, foreign_server, server_at
 
 TASKS = ("wave", "nod")
 EPISODES = 2
@@ -34,17 +34,13 @@ BLIND = MessageFormat(state={"state": ("left_arm", "left_gripper", "right_arm", 
 
 def played(folder: Path, policy: str, server: RemoteServer | None = None) -> list[Record]:
     """Records of episodes of both tasks, whose seeds are those that the suite says."""
-    choice = PolicyChoice.parse(policy, server=server)
+    choice = PolicyChoice(name=policy, server=server)
     results = evaluate(choice, small_suite(episodes=EPISODES), RunFolder(folder), workers=0)
     records = [record for task in results.tasks for record in task.records]
     assert [record.error for record in records] == [None] * len(TASKS) * EPISODES
     for record in records:
         assert record.policy_seed == policy_seed(record.task, record.seed) != record.seed
     return records
-
-
-def at(port: int, path: str = "", **options: Any) -> RemoteServer:
-    return RemoteServer(url=f"ws://127.0.0.1:{port}{path}", wait_s=0.0, **options)
 
 
 def leaves(message: Any) -> Iterator[Any]:
@@ -89,10 +85,9 @@ class Notes(toy_batches.Wanders):
         return super().begin(instruction, seed)
 
 
-def test_served_policy_gets_the_policy_seed(tmp_path):
-    serve, policy = Serve(), Notes()
-    records = played(tmp_path, "openpi", at(serve(policy)))
-    serve.close()
+def test_served_policy_gets_the_policy_seed(tmp_path: Path, serve: Serve) -> None:
+    policy = Notes()
+    records = played(tmp_path, "openpi", server_at(serve(policy)))
     assert policy.seeds == seeds(records)
 
 
@@ -106,7 +101,7 @@ def test_vllm_gets_the_policy_seed_in_all_messages_and_plain_openpi_no_seed(tmp_
         return pack({"status": "reset successful"} if is_reset else {"actions": STILL})
 
     with foreign_server({}, answer) as port:
-        records = played(tmp_path, "openpi", at(port, path, message_format=BLIND))
+        records = played(tmp_path, "openpi", server_at(port, path, message_format=BLIND))
     told = [leaf for leaf in leaves(messages) if leaf in seeds(records)]
     begun = [message["seed"] for message in messages if message.get("endpoint") == "reset"]
     assert begun == (seeds(records) if path else [])
@@ -117,7 +112,7 @@ def test_vllm_gets_the_policy_seed_in_all_messages_and_plain_openpi_no_seed(tmp_
 def test_model_server_of_vla_eval_gets_the_policy_seed(tmp_path):
     server = ModelServer(acting(STILL))
     with server.running() as port:
-        records = played(tmp_path, "vla-eval", at(port))
+        records = played(tmp_path, "vla-eval", server_at(port))
     begun = [message["payload"]["task"]["seed"] for message in server.of("episode_start")]
     assert begun == seeds(records)
     assert_secret(records, server.received)

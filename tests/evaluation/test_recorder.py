@@ -118,7 +118,7 @@ def replayed(task, record, targets):
 @pytest.mark.slow
 @pytest.mark.parametrize("policy", ["hold", "random", f"{__name__}:Drifts"])
 def test_targets_play_the_episode_again_to_the_bit(play, policy):
-    _, results = play(PolicyChoice.parse(policy), episodes=2)
+    _, results = play(PolicyChoice(name=policy), episodes=2)
     for one in results.tasks:
         for record in one.records:
             targets = record.targets()

@@ -3,7 +3,6 @@
 import json
 import shutil
 import sys
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ from duobench.cli import main
 from duobench.evaluation.policies import PolicyChoice
 from duobench.policy import Batching, HoldPolicy, PolicyMetadata
 from duobench.policy.batch import ONE_BY_ONE, PolicyPool
-from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.host import make_served
 from duobench.results.comparison import compare, write_comparison
 from duobench.results.folder import RunFolder
@@ -23,7 +21,7 @@ from duobench.results.run import Shard
 from duobench.results.tables import episodes_text
 from tests.evaluation import toy_noise
 from tests.evaluation.conftest import Play, compared
-from tests.policy.serving.serving import Serve
+from tests.policy.serving.serving import Serve, server_at
 
 SAME = "With one seed, its first answer was the same twice."
 DIFFERENT = "This policy is not repeatable: with one seed, its first answers were not the same."
@@ -68,12 +66,13 @@ def test_sets_of_texts_have_one_order_in_all_processes(
         assert compared(again) == compared(first)
 
 
-def test_served_episodes_side_by_side_keep_their_noise_of_torch_apart(play: Play) -> None:
+def test_served_episodes_side_by_side_keep_their_noise_of_torch_apart(
+    play: Play, serve: Serve
+) -> None:
     alone, _ = play(named(toy_noise.Diffuses), "alone")
-    with closing(Serve()) as serve:
-        made, _, batching = make_served(named(toy_noise.Diffuses), Batching(size=2))
-        server = RemoteServer(url=f"ws://127.0.0.1:{serve(made, batching=batching)}", wait_s=0.0)
-        served, _ = play(PolicyChoice.parse("openpi", server=server), "served", workers=2)
+    made, _, batching = make_served(named(toy_noise.Diffuses), Batching(size=2))
+    server = server_at(serve(made, batching=batching))
+    served, _ = play(PolicyChoice(name="openpi", server=server), "served", workers=2)
     assert [one.sent for one in records_of(served)] == [one.sent for one in records_of(alone)]
 
 
@@ -138,7 +137,9 @@ def test_equal_records_are_said_to_be_the_same(play: Play, tmp_path: Path) -> No
     assert episodes_text(pair) == "same episodes"
 
 
-def test_served_policies_are_called_as_they_call_themselves(play: Play, tmp_path: Path) -> None:
+def test_served_policies_are_called_as_they_call_themselves(
+    play: Play, tmp_path: Path, serve: Serve
+) -> None:
     class First(HoldPolicy):
         metadata = PolicyMetadata(name="pi05 step 20k", cameras=(), version="1")
 
@@ -150,11 +151,9 @@ def test_served_policies_are_called_as_they_call_themselves(play: Play, tmp_path
 
     sources: list[str] = []
     for policy in (First, Second):
-        with closing(Serve()) as serve:
-            port = serve(PolicyPool(policy(), policy), batching=ONE_BY_ONE)
-            server = RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=0.0)
-            name = policy.__name__
-            folder, _ = play(PolicyChoice.parse("openpi", server=server), name, episodes=1)
+        server = server_at(serve(PolicyPool(policy(), policy), batching=ONE_BY_ONE))
+        choice = PolicyChoice(name="openpi", server=server)
+        folder, _ = play(choice, policy.__name__, episodes=1)
         sources.append(str(folder.path))
         page, own = folder.page.read_text(), policy.metadata.name
         assert f"<h1>{own}</h1>" in page

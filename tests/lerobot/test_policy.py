@@ -22,7 +22,7 @@ from duobench.envs.state_labels import StatePart, names_of
 from duobench.policy.batch import Batching, PolicyPool, SessionPolicy
 from duobench.policy.lerobot_model import EpisodeNoise, LeRobotPolicy
 from duobench.policy.policy import PolicyMetadata
-from duobench.policy.registry import PolicyName, make_any
+from duobench.policy.registry import make_any
 from duobench.results.bundle import read_source
 from duobench.world.robot.joints import HOME_JOINTS
 from tests.lerobot import checkpoints
@@ -57,7 +57,7 @@ def test_weights_that_pi05_fails_to_load_without_a_word_are_noticed(
 
 
 def load(folder: Path, query: str = "") -> LeRobotPolicy:
-    made = make_any(PolicyName.parse(f"lerobot:{folder}?device=cpu{query}"))
+    made = make_any(f"lerobot:{folder}?device=cpu{query}")
     assert isinstance(made, LeRobotPolicy)
     return made
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from duobench.core.errors import MachineryError, PolicyError
+from duobench.core.errors import MachineryError, PolicyError, PolicyFailedError
 from duobench.policy import (
     Batching,
     BatchPolicy,
@@ -18,7 +18,7 @@ from duobench.policy import (
     inference as inference_module,
     noise,
 )
-from duobench.policy.batch import ONE_BY_ONE, PolicyPool, answer
+from duobench.policy.batch import ONE_BY_ONE, PolicyPool, act_together
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.serving.host import make_served
 
@@ -248,7 +248,7 @@ def test_answer_that_is_no_chunks_is_refused(returned: Any, message: str) -> Non
     policy.act_batch = lambda *_: returned  # type: ignore[method-assign]
     sessions = [policy.begin("Do it.", seed) for seed in (0, 1)]
     with pytest.raises(PolicyError, match=message):  # noqa: PT012 - all of it, or each chunk
-        for each in answer(policy, sessions, [OBSERVATION] * 2, Batching(mode="dynamic")):
+        for each in act_together(policy, sessions, [OBSERVATION] * 2, Batching(mode="dynamic")):
             assert isinstance(each, PolicyError)
             raise each
     assert [session.call for session in sessions] == [0, 0]
@@ -336,6 +336,36 @@ def test_session_of_another_kind_is_refused() -> None:
         SessionPolicy(policy, Batching()).reset("Do it.", 0)
 
 
+class Leaves(Network):
+    """Raises what it was made with, instead of acting."""
+
+    def __init__(self, error: BaseException) -> None:
+        super().__init__()
+        self._error = error
+
+    def act_batch(self, sessions: Any, observations: Any) -> Any:  # noqa: ARG002 - all the same
+        raise self._error
+
+
+@pytest.mark.parametrize(
+    ("raised", "contained"),
+    [
+        (SystemExit(3), PolicyFailedError),
+        (ValueError("no"), PolicyFailedError),
+        (KeyboardInterrupt(), KeyboardInterrupt),
+    ],
+)
+def test_failures_of_a_session_are_contained_if_asked_for(
+    raised: BaseException, contained: type[BaseException]
+) -> None:
+    for is_contained, kind in ((False, type(raised)), (True, contained)):
+        policy = SessionPolicy(Leaves(raised), is_contained=is_contained)
+        policy.reset("Do it.", 0)
+        with pytest.raises(kind) as caught:
+            policy.act(OBSERVATION)
+        assert type(caught.value) is kind
+
+
 class Ends(Network):
     """Notes which sessions are under way."""
 
@@ -356,7 +386,7 @@ def test_padding_is_ended_also_where_the_policy_fails() -> None:
     session = policy.begin("Do it.", 0)
     policy.act_batch = lambda *_: 1 / 0  # type: ignore[method-assign]
     with pytest.raises(ZeroDivisionError):
-        answer(policy, [session], [OBSERVATION], Batching(size=4))
+        act_together(policy, [session], [OBSERVATION], Batching(size=4))
     assert policy.open == [session]
 
 
@@ -364,7 +394,7 @@ def test_session_that_two_episodes_would_share_is_refused() -> None:
     policy, only = Network(), Session(instruction="Do it.", seed=0)
     policy.begin = lambda *_: only  # type: ignore[method-assign]
     with pytest.raises(PolicyError, match="one session twice"):
-        answer(policy, [only], [OBSERVATION], Batching(size=2))
+        act_together(policy, [only], [OBSERVATION], Batching(size=2))
     alone = SessionPolicy(policy, Batching(size=1))
     alone.reset("Do it.", 0)
     alone.act(OBSERVATION)
@@ -407,7 +437,7 @@ def test_plain_policies_keep_their_episodes_apart() -> None:
     batching = Batching(mode="dynamic", size=8)
     first, second = pool.begin("Do it.", 1), pool.begin("Do it.", 2)
     for number in (1, 2):
-        chunks = answer(pool, [second, first], [OBSERVATION] * 2, batching)
+        chunks = act_together(pool, [second, first], [OBSERVATION] * 2, batching)
         assert [chunk[0, 0] for chunk in chunks] == [200 + number, 100 + number]
     with pytest.raises(MachineryError, match="All 2 objects of this policy are playing"):
         pool.begin("Do it.", 3)
@@ -416,7 +446,7 @@ def test_plain_policies_keep_their_episodes_apart() -> None:
         assert (made.size, batching.size) == (size, 1)  # type: ignore[attr-defined]
     pool.end(first)
     third = pool.begin("Do it.", 3)
-    assert answer(pool, [third], [OBSERVATION], batching)[0][0, 0] == 301
+    assert act_together(pool, [third], [OBSERVATION], batching)[0][0, 0] == 301
 
 
 class Noisy(Counts):
@@ -429,10 +459,12 @@ class Noisy(Counts):
 def test_noise_of_an_episode_is_that_of_its_seed_whoever_plays_beside_it() -> None:
     alone, pool = PolicyPool(Noisy(), Noisy), PolicyPool(Noisy(), Noisy, size=2)
     session = alone.begin("Do it.", 5)
-    wanted = [answer(alone, [session], [OBSERVATION], ONE_BY_ONE)[0][0, 0] for _ in range(3)]
+    wanted = [act_together(alone, [session], [OBSERVATION], ONE_BY_ONE)[0][0, 0] for _ in range(3)]
     first, second = pool.begin("Do it.", 5), pool.begin("Do it.", 2**40)
     batching = Batching(mode="dynamic", size=2)
-    found = [answer(pool, [second, first], [OBSERVATION] * 2, batching)[1][0, 0] for _ in range(3)]
+    found = [
+        act_together(pool, [second, first], [OBSERVATION] * 2, batching)[1][0, 0] for _ in range(3)
+    ]
     assert found == wanted
     assert len({*wanted}) == 3
 

@@ -100,7 +100,7 @@ def test_without_lerobot_the_error_says_what_to_install(monkeypatch: pytest.Monk
         if name.startswith("duobench.policy.lerobot_model"):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "torch", None)  # as if it were not installed
-    policies.PolicyChoice.parse("lerobot:runs/act")
+    policies.PolicyChoice(name="lerobot:runs/act")
     with pytest.raises(PolicyError, match=r"pip install '\.\[lerobot\]'"):
         policy.make("lerobot:runs/act")
 

@@ -4,7 +4,8 @@ import pytest
 
 from duobench.core.errors import PolicyError, UnknownNameError
 from duobench.policy import HoldPolicy, make
-from duobench.policy.registry import source_version
+from duobench.policy.registry import PolicyKind, kind_of, source_version
+from duobench.policy.serving.address import WORDS
 
 MODULE = """
 from duobench.policy import HoldPolicy, PolicyMetadata
@@ -93,3 +94,26 @@ def test_version_of_a_source_changes_with_it(
 @pytest.mark.parametrize("module", ["sys", "no_such_module"])
 def test_module_without_a_source_has_no_version(module: str) -> None:
     assert source_version(module) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("expert", PolicyKind.EXPERT),
+        ("expert:human", PolicyKind.EXPERT),
+        ("blind", PolicyKind.BLIND),
+        ("hold", PolicyKind.BASELINE),
+        ("lerobot:runs/a:b", PolicyKind.LEROBOT),
+        ("no_such_module:Mine", PolicyKind.MODULE),
+        ("blind:x", PolicyKind.MODULE),
+        ("openpi", PolicyKind.SERVED),
+    ],
+)
+def test_kind_follows_from_the_name_alone(name: str, kind: PolicyKind) -> None:
+    assert kind_of(name, WORDS) is kind
+    assert PolicyKind(str(kind)) is kind
+
+
+def test_policy_that_reads_the_simulation_sees_no_images_and_has_no_process() -> None:
+    for kind in PolicyKind:
+        assert not (kind.is_scripted and (kind.may_see or kind.has_process))

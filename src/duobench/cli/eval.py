@@ -74,7 +74,7 @@ class PolicyOptions:
         if self.server is None:
             if self.format is not None:
                 raise PolicyError("--format is for a policy at a --server.")
-            return PolicyChoice.parse(self.policy, batching=batching)
+            return PolicyChoice(name=self.policy, batching=batching)
         server = RemoteServer(
             url=self.server,
             key=read_key(self.key_file),
@@ -82,7 +82,7 @@ class PolicyOptions:
             execute=execute,
             wait_s=self.wait,
         )
-        return PolicyChoice.parse(self.policy, batching=batching, server=server)
+        return PolicyChoice(name=self.policy, batching=batching, server=server)
 
 
 def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
@@ -137,7 +137,7 @@ def run(  # noqa: PLR0913, PLR0917 - each is an argument of the command line
     choice = policy.choose(played.execution.execute or PAPER_EXECUTE)
     observers = [load_observer(path) for path in observer]
     part = WHOLE if shard is None else Shard.parse(shard)
-    if workers == 0 and not choice.is_scripted and choice.server is None:
+    if workers == 0 and not choice.kind.is_scripted and choice.server is None:
         say(
             "The policy plays in the process of the simulator, which it can see and move."
         )

@@ -15,25 +15,25 @@ from duobench.envs.duo_env import base_of
 from duobench.results.journal import EpisodeTimes
 from duobench.results.run import TimeLimits
 
-_EPISODE, _ANSWER, _STEPS = range(3)
+_EPISODE, _ACT, _STEPS = range(3)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClockReading:
-    """What a clock shows at a moment."""
+    """Reading of a clock at a moment."""
 
     episode_s: float = 0.0
     """Seconds since the episode began, 0 between episodes."""
-    answer_s: float = 0.0
+    act_s: float = 0.0
     """Seconds since the policy was called, 0 while it is not busy."""
     steps: int = 0
     """Control steps that the episode had when its policy last acted."""
 
     def late(self, limits: TimeLimits) -> PolicyTimeoutError | None:
         """The error of a policy that has been thinking for too long; None while there is time."""
-        if self.answer_s > limits.act_timeout:
+        if self.act_s > limits.act_timeout:
             return PolicyTimeoutError.of_answer(limits.act_timeout)
-        if self.answer_s and self.episode_s > limits.episode_timeout:
+        if self.act_s and self.episode_s > limits.episode_timeout:
             return PolicyTimeoutError(
                 f"The episode was not over after {limits.episode_timeout:g} s, its time limit."
             )
@@ -73,17 +73,17 @@ class EpisodeClock:
             steps: Control steps that the episode has had.
         """
         self._counts[_STEPS] = steps
-        with self._running(_ANSWER):
+        with self._running(_ACT):
             yield
             late = self.read().late(limits)
             if late:
                 raise late
 
     def read(self) -> ClockReading:
-        """What it shows now."""
+        """Return its reading now."""
         return ClockReading(
             episode_s=self._seconds(_EPISODE),
-            answer_s=self._seconds(_ANSWER),
+            act_s=self._seconds(_ACT),
             steps=self._counts[_STEPS],
         )
 
@@ -128,11 +128,11 @@ class Stopwatch:
             self._policy += time.perf_counter() - start
 
     def times(self, video_s: float = 0.0, busy_s: float | None = None) -> EpisodeTimes:
-        """What was measured so far.
+        """Return the times that were measured so far.
 
         Args:
             video_s: Seconds of the rollout that its video took.
-            busy_s: Seconds that the policy took for its answers; None if only the time until they
+            busy_s: Seconds that the policy took for its chunks; None if only the time until they
                 came is known.
         """
         busy_s = self._policy if busy_s is None else min(busy_s, self._policy)

@@ -55,7 +55,7 @@ class RecordingPlan:
     after_success: float = 0.0
     """Seconds that a recording goes on after success, a whole number of control steps."""
     instructions: str = FIXED
-    """What the policy is told; see `EnvConfig`."""
+    """Instructions for the policy; see `EnvConfig`."""
 
     def keeps(self, outcome: Outcome) -> bool:
         """Whether an episode that ended so is kept."""
@@ -74,7 +74,7 @@ class RecordingPlan:
 
 
 class Job(msgspec.Struct, tag=True, frozen=True, kw_only=True):
-    """What plays episodes, and how: what executors, runners and workers need to know."""
+    """Policy, suite and options with which executors, runners and workers play episodes."""
 
     policy: PolicyChoice
     suite: Suite
@@ -126,14 +126,14 @@ V = TypeVar("V", bound=Closable)
 
 
 class Latest(Generic[V]):
-    """What was made last, until something else is needed, before which it is closed."""
+    """Value that was made last; it is closed before another one is made."""
 
     def __init__(self) -> None:
         self._key: object = None
         self._value: V | None = None
 
     def get(self, key: object, make: Callable[[], V]) -> V:
-        """What belongs to a key."""
+        """Return the value of a key, made now if the last one has another key."""
         if self._value is None or self._key != key:
             self.close()
             self._value, self._key = make(), key
@@ -208,9 +208,12 @@ class EpisodeRunner:
         )
         with before_policy(""):
             renderer = describe().renderer if config.cameras else None
-        name = job.policy.name
+        choice = job.policy
         candidate = Candidate(
-            policy=name.text, metadata=metadata, config=config, batching=source.batching
+            policy=choice.name,
+            metadata=metadata,
+            config=config,
+            batching=source.batching,
         )
         references = (task.reference for task in job.suite.tasks)
         modules = {each.partition(":")[0] for each in references if ":" in each}
@@ -219,11 +222,13 @@ class EpisodeRunner:
             suite=job.suite,
             limits=job.limits,
             versions=package_versions(),
-            sources=source_hashes(sorted(modules), is_scripted=job.policy.is_scripted),
+            sources=source_hashes(sorted(modules), is_scripted=choice.kind.is_scripted),
             package=package_source(),
         )
-        kind = ActorKind.EXPERT if name.kind is PolicyKind.EXPERT else ActorKind.POLICY
-        self._actor = Actor(kind=kind, name=name.text, version=metadata.version)
+        kind = (
+            ActorKind.EXPERT if choice.kind is PolicyKind.EXPERT else ActorKind.POLICY
+        )
+        self._actor = Actor(kind=kind, name=choice.name, version=metadata.version)
         self.versions = record_versions(renderer) | {"inference": _inference(source)}
 
     def play(self, episode: Episode) -> EpisodeResult:
@@ -292,7 +297,7 @@ class EpisodeRunner:
         )
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy answer the first observation of an episode twice; it is not played."""
+        """Have the policy act twice on the first observation of an episode, which is not played."""
         setting = self._prepare(episode)
         env, policy = setting.env, setting.policy
         (size,) = env.action_space.shape or (0,)
@@ -304,21 +309,21 @@ class EpisodeRunner:
             seed=episode.policy_seed,
             observation=observation,
         )
-        answers: list[str] = []
+        digests: list[str] = []
         try:
             for _ in range(2):
                 with self._clock.playing(), self._clock.timed(self._limits):
                     policy.reset(info["instruction"], episode.policy_seed)
                     chunk = as_chunk(policy.act(observation), size)
-                answers.append(_digest(actions=chunk))
+                digests.append(_digest(actions=chunk))
         except PolicyError as error:
             raise PolicyError(
                 f"The policy does not answer the first observation of {episode.task.id}, so that "
                 f"nothing was played:\n{error}"
             ) from error
-        is_same = answers[0] == answers[1]
+        is_same = digests[0] == digests[1]
         return FirstAnswer(
-            question=question, answer=answers[0] if is_same else NOT_REPEATABLE
+            question=question, answer=digests[0] if is_same else NOT_REPEATABLE
         )
 
     def close(self) -> None:
@@ -330,7 +335,7 @@ class EpisodeRunner:
             _log.warning("The policy could not be closed.", exc_info=True)
 
     def _prepare(self, episode: Episode) -> _Setting:
-        """What a task and a shift are played in; that of others is closed first."""
+        """Return the setting of a task and a shift; that of others is closed first."""
         with before_policy(episode.task.id):
             return self._latest.get(
                 (episode.task, episode.shift), lambda: self._make(episode)

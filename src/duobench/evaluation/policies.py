@@ -3,29 +3,24 @@
 Experts and other policies never import each other; they meet here.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pkgutil import resolve_name
-from typing import Any, Self
+from typing import Any
 
 import gymnasium as gym
 
 from duobench.core.errors import (
     PolicyError,
-    PolicyFailedError,
     check_known,
-    foreign_traceback,
-    is_machinery,
 )
 from duobench.envs.sim_env import sim_of
 from duobench.policy import Batching, Policy, PolicyMetadata, SessionPolicy
-from duobench.policy.batch import ONE_BY_ONE, Chunk, Observation
+from duobench.policy.batch import ONE_BY_ONE
 from duobench.policy.registry import (
-    SCRIPTED,
     PolicyKind,
-    PolicyName,
+    kind_of,
     make_batched,
     no_batches,
     source_version,
@@ -51,63 +46,44 @@ _ANSWERING_S = 5.0
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyChoice:
-    """A policy by its name, and whether it plays in batches or at a server."""
+    """A policy by its name, and whether it plays in batches or at a server.
 
-    name: PolicyName
+    Raises:
+        UnknownNameError: If there is no policy of that name, or no such variety.
+        PolicyError: If the name is no text, or does not go with the rest.
+    """
+
+    name: str
+    """`expert`, `expert:VARIETY`, `blind`, a baseline's name, `lerobot:PATH_OR_ID`,
+    `module:attribute`, or a name of `SERVED`."""
     batching: Batching | None = None
-    """How many observations a `BatchPolicy` answers together; None takes the default."""
+    """How many observations a batch of a `BatchPolicy` has; None takes the default."""
     server: RemoteServer | None = None
+    """Address of the server of a served policy."""
     address: PolicyAddress | None = None
-    """Where it answers, if it is in a process of its own."""
+    """Address of the process of its own that it is in, if there is one."""
 
     @property
-    def is_scripted(self) -> bool:
-        """Whether it reads the simulation, so that it must be where that is."""
-        return self.name.kind in SCRIPTED.values()
+    def kind(self) -> PolicyKind:
+        """Kind of the policy."""
+        return kind_of(self.name, WORDS)
 
     @property
-    def has_process(self) -> bool:
-        """Whether it is made in a process of its own, unless this process plays."""
-        return not self.is_scripted and self.name.kind is not PolicyKind.SERVED
-
-    @property
-    def may_see(self) -> bool:
-        """Whether it may ask for images."""
-        return self.name.kind in (
-            PolicyKind.LEROBOT,
-            PolicyKind.MODULE,
-            PolicyKind.SERVED,
-        )
-
-    @classmethod
-    def parse(
-        cls,
-        name: str,
-        *,
-        batching: Batching | None = None,
-        server: RemoteServer | None = None,
-    ) -> Self:
-        """Choose a policy, without making it.
-
-        Args:
-            name: `expert`, `expert:VARIETY`, `blind`, a baseline's name, `lerobot:PATH_OR_ID`,
-                `module:attribute`, or a name of `SERVED`.
-            batching: How many observations a `BatchPolicy` answers together.
-            server: Where it is served.
-
-        Raises:
-            UnknownNameError: If there is no policy of that name.
-            PolicyError: If the name is no text, or does not go with the rest.
-        """
-        return cls(name=PolicyName.parse(name, WORDS), batching=batching, server=server)
+    def variety(self) -> Variety:
+        """Variety of an expert; `NONE` for every other policy."""
+        _, is_divided, variety = self.name.partition(":")
+        if self.kind is not PolicyKind.EXPERT or not is_divided:
+            return NONE
+        check_known("variety", variety, VARIETIES)
+        return VARIETIES[variety]
 
     def __post_init__(self) -> None:
-        variety_of(self.name)
-        if self.name.kind is not PolicyKind.SERVED:
+        self.variety  # noqa: B018 - raises where it is unknown
+        if self.kind is not PolicyKind.SERVED:
             return
         if self.server is None:
             raise PolicyError(
-                f"The policy {self.name.text!r} is served somewhere: it needs an address."
+                f"The policy {self.name!r} is served somewhere: it needs an address."
             )
         if self.batching is not None:
             raise PolicyError(
@@ -120,13 +96,13 @@ class PolicySource:
     """A policy that may still have to be bound to an environment."""
 
     metadata: PolicyMetadata
-    """What it expects, and its version; the environment is made to fit."""
+    """Expectations of the policy, and its version; the environment is made to fit."""
     bind: Callable[[gym.Env], Policy]
     close: Callable[[], None] = lambda: None
     batching: Batching | None = None
-    """How many observations it answers together; None if that is one, or unknown."""
+    """How many observations a batch has; None if that is one, or unknown."""
     waits_for_others: bool = False
-    """Whether it may have to wait until others are answered, for which it is not to blame."""
+    """Whether it may have to wait for others, for which it is not to blame."""
 
 
 class ExpertPolicy(Expert):
@@ -164,14 +140,6 @@ class BlindPolicy(Expert):
         )
 
 
-def variety_of(name: PolicyName) -> Variety:
-    """The variety of an expert's name."""
-    if name.variety is None:
-        return NONE
-    check_known("variety", name.variety, VARIETIES)
-    return VARIETIES[name.variety]
-
-
 def _expert_metadata(variety: Variety) -> PolicyMetadata:
     name = PolicyKind.EXPERT.value + ("" if variety is NONE else f":{variety.name}")
     return PolicyMetadata(name=name, cameras=())
@@ -183,16 +151,16 @@ def source(
     """Look a policy up.
 
     Args:
-        name: See `PolicyChoice.parse`.
-        tasks: What it will play; an expert's version is that of the scripts of these tasks.
-        batching: How many observations a `BatchPolicy` answers together; None takes the default.
+        name: See `PolicyChoice`.
+        tasks: Tasks that it will play; an expert's version is that of the scripts of these tasks.
+        batching: How many observations a batch of a `BatchPolicy` has; None takes the default.
 
     Raises:
         UnknownNameError: If there is none of that name, or no such variety.
         PolicyError: If the module or its attribute is missing, or gives something else; if a task
             has no expert.
     """
-    return find_source(PolicyChoice.parse(name, batching=batching), tasks, TimeLimits())
+    return find_source(PolicyChoice(name=name, batching=batching), tasks, TimeLimits())
 
 
 def find_source(
@@ -203,24 +171,26 @@ def find_source(
         return _apart(choice.address)
     if choice.server is not None:
         return _served(choice, choice.server, limits)
-    if choice.name.kind is PolicyKind.EXPERT:
-        variety = variety_of(choice.name)
+    if choice.kind.is_scripted:
+        return _scripted(choice, tasks)
+    made, metadata, batching = make_batched(choice.name, choice.batching)
+    policy = SessionPolicy(made, batching or ONE_BY_ONE, is_contained=True)
+    return _for_any(policy, metadata, batching)
+
+
+def _scripted(choice: PolicyChoice, tasks: Sequence[TaskInfo]) -> PolicySource:
+    if choice.kind is PolicyKind.EXPERT:
+        variety = choice.variety
         modules = {find_script(task.reference).__module__ for task in tasks}
         if variety is not NONE:
             modules.add(Variety.__module__)
-        metadata, bind = (
-            _expert_metadata(variety),
-            partial(ExpertPolicy, variety=variety),
-        )
-    elif choice.name.kind is PolicyKind.BLIND:
+        metadata = _expert_metadata(variety)
+        bind = partial(ExpertPolicy, variety=variety)
+    else:
         modules = {script.__module__ for script in blind.SCRIPTS.values()}
         modules |= {find_script(task).__module__ for task in blind.SCRIPTS}
-        metadata, bind = BlindPolicy.metadata, BlindPolicy
-    else:
-        made, metadata, batching = make_batched(choice.name, choice.batching)
-        return _for_any(
-            ContainedPolicy(made, batching or ONE_BY_ONE), metadata, batching
-        )
+        metadata = BlindPolicy.metadata
+        bind = BlindPolicy
     if choice.batching is not None:
         raise no_batches(choice.name)
     return PolicySource(
@@ -231,7 +201,7 @@ def find_source(
 def _served(
     choice: PolicyChoice, server: RemoteServer, limits: TimeLimits
 ) -> PolicySource:
-    path = SERVED.get(choice.name.text, OPENPI)
+    path = SERVED.get(choice.name, OPENPI)
     remote = resolve_name(path)(replace(server, answer_s=limits.served_s))
     return _for_any(remote, remote.metadata, remote.batching)
 
@@ -259,29 +229,3 @@ def _for_any(
         close=policy.close,
         batching=batching,
     )
-
-
-class ContainedPolicy(SessionPolicy):
-    """A policy in this process, whose failures are told as those of one in another process."""
-
-    def reset(self, instruction: str, seed: int) -> None:
-        """Begin an episode."""
-        with _containing():
-            super().reset(instruction, seed)
-
-    def act(self, observation: Observation) -> Chunk:
-        """The next actions (H, n)."""
-        with _containing():
-            return super().act(observation)
-
-
-@contextmanager
-def _containing() -> Iterator[None]:
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        if is_machinery(error):
-            raise
-        raise PolicyFailedError(foreign_traceback(error)) from error

@@ -24,7 +24,7 @@ from duobench.results.run import Run
 Observation = Mapping[str, Any]
 Info = Mapping[str, Any]
 Played_contra = TypeVar("Played_contra", contravariant=True)
-"""What there is of a finished episode: a `Record`, or an `Attempt` at a demonstration."""
+"""Finished episode: a `Record`, or an `Attempt` at a demonstration."""
 
 
 class Watcher(Protocol):
@@ -75,8 +75,8 @@ def rollout(
     """Run one episode.
 
     The actions of a chunk are executed in order, until the episode is over, or only its first
-    ones if the execution says so. With a latency of K steps, a chunk that answers the
-    observation of step t is executed from step t + K on; until then what was answered before
+    ones if the execution says so. With a latency of K steps, the chunk for the
+    observation of step t is executed from step t + K on; until then the chunk before it
     goes on, and at the start of an episode the arms hold their command. So the policy is asked
     as often as without, and K actions always wait. A policy with a method
     `expect_latency(steps)` is told first.
@@ -95,11 +95,11 @@ def rollout(
         policy: The policy.
         seed: Seed of the reset. The policy gets a hash, `duobench.core.randomness.policy_seed`:
             an environment that is reset with that shows another layout.
-        hashed: What the policy gets in place of that hash.
+        hashed: Seed for the policy in place of that hash.
         watchers: Called in this order.
         busy: Surrounds everything that the policy does, and the check of what it returned, which
             may wait for a lazy array.
-        execution: What is executed of the policy's chunks, and when.
+        execution: Actions of a chunk that are executed, and when.
 
     Raises:
         PolicyError: If the policy does not fit the environment, or returns something that is no
@@ -150,14 +150,13 @@ def _steps(
     waiting, number = np.tile(held, (execution.latency, 1)), 0
     while True:
         with busy():
-            answered = as_chunk(policy.act(observation), action_size)[
-                : execution.execute
-            ]
+            chunk = as_chunk(policy.act(observation), action_size)
+            chunk = chunk[: execution.execute]
             wanted = getattr(policy, "intended_action", None)
             if wanted is not None:
                 optional_method(env, "intend")(wanted)
-        queue = np.concatenate([waiting, answered])
-        chunk, waiting = queue[: len(answered)], queue[len(answered) :]
+        queue = np.concatenate([waiting, chunk])
+        chunk, waiting = queue[: len(chunk)], queue[len(chunk) :]
         for step in execute(env, chunk, before=number, render_last=render_last):
             observation = step.observation
             number = step.number

@@ -1,8 +1,8 @@
-"""Policies that answer many episodes at a time: the state of an episode is not in the policy."""
+"""Policies that act in many episodes at a time: the state of an episode is not in the policy."""
 
 import copy
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
@@ -10,7 +10,13 @@ from typing import Any, Literal, Protocol, get_args, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from duobench.core.errors import MachineryError, PolicyError
+from duobench.core.errors import (
+    MachineryError,
+    PolicyError,
+    PolicyFailedError,
+    foreign_traceback,
+    is_machinery,
+)
 from duobench.policy.generators import (
     MAKING_SEED,
     Noise,
@@ -26,7 +32,7 @@ Chunk = NDArray[np.float32]
 BatchMode = Literal["fixed", "dynamic"]
 
 MAX_BATCH = 8
-"""Observations that are answered together, at most."""
+"""Default for the most observations in a batch."""
 NOISE_STREAM = 0x6E6F697365
 """Separates a policy's noise from everything else that is sampled with the same seed."""
 _PADDING_SEED = 0
@@ -42,18 +48,20 @@ class Session:
     seed: int
     """Seed of what is sampled in it."""
     call: int = 0
-    """Answers that were given in it; counted by the caller of `act_batch`, not by the policy."""
+    """Chunks that were returned in it; counted by the caller of `act_batch`, not by the policy."""
+    intended: ArrayLike | None = None
+    """Action that the policy intended last, if it has disturbed it."""
 
 
 def noise(seed: int, call: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Standard normal noise for one answer: a pure function of its arguments.
+    """Standard normal noise for one chunk: a pure function of its arguments.
 
     Neither the other episodes of a batch, nor the order in which observations arrive, nor a
     repeated request changes it.
 
     Args:
         seed: Seed that the episode was begun with: `Session.seed`.
-        call: Number of the answer within the episode, from 0: `Session.call`.
+        call: Number of the chunk within the episode, from 0: `Session.call`.
         shape: Shape of the noise.
     """
     generator = np.random.default_rng((NOISE_STREAM, seed, call))
@@ -62,7 +70,7 @@ def noise(seed: int, call: int, shape: tuple[int, ...]) -> NDArray[np.float32]:
 
 @runtime_checkable
 class BatchPolicy(Protocol):
-    """A policy that answers the observations of several episodes with one call of its model.
+    """A policy that acts in several episodes with one call of its model.
 
     All of its methods are called from one thread. It may also have `end(session)`, called when
     a session is over, and `close()`.
@@ -93,7 +101,7 @@ class BatchPolicy(Protocol):
 
         Args:
             sessions: What `begin` returned, one for each observation. A session is changed only
-                when nothing can fail any more: after an error, each is answered again by itself.
+                when nothing can fail any more: after an error, each is asked again by itself.
             observations: As in `Policy.act`, one for each session.
 
         Returns:
@@ -104,7 +112,7 @@ class BatchPolicy(Protocol):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Batching:
-    """How many observations are answered together."""
+    """How many observations a batch has."""
 
     mode: BatchMode = "fixed"
     """ "fixed" fills every batch up to `size`; "dynamic" takes what is there, which is faster."""
@@ -119,18 +127,18 @@ class Batching:
 
 
 ONE_BY_ONE = Batching(mode="dynamic", size=1)
-"""How a plain policy answers."""
+"""Batches of a plain policy."""
 
 
-def answer(
+def act_together(
     policy: BatchPolicy,
     sessions: Sequence[Session],
     observations: Sequence[Observation],
     batching: Batching,
 ) -> list[Chunk | PolicyError]:
-    """One chunk (H, n) for each of at most `batching.size` sessions, which count their answers.
+    """Return one chunk (H, n) for each of at most `batching.size` sessions, which count them.
 
-    One that is no chunk is an error in its place: it is no fault of the other sessions, which
+    An invalid chunk is an error in its place: it is no fault of the other sessions, which
     the policy may have moved on. The policy gets copies of the observations, which it may change.
     A fixed batch is filled up with the first one, in sessions of its own.
     """
@@ -194,76 +202,71 @@ def end(policy: BatchPolicy, session: Session) -> None:
 class SessionPolicy:
     """A batch policy as a plain one, which plays one episode at a time.
 
-    A fixed batch is filled up here too.
+    Args:
+        policy: The batch policy.
+        batching: How its chunks are computed; a fixed batch is filled up here too.
+        is_contained: Whether anything that the policy raises is a `PolicyFailedError` with its
+            traceback, as it is from a policy in another process.
     """
 
-    def __init__(self, policy: BatchPolicy, batching: Batching = ONE_BY_ONE) -> None:
+    def __init__(
+        self,
+        policy: BatchPolicy,
+        batching: Batching = ONE_BY_ONE,
+        *,
+        is_contained: bool = False,
+    ) -> None:
         self._policy = policy
         self._batching = batching
+        self._containing = contained if is_contained else nullcontext
         self._session: Session | None = None
         self.metadata = policy.metadata
 
     def reset(self, instruction: str, seed: int) -> None:
         """Begin an episode, and end the one before."""
-        last, self._session = self._session, None
-        if last is not None:
-            end(self._policy, last)
-        self._session = begin(self._policy, instruction, seed)
+        with self._containing():
+            last, self._session = self._session, None
+            if last is not None:
+                end(self._policy, last)
+            self._session = begin(self._policy, instruction, seed)
 
     def act(self, observation: Observation) -> Chunk:
-        """The next actions (H, n).
+        """Return the next actions (H, n).
 
         Raises:
-            PolicyError: If `reset` was not called, or the answer is no chunk.
+            PolicyError: If `reset` was not called, or the policy returns no chunk.
         """
-        if self._session is None:
-            raise PolicyError("A policy is reset before it acts.")
-        (chunk,) = answer(self._policy, [self._session], [observation], self._batching)
-        if isinstance(chunk, PolicyError):
-            raise chunk
-        return chunk
+        with self._containing():
+            if self._session is None:
+                raise PolicyError("A policy is reset before it acts.")
+            (chunk,) = act_together(
+                self._policy, [self._session], [observation], self._batching
+            )
+            if isinstance(chunk, PolicyError):
+                raise chunk
+            return chunk
 
     @property
     def intended_action(self) -> ArrayLike | None:
-        """Action that a plain policy in it intended last, if it has disturbed it."""
-        return getattr(self._session, "intended", None)
+        """Action that the policy intended last, if it has disturbed it."""
+        return None if self._session is None else self._session.intended
 
     def close(self) -> None:
         """Close the policy."""
         getattr(self._policy, "close", lambda: None)()
 
 
-@dataclass(kw_only=True, slots=True)
-class _PlainSession(Session):
-    policy: Policy
-    noise: Noise
-    """State of Python's and NumPy's global generators in this episode."""
-    intended: ArrayLike | None = None
-    """Action that the policy intended last, if it has disturbed it."""
-
-
-def _reset(policy: Policy, instruction: str, seed: int) -> Noise:
-    seed_generators(seed)
-    policy.reset(instruction, seed)
-    return noise_now()
-
-
-def _act(session: _PlainSession, observation: Observation) -> ArrayLike:
-    seed_generators(session.seed)  # also those that are new since the last answer
-    go_on_with(session.noise)
-    chunk = session.policy.act(observation)
-    session.noise = noise_now()
-    return chunk
-
-
-def _first_act(session: _PlainSession, observation: Observation) -> ArrayLike:
-    """The first answer of an object; one that moves generators is given again as a later one."""
-    policy = session.policy
-    chunk, has_moved = tried(partial(policy.act, copy.deepcopy(dict(observation))))
-    if not has_moved:
-        return chunk
-    session.noise = _reset(policy, session.instruction, session.seed)
-    return _act(session, observation)
+@contextmanager
+def contained() -> Iterator[None]:
+    """Make anything that a policy raises in the block, `sys.exit` included, its failure."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        if is_machinery(error):
+            raise
+        raise PolicyFailedError(foreign_traceback(error)) from error
 
 
 class PolicyPool:
@@ -283,8 +286,10 @@ class PolicyPool:
         self.size = size
         self._all = [first]
         self._idle = [first]
+        self._playing: dict[int, tuple[Policy, Noise]] = {}
+        """Object of each session, by its id, and the states of the global generators in it."""
         self._known: set[int] = set()
-        """Ids of the objects that have answered before."""
+        """Ids of the objects that have acted before."""
         self.metadata = first.metadata
 
     def begin(self, instruction: str, seed: int) -> Session:
@@ -298,32 +303,58 @@ class PolicyPool:
             self._idle.append(self._make())
             self._all.append(self._idle[-1])
         policy = self._idle[-1]
+        session = Session(instruction=instruction, seed=seed)
         if id(policy) not in self._known:
             tried(partial(policy.reset, instruction, seed))
-        noise = _reset(policy, instruction, seed)
+        noise = _reset(policy, session)
         self._idle.pop()
-        return _PlainSession(
-            instruction=instruction, seed=seed, policy=policy, noise=noise
-        )
+        self._playing[id(session)] = policy, noise
+        return session
 
     def act_batch(
-        self, sessions: Sequence[_PlainSession], observations: Sequence[Observation]
+        self, sessions: Sequence[Session], observations: Sequence[Observation]
     ) -> list[ArrayLike]:
         """Ask one object after the other."""
         chunks = []
         for session, observation in zip(sessions, observations, strict=True):
-            act = _act if id(session.policy) in self._known else _first_act
+            policy, _ = self._playing[id(session)]
+            act = self._act if id(policy) in self._known else self._first_act
             chunks.append(act(session, observation))
-            self._known.add(id(session.policy))
-            session.intended = getattr(session.policy, "intended_action", None)
+            self._known.add(id(policy))
+            session.intended = getattr(policy, "intended_action", None)
         return chunks
 
-    def end(self, session: _PlainSession) -> None:
+    def _act(self, session: Session, observation: Observation) -> ArrayLike:
+        policy, noise = self._playing[id(session)]
+        seed_generators(session.seed)  # also those that are new since the last chunk
+        go_on_with(noise)
+        chunk = policy.act(observation)
+        self._playing[id(session)] = policy, noise_now()
+        return chunk
+
+    def _first_act(self, session: Session, observation: Observation) -> ArrayLike:
+        """Return the first chunk of an object; one that moves generators is made once more."""
+        policy, _ = self._playing[id(session)]
+        copied = copy.deepcopy(dict(observation))
+        chunk, has_moved = tried(partial(policy.act, copied))
+        if not has_moved:
+            return chunk
+        self._playing[id(session)] = policy, _reset(policy, session)
+        return self._act(session, observation)
+
+    def end(self, session: Session) -> None:
         """Take the object of an episode back."""
-        self._idle.append(session.policy)
+        policy, _ = self._playing.pop(id(session))
+        self._idle.append(policy)
 
     def close(self) -> None:
         """Close all objects, also those whose episodes were not ended."""
         with ExitStack() as closing:
             for policy in self._all:
                 closing.callback(getattr(policy, "close", lambda: None))
+
+
+def _reset(policy: Policy, session: Session) -> Noise:
+    seed_generators(session.seed)
+    policy.reset(session.instruction, session.seed)
+    return noise_now()

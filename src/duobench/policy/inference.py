@@ -1,4 +1,4 @@
-"""The loop that owns a model: it takes the observations that wait, and answers them together."""
+"""The loop that owns a model: it takes the observations that wait, and acts on them together."""
 
 import logging
 import threading
@@ -23,7 +23,7 @@ from duobench.policy.batch import (
     Chunk,
     Observation,
     Session,
-    answer,
+    act_together,
     begin,
     end,
 )
@@ -37,7 +37,7 @@ MAX_WAITING = 256
 PATIENCE, LONGEST_WAIT_S = 0.25, 0.25
 """For how long a batch waits for the sessions of the last one: a part of the time that the last
 one took, and at most so many seconds. An episode is usually back within a tenth of a second, and
-one call that answers all costs little more than one that answers half; if it is not back, little
+one call for all costs little more than one for half; if it is not back, little
 is lost."""
 
 
@@ -48,7 +48,7 @@ class BusyError(Exception):
     """
 
 
-class Answer(Future[Chunk]):
+class PendingChunk(Future[Chunk]):
     """A chunk (H, n) that is still to come."""
 
     busy_s = 0.0
@@ -60,15 +60,15 @@ class Answer(Future[Chunk]):
 
 
 class InferenceLoop:
-    """Answers from one thread what other threads ask.
+    """Lets a policy act in one thread, as other threads ask.
 
     A batch is what waits at the moment, `batching.size` observations at most. For the episodes that
-    the last batch answered the loop waits a little, so that all are answered together; see
+    the last batch held the loop waits a little, so that all are in the next one; see
     `PATIENCE`.
 
     Args:
         policy: The policy, used by the thread that calls `run` only.
-        batching: How many observations are answered together.
+        batching: How many observations a batch has.
         busy: Surrounds everything that the policy does.
     """
 
@@ -84,7 +84,7 @@ class InferenceLoop:
         self._busy = busy
         self._events = threading.Condition()
         self._calls: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
-        self._requests: deque[Answer] = deque()
+        self._requests: deque[PendingChunk] = deque()
         self._expected: set[int] = set()
         """Ids of the sessions of the last batch that are not back yet."""
         self._deadline = 0.0
@@ -99,13 +99,13 @@ class InferenceLoop:
         )
         return future
 
-    def act(self, session: Session, observation: Observation) -> Answer:
-        """Ask for the next actions of an episode, once its last request is answered.
+    def act(self, session: Session, observation: Observation) -> PendingChunk:
+        """Ask for the next chunk of an episode, once the last one is there.
 
         A future that is cancelled before its batch begins gives its place back. It holds a chunk
         (H, n), or what the policy raised, as a `PolicyError`; without a place it is a `BusyError`.
         """
-        request = Answer(session, observation)
+        request = PendingChunk(session, observation)
         self._queue(request, self._requests, back=session)
         return request
 
@@ -123,14 +123,14 @@ class InferenceLoop:
             self._events.notify()
 
     def run(self) -> None:
-        """Answer until `stop` is called."""
+        """Act until `stop` is called."""
         while self._wait():
             while self._calls:
                 future, call = self._calls.popleft()
                 if future.set_running_or_notify_cancel():
                     self._call(call, future)
             if self._is_due() and (batch := self._take()):
-                self._answer(batch)
+                self._act(batch)
         for waiting in (*(future for future, _ in self._calls), *self._requests):
             waiting.cancel()
 
@@ -162,30 +162,32 @@ class InferenceLoop:
             return not self._is_over
 
     def _is_due(self) -> bool:
-        """Whether what waits is answered now, and not a little later with others."""
+        """Whether a batch begins now, and not a little later with more in it."""
         return (
             not self._expected
             or len(self._requests) >= self._batching.size
             or time.monotonic() >= self._deadline
         )
 
-    def _take(self) -> list[Answer]:
+    def _take(self) -> list[PendingChunk]:
         """The oldest requests that are not cancelled, as many as a batch has."""
-        batch: list[Answer] = []
+        batch: list[PendingChunk] = []
         while self._requests and len(batch) < self._batching.size:
             request = self._requests.popleft()
             if request.set_running_or_notify_cancel():
                 batch.append(request)
         return batch
 
-    def _answer(self, batch: list[Answer]) -> None:
-        """Answer a batch; if that fails, each by itself, so that one of them spoils no other."""
+    def _act(self, batch: list[PendingChunk]) -> None:
+        """Act on a batch; if that fails, on each by itself, so that one of them spoils no other."""
         sessions = [request.session for request in batch]
         observations = [request.observation for request in batch]
         start = time.perf_counter()
         try:
             with self._busy():
-                chunks = answer(self._policy, sessions, observations, self._batching)
+                chunks = act_together(
+                    self._policy, sessions, observations, self._batching
+                )
         except BaseException as error:  # noqa: BLE001 - a policy's code
             if len(batch) == 1:
                 _fail(batch[0], error)
@@ -206,7 +208,7 @@ class InferenceLoop:
             return
         _log.warning("A batch failed; its observations are answered one by one.")
         for request in batch:
-            self._answer([request])
+            self._act([request])
 
     def _call(self, call: Callable[[], Any], future: Future[Any]) -> None:
         try:

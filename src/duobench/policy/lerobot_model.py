@@ -64,7 +64,7 @@ class LeRobotSession(Session):
 
 
 class LeRobotPolicy:
-    """A checkpoint of LeRobot that answers with chunks, for one episode or several at a time.
+    """A checkpoint of LeRobot that returns chunks, for one episode or several at a time.
 
     The model is asked for a chunk with `predict_action_chunk`; the queues inside LeRobot's policies
     stay empty, so that the state of an episode is in its session alone. A model that sees the last
@@ -146,17 +146,17 @@ class LeRobotPolicy:
         pending = [pair for pair in pairs if pair[0].left is None]
         chunks = iter(self._predict(pending) if pending else ())
         one_by_one = (self._past or 1) - 1
-        answers = []
+        executed = []
         for session, window in pairs:
             if session.left is None:
                 chunk = next(chunks)
-                answer, left = np.split(chunk, [len(chunk) - one_by_one])
+                first, left = np.split(chunk, [len(chunk) - one_by_one])
             else:
-                answer, left = np.split(session.left, [1])
+                first, left = np.split(session.left, [1])
             session.left = left if len(left) else None
             session.past = window[1:]
-            answers.append(answer)
-        return answers
+            executed.append(first)
+        return executed
 
     def _window(
         self, session: LeRobotSession, observation: Observation

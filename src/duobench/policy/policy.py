@@ -54,7 +54,7 @@ class PolicyMetadata:
     horizon: int | None = None
     """Actions of one chunk; None if that varies or is unknown."""
     batch_invariant: bool = False
-    """Whether an answer has the same bits however many observations are answered with it."""
+    """Whether a chunk has the same bits however large the batch is that it was made in."""
     dtype: str | None = None
     """Numbers that the model computes in, such as "bfloat16"."""
     device: str | None = None

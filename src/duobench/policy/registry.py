@@ -3,11 +3,12 @@
 import hashlib
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import Self
 
 from duobench.core.errors import (
     DuoBenchError,
@@ -36,16 +37,35 @@ A_POLICY = (
 
 
 class PolicyKind(StrEnum):
-    """Origin of a policy: the first two read the simulation, a baseline needs nothing."""
+    """Origin of a policy, and what follows from it."""
 
-    EXPERT = "expert"
-    BLIND = "blind"
+    is_scripted: bool
+    """Whether it reads the simulation, so that it must be where that is."""
+    has_process: bool
+    """Whether it is made in a process of its own, unless one process plays everything."""
+    may_see: bool
+    """Whether it may ask for images."""
+
+    #           word, is_scripted, has_process, may_see
+    EXPERT = "expert", True, False, False
+    BLIND = "blind", True, False, False
     """The scripted policy without a look at what changes from episode to episode."""
-    BASELINE = "baseline"
-    LEROBOT = "lerobot"
-    MODULE = "module"
+    BASELINE = "baseline", False, True, False
+    LEROBOT = "lerobot", False, True, True
+    MODULE = "module", False, True, True
     """Anyone's own, from a module."""
-    SERVED = "served"
+    SERVED = "served", False, False, True
+
+    def __new__(
+        cls, word: str, is_scripted: bool, has_process: bool, may_see: bool
+    ) -> Self:
+        """Make a kind from its row."""
+        kind = str.__new__(cls, word)
+        kind._value_ = word
+        kind.is_scripted = is_scripted
+        kind.has_process = has_process
+        kind.may_see = may_see
+        return kind
 
 
 MADE_ALONE: Mapping[str, PolicyKind] = MappingProxyType(
@@ -53,63 +73,50 @@ MADE_ALONE: Mapping[str, PolicyKind] = MappingProxyType(
 )
 """Words that name a policy which needs neither an environment nor a server."""
 SCRIPTED: Mapping[str, PolicyKind] = MappingProxyType(
-    {kind.value: kind for kind in (PolicyKind.EXPERT, PolicyKind.BLIND)}
+    {kind.value: kind for kind in PolicyKind if kind.is_scripted}
 )
 """Words that name a policy which reads the simulation."""
 _FORMS = ("lerobot:PATH_OR_ID", "module:attribute")
+_LEROBOT = f"{PolicyKind.LEROBOT}:"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PolicyName:
-    """The name of a policy, taken apart."""
+def kind_of(name: str, words: Mapping[str, PolicyKind] = MADE_ALONE) -> PolicyKind:
+    """Return the kind of a policy, without importing anything.
 
-    text: str
-    """The name as the user gave it."""
-    kind: PolicyKind
-    reference: str
-    """Reference to the policy: a word, `module:attribute`, or what follows `lerobot:`."""
-    variety: str | None = None
-    """Name of the expert's variety, if there is one in the name."""
+    Args:
+        name: A word, `expert:VARIETY`, `lerobot:PATH_OR_ID`, or `module:attribute`.
+        words: Words that a name may be, with the kind of each.
 
-    @classmethod
-    def parse(
-        cls, text: str, words: Mapping[str, PolicyKind] = MADE_ALONE
-    ) -> "PolicyName":
-        """Take a name apart, without importing anything.
-
-        Args:
-            text: A word, `expert:VARIETY`, `lerobot:PATH_OR_ID`, or `module:attribute`.
-            words: What a word may be, and what it names.
-        """
-        if not text.isprintable():
-            raise PolicyError(f"The name of a policy is printable text, got {text!a}.")
-        first, is_divided, rest = text.partition(":")
-        kind, reference, variety = words.get(text), text, None
-        if is_divided and words.get(first) is PolicyKind.EXPERT:
-            kind, reference, variety = PolicyKind.EXPERT, first, rest
-        elif is_divided and first == PolicyKind.LEROBOT:
-            kind, reference = PolicyKind.LEROBOT, rest
-        elif is_divided:
-            kind = PolicyKind.MODULE
-        if kind is None and Path(f"{text}.py").exists():
-            raise PolicyError(
-                f"{text!r} is a module; name a class in it, such as {text}:MyPolicy."
-            )
-        if kind is None and "/" in text and not text.endswith(".py"):
-            raise PolicyError(
-                f"A checkpoint of LeRobot is lerobot:{text}, not {text!r}."
-            )
-        if kind is None and "." in text:
-            path = Path(text)
-            module, attribute = path.stem, path.suffix.removeprefix(".")
-            attribute = "MyPolicy" if attribute == "py" else attribute
-            raise PolicyError(
-                f"A policy of your own is named module:attribute, not {text!r}: "
-                f"{module}:{attribute} for {attribute} in {module}.py."
-            )
-        if kind is None:
-            raise UnknownNameError("policy", text, [*words, *_FORMS])
-        return cls(text=text, kind=kind, reference=reference, variety=variety)
+    Raises:
+        UnknownNameError: If there is no policy of that name.
+        PolicyError: If it is nearly the name of a policy of the user's own.
+    """
+    if not name.isprintable():
+        raise PolicyError(f"The name of a policy is printable text, got {name!a}.")
+    first, is_divided, _ = name.partition(":")
+    if is_divided and words.get(first) is PolicyKind.EXPERT:
+        return PolicyKind.EXPERT
+    if name.startswith(_LEROBOT):
+        return PolicyKind.LEROBOT
+    if is_divided:
+        return PolicyKind.MODULE
+    if name in words:
+        return words[name]
+    if Path(f"{name}.py").exists():
+        raise PolicyError(
+            f"{name!r} is a module; name a class in it, such as {name}:MyPolicy."
+        )
+    if "/" in name and not name.endswith(".py"):
+        raise PolicyError(f"A checkpoint of LeRobot is lerobot:{name}, not {name!r}.")
+    if "." in name:
+        path = Path(name)
+        module, attribute = path.stem, path.suffix.removeprefix(".")
+        attribute = "MyPolicy" if attribute == "py" else attribute
+        raise PolicyError(
+            f"A policy of your own is named module:attribute, not {name!r}: "
+            f"{module}:{attribute} for {attribute} in {module}.py."
+        )
+    raise UnknownNameError("policy", name, [*words, *_FORMS])
 
 
 def reads_simulation(name: str) -> bool:
@@ -132,91 +139,90 @@ def make(name: str) -> Policy:
         UnknownNameError: If there is no baseline of that name.
         PolicyError: If the module or its attribute is missing, raises, or gives something else.
     """
-    made = make_any(PolicyName.parse(name))
+    made = make_any(name)
     return SessionPolicy(made, Batching()) if isinstance(made, BatchPolicy) else made
 
 
-def make_any(name: PolicyName) -> Policy | BatchPolicy:
+def make_any(name: str) -> Policy | BatchPolicy:
     """Make a policy of either kind that is not scripted; errors are those of `make`."""
-    factory = _factory(name)
+    kind = kind_of(name)
+    factory = _factory(name, kind)
     try:
         policy = factory()
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        is_ours = name.kind is PolicyKind.LEROBOT or name.reference.startswith(
-            "duobench."
-        )
+        is_ours = kind is PolicyKind.LEROBOT or name.startswith("duobench.")
         if is_ours and isinstance(error, DuoBenchError):
             raise
         trace = traceback_text(error, skip=1).strip()
         if isinstance(error, TypeError) and "\n" not in trace:  # the call itself
-            raise PolicyError(f"Policy {name.text!r}: {error}. {A_POLICY}") from error
-        raise PolicyError(f"Policy {name.text!r} cannot be made.\n{trace}") from error
+            raise PolicyError(f"Policy {name!r}: {error}. {A_POLICY}") from error
+        raise PolicyError(f"Policy {name!r} cannot be made.\n{trace}") from error
     is_policy = isinstance(policy, Policy | BatchPolicy)
     if not (is_policy and isinstance(policy.metadata, PolicyMetadata)):
         raise PolicyError(
-            f"{name.text} gave a {type(policy).__name__}, which is no policy. {A_POLICY}"
+            f"{name} gave a {type(policy).__name__}, which is no policy. {A_POLICY}"
         )
     return policy
 
 
-def _factory(name: PolicyName) -> Callable[[], object]:
-    if name.kind is PolicyKind.BASELINE:
-        return BASELINES[name.text]
+def _factory(name: str, kind: PolicyKind) -> Callable[[], object]:
+    if kind is PolicyKind.BASELINE:
+        return BASELINES[name]
+    reference = name.removeprefix(_LEROBOT)
     try:
-        if name.kind is not PolicyKind.LEROBOT:
-            return load(name.reference, "class or function", callable)
+        if kind is PolicyKind.MODULE:
+            return load(reference, "class or function", callable)
         from duobench.policy.lerobot_model import LeRobotPolicy
     except DuoBenchError as error:
-        raise PolicyError(f"Policy {name.reference!r}: {error}") from error
+        raise PolicyError(f"Policy {reference!r}: {error}") from error
     except ImportError as error:
         raise PolicyError(
             f"Policies of LeRobot need LeRobot 0.6, which cannot be imported: {error}. "
             f"{install_extra('lerobot')}"
         ) from error
-    return partial(LeRobotPolicy, name.reference)
+    return partial(LeRobotPolicy, reference)
 
 
 def make_batched(
-    name: PolicyName, batching: Batching | None = None, *, objects: int | None = None
+    name: str, batching: Batching | None = None, *, objects: int | None = None
 ) -> tuple[BatchPolicy, PolicyMetadata, Batching | None]:
     """Make a policy of either kind for many episodes at a time; errors are those of `make`.
 
     Args:
         name: That of a policy that is not scripted.
-        batching: How many observations a `BatchPolicy` answers together; None takes the default,
+        batching: How many observations a batch of a `BatchPolicy` has; None takes the default,
             and anything else is an error for a plain policy without `objects`.
         objects: How many episodes a plain policy may play side by side, with an object for each;
             None for one of them, and no batches.
 
     Returns:
         The policy; its metadata, with the hash of its source where it has no version; and how many
-        observations it answers together, None for a plain policy.
+        observations a batch has, None for a plain policy.
     """
+    kind = kind_of(name)
     seed_generators(MAKING_SEED)
-    _factory(name)  # imports what may take random numbers for itself
+    _factory(name, kind)  # imports what may take random numbers for itself
     seed_generators(MAKING_SEED)
     policy = make_any(name)
     metadata = policy.metadata
     if metadata.version is None:
-        own = (
-            [name.reference.partition(":")[0]] if name.kind is PolicyKind.MODULE else []
-        )
-        metadata = replace(
-            metadata, version=source_version(type(policy).__module__, *own)
-        )
+        modules = {type(policy).__module__}
+        if kind is PolicyKind.MODULE:
+            modules.add(name.partition(":")[0])
+        metadata = replace(metadata, version=source_version(*modules))
     if isinstance(policy, BatchPolicy):
         return policy, metadata, batching or Batching()
     if batching is not None and objects is None:
         raise no_batches(name)
-    return PolicyPool(policy, lambda: make(name.text), objects or 1), metadata, None
+    return PolicyPool(policy, lambda: make(name), objects or 1), metadata, None
 
 
-def no_batches(name: PolicyName) -> PolicyError:
+def no_batches(name: str) -> PolicyError:
     """The error about batches of a policy that has none."""
     return PolicyError(
-        f"{name.text} answers one observation at a time, so there are no batches of it. "
+        f"{name} answers one observation at a time, so there are no batches of it. "
         "With `begin` and `act_batch` it would be a duobench.policy.BatchPolicy."
     )
 

@@ -2,9 +2,6 @@
 
 import os
 
-from tests.docs.markdown import ROOT
-from tests.policy.serving.conftest import serve  # noqa: F401 - a fixture
-
 OPENPI_PYTHON = "DUOBENCH_OPENPI_PYTHON"
 """Environment variable: the interpreter of an environment with openpi-client."""
 VLA_EVAL_PYTHON = "DUOBENCH_VLA_EVAL_PYTHON"
@@ -19,9 +16,3 @@ NEEDS = {
 }
 
 collect_ignore = [file for file, variable in NEEDS.items() if variable not in os.environ]
-
-
-def environment(**variables: str) -> dict[str, str]:
-    """That of a process which finds what the tests test, and the tests."""
-    path = os.pathsep.join([str(ROOT), str(ROOT / "src"), str(ROOT / "examples/vla_eval")])
-    return {**os.environ, "PYTHONPATH": path, **variables}

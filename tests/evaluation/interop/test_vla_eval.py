@@ -19,9 +19,10 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.results.folder import RunFolder
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
+from tests.children import environment
 from tests.docs.markdown import blocks, page_of, table
 from tests.evaluation import toy_tasks
-from tests.evaluation.interop.conftest import VLA_EVAL_PYTHON, environment
+from tests.evaluation.interop.conftest import VLA_EVAL_PYTHON
 from tests.evaluation.processes import wait_until
 
 PEER = Path(__file__).with_name("vla_eval_peer.py")
@@ -31,12 +32,19 @@ LENGTH = 6
 EPISODES = 2
 
 
+def with_example() -> dict[str, str]:
+    """Environment of a process that finds the benchmark for vla-eval, which is an example."""
+    env = environment()
+    env["PYTHONPATH"] += f"{os.pathsep}{ROOT / 'examples/vla_eval'}"
+    return env
+
+
 @contextmanager
 def model_server(folder: Path, kind: str) -> Iterator[str]:
     """A model server of vla-eval; its address."""
     path = folder / f"port-{kind}"
     command = [os.environ[VLA_EVAL_PYTHON], str(PEER), str(path), kind, str(LENGTH)]
-    with subprocess.Popen(command, env=environment()) as process:
+    with subprocess.Popen(command, env=with_example()) as process:
         try:
             wait_until(path.exists, "a model server")
             yield f"ws://127.0.0.1:{path.read_text()}"
@@ -51,7 +59,7 @@ def server(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[str]:
 
 
 def played_by_us(folder: Path, url: str, workers: int = 0) -> Results:
-    choice = PolicyChoice.parse("vla-eval", server=RemoteServer(url=url))
+    choice = PolicyChoice(name="vla-eval", server=RemoteServer(url=url))
     suite = Suite(tasks=find_tasks([toy_tasks.WAVE_NAME, toy_tasks.NOD_NAME]), episodes=EPISODES)
     return evaluate(choice, suite, RunFolder(folder), workers=workers, videos=0)
 
@@ -65,7 +73,7 @@ def played_by_them(folder: Path, url: str, *options: str) -> list[dict[str, Any]
     command = [program, "run", "--no-docker", "--config", config, "--server-url", url]
     command += ["--output-dir", folder, "--yes", *options]
     done = subprocess.run(
-        command, env=environment(), check=False, capture_output=True, text=True, cwd=folder
+        command, env=with_example(), check=False, capture_output=True, text=True, cwd=folder
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Spec mismatch" not in done.stdout + done.stderr
@@ -102,7 +110,7 @@ def test_our_tasks_in_its_program_have_the_results_of_our_evaluation(
 def test_benchmark_is_what_its_programs_expect() -> None:
     command = [os.environ[VLA_EVAL_PYTHON], str(BENCHMARK_PEER)]
     told = json.loads(
-        subprocess.run(command, check=True, capture_output=True, env=environment()).stdout
+        subprocess.run(command, check=True, capture_output=True, env=with_example()).stdout
     )
     env = duobench.make("bin_sort", cameras=False)
     observation, _ = env.reset(seed=episode_seed("bin_sort", 2))  # 1 + 1

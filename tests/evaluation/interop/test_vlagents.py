@@ -15,14 +15,14 @@ from duobench.core.errors import MachineryError, PolicyError, PolicyTimeoutError
 from duobench.evaluation.episode import EpisodeRunner, Job
 from duobench.evaluation.policies import PolicyChoice, PolicySource
 from duobench.policy import Policy
-from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy
 from duobench.results.records import Record
 from duobench.results.suite import Episode, Suite, find_tasks
+from tests.children import environment
 from tests.docs.markdown import ROOT
 from tests.evaluation import toy_tasks
-from tests.evaluation.interop.conftest import VLAGENTS_PYTHON, environment
-from tests.policy.serving.serving import free_port
+from tests.evaluation.interop.conftest import VLAGENTS_PYTHON
+from tests.policy.serving.serving import free_port, server_at
 
 PEER = Path(__file__).with_name("vlagents_peer.py")
 TIMEOUT_S = 60
@@ -73,7 +73,7 @@ def remote(serve: Serve) -> Iterator[Callable[..., OpenpiPolicy]]:
             options = {"wait_s": TIMEOUT_S, "answer_s": TIMEOUT_S} | options
             variables = {"DUOBENCH_VLAGENTS_AGENT": f"{agent}@localhost:{port}"}
             _, bridge = serve(*BRIDGE, **variables, DUOBENCH_VLAGENTS_FORMAT=file)
-            policy = OpenpiPolicy(RemoteServer(url=f"ws://127.0.0.1:{bridge}", **options))
+            policy = OpenpiPolicy(server_at(bridge, **options))
             ending.callback(policy.close)
             return policy
 
@@ -100,7 +100,7 @@ class Twin:
 
 def played(policy: Any, task: str) -> Record:
     (info,) = find_tasks([task])
-    job = Job(policy=PolicyChoice.parse("hold"), suite=Suite(tasks=(info,)))
+    job = Job(policy=PolicyChoice(name="hold"), suite=Suite(tasks=(info,)))
     runner = EpisodeRunner(PolicySource(metadata=policy.metadata, bind=lambda _env: policy), job)
     record = runner.play(Episode(task=info, index=0)).record
     runner.close()

@@ -1,14 +1,11 @@
 """One policy answers all workers, in a process of its own or behind a server; both really die."""
 
-import os
 import re
 import signal
-import socket
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +16,6 @@ from duobench.core.errors import MachineryError, OtherRunError, PolicyError, Ser
 from duobench.evaluation.policies import PolicyChoice
 from duobench.evaluation.runners.evaluations import evaluate
 from duobench.policy import Batching
-from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.connection import is_healthy
 from duobench.policy.serving.message_format import MessageFormat
@@ -28,15 +24,14 @@ from duobench.results.run import TimeLimits
 from tests.evaluation import toy_batches
 from tests.evaluation.conftest import compared, small_suite
 from tests.evaluation.processes import wait_until
-from tests.policy.serving.serving import Serve
+from tests.policy.serving.serving import Serve, free_port, server_at, start_server
 
-ROOT = Path(__file__).parents[3]
 FIXED = Batching(size=3)
 KEY = "s3cret-of-the-test"
 
 
 def named(policy: type, batching: Batching | None = FIXED) -> PolicyChoice:
-    return PolicyChoice.parse(f"{toy_batches.__name__}:{policy.__name__}", batching=batching)
+    return PolicyChoice(name=f"{toy_batches.__name__}:{policy.__name__}", batching=batching)
 
 
 def episodes(folder: RunFolder) -> dict[str, bytes]:
@@ -115,18 +110,17 @@ def test_other_batches_are_another_run(play):
 @pytest.mark.parametrize("workers", [0, 1])
 def test_plain_policy_has_no_batches(play, workers):
     with pytest.raises(PolicyError, match="answers one observation at a time"):
-        play(PolicyChoice.parse("random", batching=FIXED), episodes=1, workers=workers)
+        play(PolicyChoice(name="random", batching=FIXED), episodes=1, workers=workers)
 
 
 @pytest.mark.long
-def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play):
+def test_state_of_the_objects_reaches_plain_batched_and_served_policies(play, serve: Serve):
     plain, results = play("Reads", "plain", workers=2, episodes=2)
     batched, _ = play(named(toy_batches.Reads), "batched", workers=2, episodes=2)
-    with closing(Serve()) as serve:
-        server = RemoteServer(url=f"ws://127.0.0.1:{serve(toy_batches.Reads())}", execute=30)
-        served, _ = play(PolicyChoice.parse("openpi", server=server), "served", episodes=2)
-        with pytest.raises(ServingError, match="A server of DuoBench needs no format"):
-            OpenpiPolicy(replace(server, message_format=MessageFormat()))
+    server = server_at(serve(toy_batches.Reads()), execute=30)
+    served, _ = play(PolicyChoice(name="openpi", server=server), "served", episodes=2)
+    with pytest.raises(ServingError, match="A server of DuoBench needs no format"):
+        OpenpiPolicy(replace(server, message_format=MessageFormat()))
     assert results.overall.errors == 0
     played = []
     for folder in (plain, batched, served):
@@ -141,27 +135,19 @@ class Serving:
     """A `duobench serve` in a process of its own, at a port that stays the same."""
 
     def __init__(self) -> None:
-        with socket.socket() as listener:
-            listener.bind(("127.0.0.1", 0))
-            self.port = listener.getsockname()[1]
-        self.choice = PolicyChoice.parse(
-            "openpi",
-            server=RemoteServer(url=f"ws://127.0.0.1:{self.port}", key=KEY, execute=30, wait_s=2.0),
-        )
+        self.port = free_port()
+        self.server = server_at(self.port, key=KEY, execute=30, wait_s=2.0)
+        self.choice = PolicyChoice(name="openpi", server=self.server)
 
     @contextmanager
     def process(self) -> Iterator[subprocess.Popen[bytes]]:
         """Serve as long as the block lasts, or until it is killed."""
-        words = ["serve", "--policy", f"{toy_batches.__name__}:Wanders", "--port", str(self.port)]
-        source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
-        with subprocess.Popen(
-            [sys.executable, "-m", "duobench", *words, "--max-batch", str(FIXED.size)],
-            env={**os.environ, "PYTHONPATH": source, "DUOBENCH_API_KEY": KEY},
-            stdout=subprocess.DEVNULL,
+        options = ("--max-batch", str(FIXED.size))
+        with start_server(
+            toy_batches.Wanders, self.port, *options, DUOBENCH_API_KEY=KEY
         ) as process:
             try:
-                server = self.choice.server
-                wait_until(lambda: server and is_healthy(server), "a server")
+                wait_until(lambda: is_healthy(self.server), "a server")
                 yield process
             finally:
                 process.kill()

@@ -3,8 +3,6 @@
 import os
 import signal
 import struct
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -38,7 +36,6 @@ from duobench.core.errors import (
     UnplayedError,
 )
 from duobench.evaluation.policies import PolicyChoice
-from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.connection import is_healthy
 from duobench.policy.serving.limits import HEALTH_PATH, reply_bytes
@@ -51,9 +48,8 @@ from tests.evaluation.processes import wait_until
 from tests.evaluation.runners import toy_failures
 from tests.evaluation.runners.toy_failures import BAD, WHAT
 from tests.evaluation.toy_tasks import seed_of
-from tests.policy.serving.serving import free_port, listening
+from tests.policy.serving.serving import free_port, listening, server_at, start_server
 
-ROOT = Path(__file__).parents[3]
 WAIT_S = 20.0
 TASKS = f"{toy_failures.__name__}:"
 LATE = TimeLimits(act_timeout=2.0)
@@ -228,30 +224,17 @@ def at_no_time(_seed: int, _acts: int) -> bool:
 def supervised(*, again: bool = True) -> Iterator[int]:
     """A `duobench serve` in a process of its own, started again whenever it has ended."""
     port, is_over = free_port(), threading.Event()
-    words = ["serve", "--policy", f"{toy_failures.__name__}:Fails", "--port", str(port)]
-    source = os.pathsep.join([str(ROOT / "src"), str(ROOT)])
-    running: list[subprocess.Popen[bytes]] = []
-
-    def start() -> None:
-        running.append(
-            subprocess.Popen(
-                [sys.executable, "-m", "duobench", *words],
-                env={**os.environ, "PYTHONPATH": source},
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-        )
+    running = [start_server(toy_failures.Fails, port)]
 
     def supervise() -> None:
         while not is_over.wait(0.1):
             if again and running[-1].poll() is not None:
-                start()
+                running.append(start_server(toy_failures.Fails, port))
 
-    start()
     thread = threading.Thread(target=supervise)
     thread.start()
     try:
-        wait_until(lambda: is_healthy(RemoteServer(url=f"ws://127.0.0.1:{port}")), "a server")
+        wait_until(lambda: is_healthy(server_at(port)), "a server")
         yield port
     finally:
         is_over.set()
@@ -473,8 +456,8 @@ def test_failure_is_of_whom_the_page_says(
         policy: Any = case.policy
         if case.serving is not None:
             port = serving.enter_context(case.serving())
-            server = RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=case.wait_s)
-            policy = PolicyChoice.parse("openpi", server=server)
+            server = server_at(port, wait_s=case.wait_s)
+            policy = PolicyChoice(name="openpi", server=server)
         try:
             play(policy, **options | case.options)
         except (DuoBenchError, KeyboardInterrupt) as error:
@@ -495,8 +478,8 @@ def test_episode_is_alone_until_it_ends_after_a_policy_of_several_was_lost(
         return seed == seed_of("wave", 6) and acts == 2
 
     with evil_server(closes_all, is_bad) as port:
-        server = RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=WAIT_S)
-        play(PolicyChoice.parse("openpi", server=server), workers=2, episodes=12)
+        server = server_at(port, wait_s=WAIT_S)
+        play(PolicyChoice(name="openpi", server=server), workers=2, episodes=12)
     found = records(RunFolder(tmp_path / "run"))
     bad = found.pop(("wave", 6))
     assert bad.earlier in (("policy",), ("shared policy", "policy"))

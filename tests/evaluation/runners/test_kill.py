@@ -14,11 +14,11 @@ import pytest
 
 from dev.benchmarks.kills import disturb
 from duobench.results.folder import RunFolder
+from tests.children import environment
 from tests.evaluation import toy_tasks
 from tests.evaluation.conftest import compared
 from tests.evaluation.processes import children, is_running, wait_until
 
-ROOT = Path(__file__).parents[3]
 SCRIPT = """
 import sys
 from pathlib import Path
@@ -44,7 +44,7 @@ def start(
 ) -> Any:
     return subprocess.Popen(
         [sys.executable, str(script), str(folder), str(workers), policy, str(act_timeout)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)])},
+        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

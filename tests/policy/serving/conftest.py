@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from duobench.policy.serving.address import RemoteServer
-from tests.policy.serving.serving import TIMEOUT_S, Serve
+from tests.policy.serving.serving import TIMEOUT_S, Serve, server_at
 
 
 @pytest.fixture
@@ -20,8 +20,8 @@ def connect() -> Iterator[Callable[..., Any]]:
     made = []
 
     def make(kind: Callable[[RemoteServer], Any], port: int, path: str = "", **options: Any) -> Any:
-        options = {"wait_s": 0.0, "answer_s": TIMEOUT_S} | options
-        made.append(kind(RemoteServer(url=f"ws://127.0.0.1:{port}{path}", **options)))
+        options = {"answer_s": TIMEOUT_S} | options
+        made.append(kind(server_at(port, path, **options)))
         return made[-1]
 
     yield make

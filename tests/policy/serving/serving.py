@@ -1,6 +1,8 @@
 """Servers in threads, ours and others, for tests with real sockets."""
 
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -11,8 +13,10 @@ from websockets.sync.server import ServerConnection, serve as serve_websocket
 
 from duobench.policy import Batching
 from duobench.policy.batch import BatchPolicy
+from duobench.policy.serving.address import RemoteServer
 from duobench.policy.serving.codec import pack
 from duobench.policy.serving.host import PolicyHost
+from tests.children import environment
 
 TIMEOUT_S = 30
 BATCHING = Batching(size=2)
@@ -44,6 +48,25 @@ class Serve:
             thread = self._threads.pop()
             thread.join(TIMEOUT_S)
             assert not thread.is_alive()
+
+
+def server_at(port: int, path: str = "", **options: Any) -> RemoteServer:
+    """A server at a port of this machine, which is not waited for."""
+    return RemoteServer(url=f"ws://127.0.0.1:{port}{path}", **{"wait_s": 0.0} | options)
+
+
+def start_server(
+    policy: type, port: int, *options: str, **variables: str
+) -> subprocess.Popen[bytes]:
+    """Start `duobench serve` in a process of its own."""
+    name = f"{policy.__module__}:{policy.__name__}"
+    words = ["-m", "duobench", "serve", "--policy", name, "--port", str(port), *options]
+    return subprocess.Popen(
+        [sys.executable, *words],
+        env=environment(**variables),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 def free_port() -> int:

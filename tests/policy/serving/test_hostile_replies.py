@@ -16,7 +16,7 @@ from duobench.policy.serving.client import OpenpiPolicy
 from duobench.policy.serving.vla_eval import VlaEvalPolicy
 from tests.policy.serving.hostile import DTYPES, KINDS, SHAPES
 from tests.policy.serving.model_server import Message, ModelServer, frame, packed
-from tests.policy.serving.serving import TIMEOUT_S, foreign_server
+from tests.policy.serving.serving import TIMEOUT_S, foreign_server, server_at
 from tests.policy.serving.test_message_format import observation
 
 Frame = bytes | str
@@ -110,7 +110,7 @@ def test_hostile_replies_are_the_fault_of_the_policy(
 ) -> None:
     before, outcomes = peak_mib(), Counter[str]()
     with served(random.Random(COUNT)) as port:
-        policy = client(RemoteServer(url=f"ws://127.0.0.1:{port}", wait_s=0.0, answer_s=TIMEOUT_S))
+        policy = client(server_at(port, answer_s=TIMEOUT_S))
         for _ in range(COUNT):
             policy.reset("Do it.", 0)
             try:

@@ -6,7 +6,7 @@ from duobench.core.errors import DuoBenchError
 from duobench.policy import Policy
 
 _NEEDED = {"vlagents": ("0.3.", "0.3.0"), "rpyc": ("6.", "6")}
-"""What versions begin with, and the first of them; before RPyC 6, every client can run code
+"""Beginning of the versions, and the first of them; before RPyC 6, every client can run code
 (CVE-2024-27758)."""
 
 

@@ -72,7 +72,7 @@ class VLAgentsPolicy:
         self.metadata = self._format.metadata(
             f"vlagents {name}", f"{name}, format {digest}"
         )
-        """What the format says that the agent expects."""
+        """Expectations of the agent, as its format says."""
 
     def reset(self, instruction: str, seed: int) -> None:  # noqa: ARG002 - it takes none
         """Take the instruction, and see whether the server is there: no episode fails by that."""
@@ -92,12 +92,12 @@ class VLAgentsPolicy:
         arms = {side: SingleObs(**_fields(arm)) for side, arm in message["obs"].items()}
         obs = Obs(obs=arms, language_instruction=message[_PROMPT])
         try:
-            answer = self._client.c.root.act(json_numpy.dumps(asdict(obs)))
+            reply = self._client.c.root.act(json_numpy.dumps(asdict(obs)))
         except BaseException as error:
             if self._client.c.closed:  # all other errors are the agent's
                 raise MachineryError("The server of VLAgents is gone.") from error
             raise
-        act = dataclass_from_dict(Act, json_numpy.loads(answer))
+        act = dataclass_from_dict(Act, json_numpy.loads(reply))
         if not act.acts:
             raise PolicyError("The agent answers without any `acts`.")
         return self._format.chunk([_action(one) for one in act.acts])

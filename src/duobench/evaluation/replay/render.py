@@ -106,7 +106,7 @@ def choose_few(
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenderResult:
-    """What became of chosen episodes."""
+    """Chosen episodes, by what became of them."""
 
     made: tuple[Record, ...]
     """Episodes of which something was made now."""

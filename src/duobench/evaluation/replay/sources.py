@@ -1,4 +1,4 @@
-"""What can be viewed: a task, recorded episodes, and those of a run, also while others write it."""
+"""Sources of the viewer: a task, recorded episodes, and those of a run that may be under way."""
 
 import time
 from collections.abc import Sequence
@@ -242,7 +242,7 @@ class FollowedRun:
             self._source.close()
 
     def refresh(self, is_last: bool = False) -> dict[str, Any]:
-        """What a page shows of the run now; its report at the end, of the run or of this."""
+        """Return what the page shows of the run now; its report once the run or this ends."""
         try:
             shown: dict[str, Any] = {"run": self._read()}
         except (
@@ -332,7 +332,7 @@ def open_view(
     *,
     import_tasks: bool = False,
 ) -> ViewSource:
-    """What a word names: a data set or a run by its folder, a bundle of a run, or a task.
+    """Return the source that a word names: a data set, a run or a bundle by its path, or a task.
 
     Args:
         what: Folder or file, id of a task, or its import path.

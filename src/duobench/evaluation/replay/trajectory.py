@@ -25,7 +25,7 @@ class Trajectory:
     stages: tuple[str, ...]
     """Names of the stages 1, 2, ..."""
     subinstructions: tuple[str, ...]
-    """What to do at stage 0, 1, ... to reach the next one."""
+    """Instruction at stage 0, 1, ... for reaching the next one."""
     stage_changes: tuple[tuple[int, int], ...]
     """Pairs (control step, stage), as in `Record`."""
     scene: str
@@ -45,7 +45,7 @@ class Trajectory:
         )
 
     def next_after(self, step: int) -> str:
-        """What is to be done next after so many control steps; empty once all is done."""
+        """Return the instruction after so many control steps; empty once all is done."""
         stage = self.stage_after(step)
         return self.subinstructions[stage] if stage < len(self.subinstructions) else ""
 

@@ -54,7 +54,7 @@ _OUTCOME = (
 
 
 class Verdict(StrEnum):
-    """What a replay says about a record."""
+    """Verdict of a replay on a record."""
 
     EXACT = "exact"
     STAGES = "stages only"
@@ -68,7 +68,7 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Finding:
-    """What was found out about one record."""
+    """Verdict on one record, with its reason."""
 
     key: Key
     verdict: Verdict
@@ -79,7 +79,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Verification:
-    """What was found out about a run."""
+    """Verdicts on the records of a run, and their scores."""
 
     run: Run
     findings: tuple[Finding, ...]
@@ -91,7 +91,7 @@ class Verification:
     missing: int = 0
     """Episodes of the run that have no record."""
     parts: tuple[RunPart, ...] = ()
-    """What is verified adds up to, under each condition: nothing that is contradicted, what cannot
+    """Scores of what is verified, under each condition: nothing that is contradicted, what cannot
     be verified as failures that reached no stage, and nothing after the horizon."""
 
     def of(self, *verdicts: Verdict) -> list[Finding]:
@@ -211,7 +211,7 @@ def _check_of(findings: Sequence[Finding], objections: Sequence[str]) -> Check:
 
 
 def _parts(run: Run, each: Iterable[tuple[Record, Verdict]]) -> tuple[RunPart, ...]:
-    """What records add up to as far as they are verified; see `Verification.parts`."""
+    """Return the scores of records as far as they are verified; see `Verification.parts`."""
     records = [
         record.unproven if verdict is Verdict.UNVERIFIABLE else record
         for record, verdict in each
@@ -244,7 +244,7 @@ def _check_tasks(run: Run, import_tasks: bool) -> tuple[Mapping[str, str], list[
 
 
 def _other_versions(run: Run, record: Record) -> str:
-    """What was installed for a record and not for its run; empty if nothing."""
+    """Return where the versions of a record and of its run differ; empty if nowhere."""
     return "; ".join(
         f"its version of {name} is {record.versions.get(name)}, that of the run {version}"
         for name, version in run.versions.items()
@@ -253,7 +253,7 @@ def _other_versions(run: Run, record: Record) -> str:
 
 
 def _other_attempts(noted: Mapping[str, Sequence[str]], record: Record) -> str:
-    """What was noted of attempts and a record says otherwise; empty if nothing."""
+    """Return where noted attempts and a record differ; empty if nowhere."""
     ends = noted.get(record.key.path)
     if ends is None:
         return ""
@@ -272,7 +272,7 @@ def _other_attempts(noted: Mapping[str, Sequence[str]], record: Record) -> str:
 
 
 def _checker(run: Run, import_tasks: bool) -> Callable[[Record], Finding]:
-    """What checks one record after the other; it keeps the environment of one for the next."""
+    """Return a function that checks a record, and keeps its environment for the next one."""
     return partial(_check, RecordPlayer(run, import_tasks=import_tasks))
 
 
@@ -296,7 +296,7 @@ def _check(player: RecordPlayer, record: Record) -> Finding:
 
 
 def disagreements(record: Record, replay: Record) -> list[str]:
-    """What a record claims and its replay does not show, though it would on any processor.
+    """Return claims of a record that its replay contradicts on any processor.
 
     The replay has the same error. What both say is one phrase each.
     """
@@ -309,7 +309,7 @@ def disagreements(record: Record, replay: Record) -> list[str]:
 
 
 def differing_bits(record: Record, replay: Record) -> list[str]:
-    """What in a record is not equal to the bit to its replay; on other processors it need not be.
+    """Return where a record and its replay differ in bits, as they may on other processors.
 
     See `disagreements`. Words on what the next stage lacks are none where the last step failed.
     """

@@ -68,7 +68,7 @@ def evaluate(  # noqa: PLR0913
 ) -> Results:
     """Play the episodes of a suite that have no record yet, and write the report.
 
-    The policy is asked its first answer twice, with one seed: records and report say whether both
+    The policy makes its first chunk twice, with one seed: records and report say whether both
     were the same.
 
     Args:
@@ -99,7 +99,7 @@ def evaluate(  # noqa: PLR0913
         PolicyError: If the policy cannot be made, or does not fit the environment.
         DuoBenchError: If the environment cannot be made.
     """
-    choice = PolicyChoice.parse(policy) if isinstance(policy, str) else policy
+    choice = PolicyChoice(name=policy) if isinstance(policy, str) else policy
     if videos < 0:
         raise EvaluationError(f"The number of videos is 0 or more, got {videos}.")
     job = Job(policy=choice, suite=suite, limits=limits or TimeLimits(), videos=videos)
@@ -112,7 +112,7 @@ def evaluate(  # noqa: PLR0913
         elif folder.gives_way(run):
             folder.clear(run, shard, keeps_attempts=True)
         episodes = run.episodes(shard, videos)
-        # Of a policy that gives no first answer, nothing is written.
+        # Of a policy that gives no first chunk, nothing is written.
         ask = partial(_first_answer, executor, run.episodes())
         first_answer = ask() if episodes and not folder.has_records else None
         folder.begin(run, shard)
@@ -154,7 +154,7 @@ def evaluate(  # noqa: PLR0913
 def _first_answer(
     executor: Executor, episodes: Sequence[Episode]
 ) -> FirstAnswer | None:
-    """Answer of the policy to the first observation that a task gives; None if all tasks fail."""
+    """First chunk of the policy, at the first task that gives an observation; None if all fail."""
     for episode in episodes:
         with suppress(
             TaskFailedError
@@ -266,7 +266,7 @@ def record(  # noqa: PLR0913
         instructions=instructions,
     )
     job = Job(
-        policy=PolicyChoice.parse(policy),
+        policy=PolicyChoice(name=policy),
         suite=Suite(tasks=tuple(tasks), episodes=episodes),
         limits=limits or TimeLimits(),
         recording=plan,
@@ -281,7 +281,7 @@ _ADVICE = "Record into a folder of its own; data sets can be merged afterwards."
 
 
 class _Log:
-    """What was played for a data set; a recording is begun in it, or the one there continued."""
+    """Log of what was played for a data set; begins a recording in it, or continues it."""
 
     def __init__(
         self, data: DataSet, run: Run, plan: RecordingPlan, command: str

@@ -1,4 +1,4 @@
-"""Where episodes are played: in this process, or in processes of their own.
+"""Executors, which play episodes in this process or in processes of their own.
 
 The latter may hang or die without harm, and have simulators apart from policies.
 """
@@ -84,7 +84,7 @@ class LocalExecutor:
     """Plays in this process: for debugging, notebooks and tests.
 
     The policy shares it with the simulator, which it can see and move. It cannot outlive a policy
-    that ends its process, it cannot stop one that hangs (an answer that comes too late fails the
+    that ends its process, it cannot stop one that hangs (a chunk that comes too late fails the
     episode once it comes), and it leaves alone what a policy has started. `ProcessExecutor` does
     all of that, with one worker too.
     """
@@ -110,7 +110,7 @@ class LocalExecutor:
         return self._runner.run
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy answer a first observation twice; see `ProcessExecutor`."""
+        """Have the policy act twice on a first observation; see `ProcessExecutor`."""
         return self._runner.rehearse(episode)
 
     def play(
@@ -202,10 +202,10 @@ class ProcessExecutor:
         return self._ready.run
 
     def rehearse(self, episode: Episode) -> FirstAnswer:
-        """Have the policy answer the first observation of an episode twice, after `prepare`.
+        """Have the policy act twice on the first observation of an episode, after `prepare`.
 
         Raises:
-            PolicyError: It fails, or its answer is no chunk of actions.
+            PolicyError: It fails, or returns no chunk of actions.
             TaskFailedError: The task has failed before the policy was asked.
         """
         (self._rehearsing,) = self._pool.workers
@@ -387,7 +387,7 @@ class ProcessExecutor:
     def _rehearse_again(
         self, worker: Worker, episode: Episode, report: EpisodeError
     ) -> None:
-        """Have a policy answer once more, unless that cannot help."""
+        """Have a policy act once more, unless that cannot help."""
         if report.how == TASK:
             self._rehearsing = worker.episode = None
             raise TaskFailedError(report.fault)
@@ -462,7 +462,7 @@ class ProcessExecutor:
     def _check_answer(self, policy: RunningPolicy) -> Iterator[EpisodeResult]:
         """End a policy that hangs; alone with an episode, it has failed it."""
         act_s = self._job.limits.act_timeout
-        if policy.process.clock().answer_s <= act_s + HANG_S:
+        if policy.process.clock().act_s <= act_s + HANG_S:
             return
         mates = [worker for worker in self._pool.playing if worker.policy is policy]
         played = self._remove(policy)
@@ -506,7 +506,7 @@ class ProcessExecutor:
 def _read(
     member: Worker | RunningPolicy, *, is_readable: bool
 ) -> tuple[Sequence[Report | Answering], str | None]:
-    """What a process has said, and what has become of it if it is of no more use."""
+    """Return the messages of a process, and how it ended if it is of no more use."""
     process = member.process
     try:
         if is_readable:
@@ -525,7 +525,7 @@ Executor = LocalExecutor | ProcessExecutor
 
 
 def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Executor:
-    """What does a job, with so many processes side by side, or with 0 in this one."""
+    """Return an executor of a job, with so many processes side by side, or with 0 in this one."""
     if workers < 0:
         raise EvaluationError(
             f"The number of workers is 1 or more, or 0 for this process alone; got {workers}."
@@ -541,7 +541,7 @@ def executor_for(job: Job, workers: int, cluster: Cluster | None = None) -> Exec
     # itself. Only its worker knows whether a policy sees images: it is the one to complain.
     if job.videos:
         rendering.choose(processes=workers)
-    elif job.policy.may_see and workers > 1:
+    elif job.policy.kind.may_see and workers > 1:
         with suppress(RenderingError):
             rendering.choose(processes=workers)
     return ProcessExecutor(job, workers)

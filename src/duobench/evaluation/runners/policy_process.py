@@ -1,4 +1,4 @@
-"""The process of a policy: it answers observations, and has no simulator to look into."""
+"""The process of a policy: it acts on observations, and has no simulator to look into."""
 
 import secrets
 import threading
@@ -9,7 +9,7 @@ import msgspec
 from duobench.evaluation.clock import EpisodeClock
 from duobench.evaluation.runners.process import Parent, Requests, Stop, run_child
 from duobench.policy.batch import ONE_BY_ONE, Batching
-from duobench.policy.registry import PolicyName, make_batched
+from duobench.policy.registry import make_batched
 from duobench.policy.serving.address import LOOPBACK, MAX_S, PolicyAddress
 from duobench.policy.serving.host import PolicyHost
 from duobench.results.run import TimeLimits
@@ -18,9 +18,9 @@ from duobench.results.run import TimeLimits
 class MakePolicy(msgspec.Struct, tag=True, frozen=True, kw_only=True):
     """To the process of a policy: make it, and answer."""
 
-    name: PolicyName
+    name: str
     batching: Batching | None
-    """How many observations a `BatchPolicy` answers together; None takes the default."""
+    """How many observations a batch of a `BatchPolicy` has; None takes the default."""
     limits: TimeLimits
 
 
@@ -35,11 +35,11 @@ def main(connection: int, clock: int, host: str = LOOPBACK) -> None:
 
     It listens at `host`; that of another interface is reached by other machines.
     """
-    answer = partial(_answer, clock=EpisodeClock(clock), host=host)
-    run_child(connection, MakePolicy | Stop, answer)
+    serve = partial(_serve, clock=EpisodeClock(clock), host=host)
+    run_child(connection, MakePolicy | Stop, serve)
 
 
-def _answer(
+def _serve(
     job: MakePolicy,
     parent: Parent,
     requests: Requests,

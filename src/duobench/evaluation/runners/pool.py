@@ -34,7 +34,7 @@ WORKER, POLICY = (
 
 
 class Launcher(Protocol):
-    """What starts processes, here or elsewhere."""
+    """Starts processes, here or elsewhere."""
 
     max_failed_starts: int
     """Processes that die one after the other while they start, until the run gives up."""
@@ -118,7 +118,7 @@ class Worker:
         self.process.send(job)
 
     def rehearse(self, episode: Episode) -> None:
-        """Have its policy answer the first observation of an episode."""
+        """Have its policy act on the first observation of an episode."""
         self.episode = episode
         self.process.send(Rehearse(episode=episode))
 
@@ -157,7 +157,9 @@ class WorkerPool:
 
     def start(self, wanted: int) -> None:
         """Start processes until so many workers are there, or will be."""
-        if not self._job.policy.has_process or (self._is_shared and self._policies):
+        if not self._job.policy.kind.has_process or (
+            self._is_shared and self._policies
+        ):
             shared = self._policies[0] if self._policies else None
             for _ in range(wanted - len(self.workers)):
                 self._start_worker(shared)

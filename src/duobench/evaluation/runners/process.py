@@ -65,7 +65,7 @@ class Transport(Protocol):
         ...
 
     def receive(self) -> list[Any]:
-        """What it has said and was not received yet."""
+        """Return its messages that were not received yet."""
         ...
 
     def death(self) -> str | None:
@@ -214,7 +214,7 @@ class WorkerProcess:
         return self._channel.receive()
 
     def clock(self) -> ClockReading:
-        """What its clock shows; who asks for it many times a second may be stopped with it."""
+        """Return the reading of its clock; who asks many times a second may be stopped with it."""
         self._awake.note()
         return self._clock.read()
 
@@ -246,7 +246,7 @@ class WorkerProcess:
 
 
 def _module_folders() -> list[str]:
-    """Where modules are found here, absolute, and the current folder last.
+    """Return the folders of modules here, absolute, and the current folder last.
 
     A module there must be found, but must not stand in for one of the standard library.
     """

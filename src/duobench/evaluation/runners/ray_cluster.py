@@ -70,7 +70,7 @@ class RayLauncher:
 
     def __init__(self, cluster: Cluster, job: Job, workers: int) -> None:
         self._cluster = cluster
-        self._renderers = workers if job.videos or job.policy.may_see else 0
+        self._renderers = workers if job.videos or job.policy.kind.may_see else 0
         self._is_connected = False
         # A node that is lost while its workers start takes all of them with it.
         self.max_failed_starts = MAX_FAILED_STARTS + workers
@@ -102,7 +102,7 @@ class RayLauncher:
         self._is_connected = True
 
     def _lacking(self, ray: Any) -> str:
-        """What no node of the cluster has now, in words; empty if there is nothing."""
+        """Return resources that no node of the cluster has now, in words; empty if none lack."""
         gpus = self._cluster.policy_gpus
         nodes: list[dict[str, Any]] = [
             node["Resources"] for node in ray.nodes() if node["Alive"]
@@ -169,7 +169,7 @@ class RayTransport:
         self.node: str | None = None
         """Id of the node, once the actor is there."""
         self.status = actor.poll.remote()
-        """What the actor is going to say next."""
+        """Next message of the actor, still to come."""
 
     @property
     def has_said(self) -> bool:
@@ -202,7 +202,7 @@ class RayTransport:
         return self._death
 
     def receive(self) -> list[Any]:
-        """What the process has said; see `Transport`."""
+        """Return the messages of the process; see `Transport`."""
         death = self.death()
         said, self._messages = self._messages, []
         if not said and self._unreadable is not None:
@@ -212,7 +212,7 @@ class RayTransport:
         return said
 
     def clock(self) -> ClockReading:
-        """What the actor has last said; time that has passed since then is not guessed."""
+        """Return the last reading from the actor; time that has passed since is not guessed."""
         return self._clock
 
     def kill(self) -> None:

@@ -1,4 +1,4 @@
-"""What an actor is on its node: it starts a process of the evaluation there, and passes messages.
+"""Actor on its node: it starts a process of the evaluation there, and passes messages.
 
 The actor itself neither simulates nor holds a policy: these are in processes of their own, as they
 are without Ray, which end with the actor, however it ends.
@@ -38,7 +38,7 @@ POLL_S = 0.5
 PROGRESS = b'{"type":"EpisodeProgress"'
 """How messages of that class begin, which is loaded where they are made."""
 SECRETS = ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH")
-"""What lets a process into the cluster, which a policy does not get."""
+"""Variables that let a process into the cluster, which a policy does not get."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -74,10 +74,10 @@ def auth_mode() -> str:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ActorStatus:
-    """What an actor tells about its process."""
+    """Status of an actor's process."""
 
     messages: tuple[bytes, ...]
-    """What the process has said, each a JSON text."""
+    """Messages of the process, each a JSON text."""
     clock: ClockReading
     node: str
     death: str | None

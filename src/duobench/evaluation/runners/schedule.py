@@ -19,7 +19,7 @@ LOST = "the connection to the policy was lost"
 
 
 class AttemptLog:
-    """What is told about attempts at episodes, and kept while one plays them."""
+    """Log of attempts at episodes, kept while they are played."""
 
     def __init__(self) -> None:
         self._policy_ends: Counter[Episode] = Counter()

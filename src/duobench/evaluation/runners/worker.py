@@ -29,7 +29,7 @@ class PlayEpisode(msgspec.Struct, tag=True, frozen=True):
 
 
 class Rehearse(msgspec.Struct, tag=True, frozen=True):
-    """To a worker: have the policy answer the first observation of an episode twice."""
+    """To a worker: have the policy act twice on the first observation of an episode."""
 
     episode: Episode
 
@@ -43,7 +43,7 @@ class Ready(msgspec.Struct, tag=True, frozen=True):
 
 
 class Rehearsed(msgspec.Struct, tag=True, frozen=True):
-    """From a worker: the policy has answered."""
+    """From a worker: the policy has acted."""
 
     answer: FirstAnswer
 

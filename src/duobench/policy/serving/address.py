@@ -12,11 +12,11 @@ from duobench.policy.serving import access
 from duobench.policy.serving.message_format import MessageFormat
 
 ANSWER_S = 110.0
-"""Default seconds for one answer: under the limit of an evaluation, which ends the episode."""
+"""Default seconds for one reply: under the limit of an evaluation, which ends the episode."""
 WAIT_S = 60.0
 """Default seconds to wait for a server that is not there yet, or not there again."""
 MAX_S = 86_400.0
-"""Most seconds for one answer, and to wait: a day; sockets know no endless time."""
+"""Most seconds for one reply, and to wait: a day; sockets know no endless time."""
 LOOPBACK = "127.0.0.1"
 _SCHEMES = ("ws", "wss")
 """Schemes of the address of a server."""
@@ -47,7 +47,7 @@ class PolicyAddress:
     key: str
     """Key that it asks for; only those who play with it have it."""
     batching: Batching | None
-    """How many observations it answers together; None for a plain policy, which plays one episode
+    """How many observations a batch of it has; None for a plain policy, which plays one episode
     at a time."""
 
     @property
@@ -69,7 +69,7 @@ class RemoteServer:
     execute: int | None = None
     """Actions that are executed of each chunk; None takes all."""
     answer_s: float = ANSWER_S
-    """Seconds for one answer."""
+    """Seconds for one reply."""
     wait_s: float = WAIT_S
     """Seconds to wait for a server that is not there."""
 

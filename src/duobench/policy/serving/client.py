@@ -118,11 +118,11 @@ class OpenpiPolicy(ConnectedPolicy):
         message_format = self._server.message_format
         if message_format is not None:
             request = message_format.request(observation, self._instruction)
-            answer = self._request(connection, {**request, **self._added})
-            return message_format.chunk(actions_of(answer, message_format.actions.key))
+            reply = self._request(connection, {**request, **self._added})
+            return message_format.chunk(actions_of(reply, message_format.actions.key))
         prompt = {} if self._dialect is OURS else {"prompt": self._instruction}
-        answer = self._request(connection, {**observation, **prompt, **self._added})
-        return as_chunk(actions_of(answer, "actions"), width=None)
+        reply = self._request(connection, {**observation, **prompt, **self._added})
+        return as_chunk(actions_of(reply, "actions"), width=None)
 
     def _request(
         self,
@@ -201,7 +201,7 @@ class OwnPolicy(OpenpiPolicy):
     intended_action: Any = None
     """Action that it intended last, if it has disturbed it."""
     busy_s: float = 0.0
-    """Seconds that it took for its answers, without those for which they waited."""
+    """Seconds that it took for its chunks, without waiting."""
 
     def _connect(self) -> ClientConnection:
         """Connect; a process of this machine that cannot be reached is lost, also if it lives."""
@@ -212,11 +212,11 @@ class OwnPolicy(OpenpiPolicy):
             raise (ConnectionLostError(str(error)) if is_near else error) from error
 
     def _request(self, *words: Any, **options: Any) -> Any:
-        answer = super()._request(*words, **options)
-        said = answer if isinstance(answer, dict) else {}
+        reply = super()._request(*words, **options)
+        said = reply if isinstance(reply, dict) else {}
         self.busy_s += said.get("server_timing", {}).get("policy_ms", 0.0) / _MILLI
         self.intended_action = said.get("intended")
-        return answer
+        return reply
 
     def _failure(self, words: str) -> PolicyError:
         timeout = f"{PolicyTimeoutError.__name__}: "

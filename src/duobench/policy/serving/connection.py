@@ -1,6 +1,6 @@
 """A policy at a server, at the other end of a WebSocket, in any protocol.
 
-What the server's policy does wrong is a `PolicyError`, which fails an episode, and so is an answer
+What the server's policy does wrong is a `PolicyError`, which fails an episode, and so is a reply
 that cannot be read. What happens to the connection is a `MachineryError`, after which an episode
 can be played again from its start; where the server is back, a `ConnectionLostError`.
 """
@@ -62,7 +62,7 @@ class ConnectedPolicy(ABC):
     metadata: PolicyMetadata
     """Expectations of the policy on the environment."""
     batching: Batching | None
-    """How many observations the server answers together, if it tells."""
+    """How many observations a batch of the server has, if it tells."""
     health_path: ClassVar[str]
     """Path at which a server of this kind says that it lives."""
     _default_format: ClassVar[str | None] = None
@@ -117,7 +117,7 @@ class ConnectedPolicy(ABC):
     ) -> tuple[PolicyMetadata, Batching | None]:
         """Say and read what comes first on every connection.
 
-        Returns what the policy expects, and how many observations are answered together, if known.
+        Return what the policy expects, and how many observations a batch has, if known.
         """
 
     @abstractmethod
@@ -140,7 +140,7 @@ class ConnectedPolicy(ABC):
         self._asked, self._most_s = time.monotonic(), seconds
 
     def _left(self) -> float:
-        """Seconds that the answer may still take."""
+        """Seconds that the reply may still take."""
         return max(self._most_s - HERE.seconds_since(self._asked), 0.0)
 
     def _tell(
@@ -177,7 +177,7 @@ class ConnectedPolicy(ABC):
         except PolicyError:
             raise
         except BaseException as error:
-            self._drop()  # an answer that comes late would be taken for the next one
+            self._drop()  # a reply that comes late would be taken for the next one
             code = _refused_with(error)
             if isinstance(error, MessageError) or code in _UNREADABLE:
                 words = escaped(str(error))
@@ -306,23 +306,23 @@ def reported(words: str) -> PolicyError:
     )
 
 
-def actions_of(answer: Any, key: str) -> Any:
-    """The actions in an answer, which may also be nothing but them; an error if there are none."""
-    if isinstance(answer, np.ndarray):
-        return answer
-    if not isinstance(answer, dict):
+def actions_of(reply: Any, key: str) -> Any:
+    """Return the actions in a reply, which may be all of it; an error if they are missing."""
+    if isinstance(reply, np.ndarray):
+        return reply
+    if not isinstance(reply, dict):
         raise PolicyError(
-            f"The policy's server answers with a {type(answer).__name__}, no map."
+            f"The policy's server answers with a {type(reply).__name__}, no map."
         )
-    kind = answer.get("type")
+    kind = reply.get("type")
     if isinstance(kind, str) and kind == "error":
-        raise reported(str(answer.get("message")))
-    if key not in answer:
-        known = escaped(", ".join(sorted(answer)))[:_LONGEST_LIST] or "nothing"
+        raise reported(str(reply.get("message")))
+    if key not in reply:
+        known = escaped(", ".join(sorted(reply)))[:_LONGEST_LIST] or "nothing"
         raise PolicyError(
             f"The policy's server answers without {key!r}; it gives {known}."
         )
-    return answer[key]
+    return reply[key]
 
 
 def is_healthy(server: RemoteServer, path: str = limits.HEALTH_PATH) -> bool:

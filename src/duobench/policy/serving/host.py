@@ -30,7 +30,7 @@ from duobench.core.types import as_whole
 from duobench.policy.batch import ONE_BY_ONE, Batching, BatchPolicy, PolicyPool, Session
 from duobench.policy.inference import BusyError, InferenceLoop
 from duobench.policy.policy import PolicyMetadata
-from duobench.policy.registry import PolicyName, make_batched
+from duobench.policy.registry import make_batched
 from duobench.policy.serving import access, limits
 from duobench.policy.serving.codec import pack, unpack
 from duobench.policy.serving.limits import HEALTH_PATH, PROTOCOL
@@ -41,7 +41,7 @@ _GOING_AWAY, _INTERNAL_ERROR, _TRY_AGAIN = 1001, 1011, 1013
 _LONGEST_REASON = 120
 """Bytes of the reason for closing a connection; a WebSocket takes three more."""
 _RESET_STATUS = "reset successful"
-"""Answer to a reset, as other servers of the protocol give it."""
+"""Reply to a reset, as other servers of the protocol give it."""
 _ENDPOINTS = ("infer", "reset")
 _MILLI = 1e3
 
@@ -52,12 +52,12 @@ class PolicyHost:
     Args:
         policy: The policy.
         metadata: What clients get to know about it.
-        batching: How many observations are answered together.
+        batching: How many observations a batch has.
         host: Address to listen at; that of other machines needs a key.
         port: Port to listen at; 0 takes a free one.
         key: What clients must have.
         busy: Surrounds everything that the policy does.
-        answer_s: Seconds for one answer, waiting included.
+        answer_s: Seconds for one chunk, waiting included.
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class PolicyHost:
         return True
 
     async def _reply(self, session: "ClientSession", frame: str | bytes) -> bytes:
-        """The answer of a session, which may have to wait for the place of a silent one first."""
+        """Reply of a session, which may have to wait for the place of a silent one first."""
         until = time.monotonic() + limits.SILENT_S
         sessions = self._clients.values()
         while (
@@ -241,14 +241,14 @@ class ClientSession:
         """Whether an episode is under way, or begins."""
         self.silent_since = time.monotonic()
         """Since when its client is waited for, to ask, or to read before it asks more; infinity
-        while that waits for an answer."""
+        while that waits for a reply."""
         self._read: asyncio.Future[Any] | None = None
         self._episode = _RequestedEpisode()
         self._received = 0.0
         self._timing: dict[str, float] = {}
 
     async def reply(self, frame: str | bytes) -> bytes:
-        """The answer to a request; an error if that cannot be understood, or the policy fails."""
+        """Reply to a request; an error if that cannot be understood, or the policy fails."""
         self._received = time.monotonic()
         if isinstance(frame, str):
             raise MessageError("A request is a binary message, got text.")
@@ -269,9 +269,9 @@ class ClientSession:
             self.silent_since = since
 
     def note_sent(self, read: "asyncio.Future[Any]") -> None:
-        """Note that an answer was sent, and what is done once it is read.
+        """Note that a reply was sent, and what is done once it is read.
 
-        The next answer says how long it took.
+        The next reply says how long it took.
         """
         self._read = read
         self._timing = {"prev_total_ms": (time.monotonic() - self._received) * _MILLI}
@@ -289,12 +289,13 @@ class ClientSession:
         if session is None or episode != self._episode:
             session = await self._begin(episode)
         start = time.monotonic()
-        answer = self._loop.act(session, request)
-        chunk = await self._result(answer)
+        pending = self._loop.act(session, request)
+        chunk = await self._result(pending)
         timing = {"infer_ms": (time.monotonic() - start) * _MILLI, **self._timing}
-        timing["policy_ms"] = answer.busy_s * _MILLI
-        intended = getattr(session, "intended", None)
-        said = {} if intended is None else {"intended": np.asarray(intended)}
+        timing["policy_ms"] = pending.busy_s * _MILLI
+        said = {}
+        if session.intended is not None:
+            said = {"intended": np.asarray(session.intended)}
         return pack({"actions": chunk, **said, "server_timing": timing})
 
     async def _begin(self, episode: _RequestedEpisode) -> Session:
@@ -315,7 +316,7 @@ class ClientSession:
             self._loop.end(future.result())
 
     async def _result(self, future: Future[T]) -> T:
-        """Answer of the inference loop; giving up gives the place in its queue back."""
+        """Return the result of the inference loop; giving up gives the place in its queue back."""
         try:
             async with asyncio.timeout(self._answer_s):
                 return await asyncio.wrap_future(future)
@@ -331,16 +332,16 @@ class ClientSession:
 
 
 async def _unless_gone(
-    connection: ServerConnection, answering: Coroutine[Any, Any, bytes]
+    connection: ServerConnection, replying: Coroutine[Any, Any, bytes]
 ) -> bytes | None:
-    """An answer, or None once the client has left."""
-    answer = asyncio.create_task(answering)
+    """Return a reply, or None once the client has left."""
+    reply = asyncio.create_task(replying)
     gone = asyncio.create_task(connection.wait_closed())
     try:
-        await asyncio.wait({answer, gone}, return_when=asyncio.FIRST_COMPLETED)
-        return answer.result() if answer.done() else None
+        await asyncio.wait({reply, gone}, return_when=asyncio.FIRST_COMPLETED)
+        return reply.result() if reply.done() else None
     finally:
-        answer.cancel()
+        reply.cancel()
         gone.cancel()
 
 
@@ -367,11 +368,9 @@ def make_served(
 ) -> tuple[BatchPolicy, PolicyMetadata, Batching]:
     """Make a policy of either kind, what it says about itself, and how it is asked.
 
-    A plain policy answers one observation after the other, with an object for each episode and as
+    A plain policy acts on one observation after the other, with an object for each episode and as
     many as `batching` has places; errors are those of `duobench.policy.make`.
     """
     objects = batching.size
-    made, metadata, together = make_batched(
-        PolicyName.parse(name), batching, objects=objects
-    )
+    made, metadata, together = make_batched(name, batching, objects=objects)
     return made, metadata, together or ONE_BY_ONE

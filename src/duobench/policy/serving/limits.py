@@ -53,9 +53,9 @@ SILENT_S = 5.0
 """The same while another one needs the place, and waits as long for it: more than simulators take.
 A client that plays no episode has to leave at once."""
 SEND_S = 60.0
-"""Seconds that a client may take to read an answer."""
+"""Seconds that a client may take to read a reply."""
 INFERENCE_S = 600.0
-"""Seconds for one answer, waiting included: a first one may compile a model."""
+"""Seconds for one chunk, waiting included: a first one may compile a model."""
 HEALTH_S = 3.0
 """Seconds that a server may take to say that it lives."""
 CLOSE_S = 1.0
@@ -63,5 +63,5 @@ CLOSE_S = 1.0
 
 
 def reply_bytes(horizon: int | None) -> int:
-    """Most bytes of an answer that holds a chunk of so many actions, if that is known."""
+    """Most bytes of a reply that holds a chunk of so many actions, if that is known."""
     return min((horizon or MAX_CHUNK) * FLAT_SIZE * NUMBER_BYTES + MAX_EXTRA, MAX_REPLY)

@@ -47,7 +47,7 @@ class ActionFormat:
     """How a server gives actions."""
 
     key: str = "actions"
-    """Name of the chunk in an answer."""
+    """Name of the chunk in a reply."""
     order: tuple[str, ...] = _PARTS
     """Parts of an action."""
     mode: str = "joint"

@@ -120,13 +120,13 @@ class VlaEvalPolicy(ConnectedPolicy):
         self._is_playing = False
 
     def _ask(self, connection: ClientConnection, observation: Observation) -> Chunk:
-        """The chunk for an observation; an answer with a single action is a chunk of one."""
+        """Return the chunk for an observation; a reply with a single action is a chunk of one."""
         request = self._format.request(observation, self._instruction)
         number = self._send(connection, "observation", request)
-        kind, answer, seq = self._receive(connection)
+        kind, reply, seq = self._receive(connection)
         if kind == "error" and seq in (number, self._start_seq):
             self._drop()  # of one about the start, the observation is still to be answered
-            raise reported(str(answer.get("error")))
+            raise reported(str(reply.get("error")))
         if kind not in ("action", "error"):
             raise MessageError(
                 f"An observation is answered by an action, got {kind!r:.40}."
@@ -135,7 +135,7 @@ class VlaEvalPolicy(ConnectedPolicy):
             raise MessageError(
                 f"Message {number} was answered, but the answer is to {seq!r:.40}."
             )
-        actions = actions_of(answer, self._format.actions.key)
+        actions = actions_of(reply, self._format.actions.key)
         return self._format.chunk([actions] if dimensions(actions) == 1 else actions)
 
     def _send(

@@ -1,7 +1,7 @@
 """A policy on the arms, one episode at a time, and how an episode ended."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 from urllib.parse import parse_qs
@@ -20,7 +20,7 @@ from duobench.envs.duo_env import (
 )
 from duobench.evaluation.policies import PolicyChoice, PolicySource, find_source
 from duobench.evaluation.rollouts import Step, Watcher, rollout
-from duobench.policy.registry import PolicyKind, PolicyName
+from duobench.policy.registry import PolicyKind
 from duobench.policy.serving.address import RemoteServer
 from duobench.real.clock import VirtualClock
 from duobench.real.duo import FrankaDuo
@@ -47,30 +47,28 @@ def find_rig_policy(name: str, tasks: tuple[TaskInfo, ...] = ()) -> PolicySource
     """A policy that can play on real arms; one with domain ids is told that it does.
 
     Args:
-        name: Its name, as `PolicyChoice.parse` takes it; `NAME@URL` for one that is served.
+        name: Its name, as `PolicyChoice` takes it; `NAME@URL` for one that is served.
         tasks: What it is to do, as far as that is known.
     """
     plain, is_served, url = name.partition("@")
     if is_served and url.startswith(("ws://", "wss://")):
-        choice = PolicyChoice.parse(plain, server=RemoteServer(url=url))
+        choice = PolicyChoice(name=plain, server=RemoteServer(url=url))
     else:
-        choice = PolicyChoice.parse(name)
-    if choice.is_scripted:
+        choice = PolicyChoice(name=as_real(name))
+    if choice.kind.is_scripted:
         raise PolicyError(
             f"{name} reads the simulation, which real arms do not have; name a policy that sees "
             "images, or, to record, the file of a recorded episode."
         )
-    return find_source(replace(choice, name=as_real(choice.name)), tasks, TimeLimits())
+    return find_source(choice, tasks, TimeLimits())
 
 
-def as_real(name: PolicyName) -> PolicyName:
-    """A policy by name that is told that it plays on real arms, unless its name says where."""
-    if name.kind is not PolicyKind.LEROBOT or parse_qs(
-        name.reference.partition("?")[2]
-    ).get("domain"):
+def as_real(name: str) -> str:
+    """Name of a policy that gets real arms as its domain, unless the name says where it plays."""
+    _, has_query, query = name.partition("?")
+    if not name.startswith(f"{PolicyKind.LEROBOT}:") or parse_qs(query).get("domain"):
         return name
-    told = f"{name.reference}{'&' if '?' in name.reference else '?'}domain={REAL}"
-    return replace(name, reference=told)
+    return f"{name}{'&' if has_query else '?'}domain={REAL}"
 
 
 def make_rig_recorder(

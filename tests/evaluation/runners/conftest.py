@@ -1,5 +1,0 @@
-"""Evaluations of the small tasks; see `tests.evaluation.conftest`."""
-
-from tests.evaluation.conftest import play, reference
-
-__all__ = ["play", "reference"]
