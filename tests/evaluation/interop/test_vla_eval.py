@@ -19,7 +19,7 @@ from duobench.policy.serving.address import RemoteServer
 from duobench.results.folder import RunFolder
 from duobench.results.scores import Results
 from duobench.results.suite import Suite, find_tasks
-from tests.children import environment
+from tests.children import ROOT, environment
 from tests.docs.markdown import blocks, page_of, table
 from tests.evaluation import toy_tasks
 from tests.evaluation.interop.conftest import VLA_EVAL_PYTHON
